@@ -1,0 +1,47 @@
+"""FMU files whose bytes depend on their content alone."""
+
+import hashlib
+import os
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+_ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+def content_guid(files: Mapping[str, bytes]) -> str:
+    """A GUID that is a hash of names and contents: {8-4-4-4-12 hexadecimal digits}."""
+    return "{" + str(uuid.UUID(bytes=_digest(files)[:16])) + "}"
+
+
+def content_hash(files: Mapping[str, bytes]) -> str:
+    """Twelve hexadecimal digits that tell these files from others."""
+    return _digest(files).hex()[:12]
+
+
+def _digest(files: Mapping[str, bytes]) -> bytes:
+    digest = hashlib.sha256()
+    for name in sorted(files):
+        digest.update(f"{name}\0{len(files[name])}\0".encode())
+        digest.update(files[name])
+    return digest.digest()
+
+
+def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
+    """Zip the files to `path`; a reader never sees half a file there. Raises OSError."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as stream, zipfile.ZipFile(stream, "w") as archive:
+            for name in sorted(files):
+                entry = zipfile.ZipInfo(name, _ZIP_EPOCH)
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                entry.external_attr = 0o644 << 16
+                archive.writestr(entry, files[name], compresslevel=9)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

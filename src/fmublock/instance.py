@@ -1,0 +1,264 @@
+"""A block as a running co-simulation slave on Python floats.
+
+The PythonFMU flavour is this class behind the FMI; tests use it in process. The C shim
+(`shim/fmi2_block.c`) does the same operations in the same order, so that both give the same
+bits.
+"""
+
+import math
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Any
+
+from .block import Block, Values
+
+STEP_TOLERANCE = 1e-3
+"""By how much of a step the time that a tool passes may differ from the instance's own."""
+
+MAXIMUM_SUBSTEPS = 1e9
+
+
+class Phase(IntEnum):
+    """Where in the FMI state machine an instance is."""
+
+    INSTANTIATED = 0
+    INITIALIZATION = 1
+    STEP = 2
+    TERMINATED = 3
+
+
+class BlockError(Exception):
+    """A call that the block refuses; the instance is as it was before the call."""
+
+
+class StepDiscardedError(BlockError):
+    """A step that gave no finite result; the instance is as it was before the step."""
+
+
+class Instance:
+    """One running instance of a block.
+
+    Variables are addressed by value reference (`Block.layout`); values are floats, Booleans
+    are 0 or 1. Outputs change only while initializing and at the end of a step: they are
+    g(x(t+h), u held over the step), whatever is set afterwards.
+    """
+
+    def __init__(self, block: Block, name: str = "") -> None:
+        self.block = block
+        self.name = name or type(block).__name__
+        self.layout = block.layout()
+        self.phase = Phase.INSTANTIATED
+        self._v = Values()  # what equations see: inputs, parameters, states, time
+        self._y = Values()  # the frozen outputs
+        self._v.time = 0.0
+        # where each scalar lives, as (container, key): an attribute dict or an array's list
+        self._slots: list[tuple[Any, Any]] = []
+        for variables, values in (
+            (self.layout.inputs, self._v),
+            (self.layout.parameters, self._v),
+            (self.layout.states, self._v),
+            (self.layout.discrete_states, self._v),
+            (self.layout.outputs, self._y),
+        ):
+            for variable in variables:
+                if variable.size is None:
+                    self._slots.append((values.__dict__, variable.attribute))
+                else:
+                    array = [0.0] * variable.size
+                    values.__dict__[variable.attribute] = array
+                    self._slots.extend((array, i) for i in range(variable.size))
+        references = self.layout.references
+        self._parameters = references(self.layout.parameters)
+        self._states = references(self.layout.states)
+        self._discrete_states = references(self.layout.discrete_states)
+        self._output_references = references(self.layout.outputs)
+        self._state_slots = [self._slots[r] for r in self._states]
+        # what evolves: all states and outputs, a contiguous range at the end
+        evolving = [*self._states, *self._discrete_states, *self._output_references]
+        self._evolving = range(evolving[0], evolving[-1] + 1) if evolving else range(0)
+        for slot, scalar in zip(self._slots, self.layout.scalars, strict=True):
+            slot[0][slot[1]] = scalar.start
+
+    @property
+    def time(self) -> float:
+        """The instance's time in s: the end of the last step."""
+        return self._v.time
+
+    def get(self, references: Sequence[int]) -> list[float]:
+        """Values of the variables with these value references."""
+        if self.phase <= Phase.INITIALIZATION:
+            self._initialize_values()
+        return [container[key] for container, key in (self._slots[r] for r in references)]
+
+    def set(self, references: Sequence[int], values: Sequence[float]) -> None:
+        """Set inputs at any time, parameters and start values of states before the first step.
+
+        Raises BlockError, and sets nothing, where a variable cannot be set now.
+        """
+        for r in references:
+            self._check_settable(r)
+        self._write(references, [float(x) for x in values])
+
+    def enter_initialization(self, start_time: float = 0.0) -> None:
+        """Start initialization at this time in s."""
+        self._require(Phase.INSTANTIATED, "enter initialization mode")
+        if not math.isfinite(start_time):
+            raise BlockError(f"{self.name}: the start time {start_time} is not a finite number of seconds.")
+        self._v.time = start_time
+        self.phase = Phase.INITIALIZATION
+
+    def exit_initialization(self) -> None:
+        """End initialization; raises BlockError if a value is outside its declared range."""
+        self._require(Phase.INITIALIZATION, "exit initialization mode")
+        self._initialize_values()
+        for r in (*self._parameters, *self._states):
+            self._check_range(r)
+        self.phase = Phase.STEP
+
+    def do_step(self, time: float, step: float) -> None:
+        """Advance from `time` to `time + step`, both in s, with the inputs held.
+
+        Raises StepDiscardedError if a state or output becomes infinite or NaN, BlockError if the
+        step makes no sense.
+        """
+        self._require(Phase.STEP, "do a step")
+        if not (math.isfinite(step) and step > 0.0):
+            raise BlockError(f"{self.name}: the step size {step} s is not a positive number.")
+        if not abs(time - self.time) <= STEP_TOLERANCE * step:
+            raise BlockError(
+                f"{self.name}: the step starts at t = {time} s, but the instance is at t = {self.time} s."
+            )
+        before = self.time, self.get(self._evolving)
+        problem = self._advance(time, step)
+        if problem is not None:
+            self._v.time = before[0]
+            self._write(self._evolving, before[1])
+            raise StepDiscardedError(
+                f"{self.name}: step from t = {time:.9g} s with h = {step:.9g} s discarded: {problem}."
+            )
+
+    def terminate(self) -> None:
+        """End the run; values can still be read."""
+        self._require(Phase.STEP, "terminate")
+        self.phase = Phase.TERMINATED
+
+    def get_state(self) -> dict[str, Any]:
+        """Everything that evolves or was set, as plain values."""
+        values = [container[key] for container, key in self._slots]
+        return {"phase": int(self.phase), "time": self.time, "values": values}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Return to a state taken from an instance of the same block."""
+        values = state["values"]
+        if len(values) != len(self._slots):
+            raise BlockError(f"{self.name}: the state has {len(values)} values, not {len(self._slots)}.")
+        for (container, key), value in zip(self._slots, values, strict=True):
+            container[key] = value
+        self._v.time = state["time"]
+        self.phase = Phase(state["phase"])
+
+    def _advance(self, time: float, step: float) -> str | None:
+        """Do the step; returns what is not finite afterwards, if anything."""
+        try:
+            self._integrate(time, step)
+            self._v.time = time + step
+            self._update_discrete_states()
+            self._evaluate_outputs()
+        except ArithmeticError as error:
+            return f"an equation failed ({error})"
+        for r in self._evolving:
+            container, key = self._slots[r]
+            if not math.isfinite(container[key]):
+                return f"{self.layout.scalars[r].name} became {container[key]}"
+        return None
+
+    def _write(self, references: Sequence[int], values: Sequence[float]) -> None:
+        for r, value in zip(references, values, strict=True):
+            container, key = self._slots[r]
+            container[key] = value
+
+    def _require(self, phase: Phase, action: str) -> None:
+        if self.phase != phase:
+            raise BlockError(f"{self.name}: cannot {action} in phase {self.phase.name.lower()}.")
+
+    def _check_settable(self, reference: int) -> None:
+        scalar = self.layout.scalars[reference]
+        variable = scalar.variable
+        if variable in self.layout.inputs:
+            return
+        if variable in self.layout.outputs or variable.start_parameter is not None:
+            raise BlockError(f"{self.name}: {scalar.name} is computed by the block and cannot be set.")
+        if self.phase > Phase.INITIALIZATION:
+            raise BlockError(f"{self.name}: {scalar.name} cannot be set after initialization.")
+
+    def _check_range(self, reference: int) -> None:
+        scalar = self.layout.scalars[reference]
+        low = -math.inf if scalar.variable.minimum is None else scalar.variable.minimum
+        high = math.inf if scalar.variable.maximum is None else scalar.variable.maximum
+        value = self.get((reference,))[0]
+        if not (low <= value <= high and math.isfinite(value)):
+            raise BlockError(
+                f"{self.name}: {scalar.name} = {value:.9g} is outside its range, {low:.9g} to {high:.9g}."
+            )
+
+    def _initialize_values(self) -> None:
+        """Start values that come from parameters, and the outputs that follow from everything set."""
+        for r in (*self._states, *self._discrete_states):
+            parameter = self.layout.scalars[r].variable.start_parameter
+            if parameter is not None:
+                self._write((r,), (getattr(self._v, parameter.attribute),))
+        self._evaluate_outputs()
+
+    def _integrate(self, time: float, step: float) -> None:
+        """Classical Runge-Kutta substeps no longer than the block's internal step."""
+        slots = self._state_slots
+        if not slots:
+            return
+        v = self._v
+        count = max(math.ceil(min(step / v.internal_step, MAXIMUM_SUBSTEPS) - 1e-9), 1)
+        dt = step / count
+        for i in range(count):
+            t = time + i * dt
+            x = [container[key] for container, key in slots]
+            k1 = self._derivatives(t)
+            self._set_states(x, 0.5 * dt, k1)
+            k2 = self._derivatives(t + 0.5 * dt)
+            self._set_states(x, 0.5 * dt, k2)
+            k3 = self._derivatives(t + 0.5 * dt)
+            self._set_states(x, dt, k3)
+            k4 = self._derivatives(t + dt)
+            slope = [a + 2.0 * b + 2.0 * c + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
+            self._set_states(x, dt / 6.0, slope)
+
+    def _set_states(self, x: list[float], factor: float, slope: list[float]) -> None:
+        for (container, key), x_i, slope_i in zip(self._state_slots, x, slope, strict=True):
+            container[key] = x_i + factor * slope_i
+
+    def _derivatives(self, time: float) -> list[float]:
+        self._v.time = time
+        derivatives = self.block.derivatives(self._v)
+        return flatten(self.layout.states, derivatives)
+
+    def _update_discrete_states(self) -> None:
+        if self._discrete_states:
+            update = flatten(self.layout.discrete_states, self.block.update(self._v))
+            self._write(self._discrete_states, update)
+
+    def _evaluate_outputs(self) -> None:
+        outputs = flatten(self.layout.outputs, self.block.outputs(self._v))
+        self._write(self._output_references, outputs)
+
+
+def flatten(variables: Sequence[Any], values: dict[str, Any]) -> list[Any]:
+    """Values by attribute name as one list in the order of `variables`, arrays element by element.
+
+    Raises KeyError where one is missing.
+    """
+    flat: list[Any] = []
+    for variable in variables:
+        value = values[variable.attribute]
+        if variable.size is None:
+            flat.append(value)
+        else:
+            flat.extend(value)
+    return flat

@@ -1,0 +1,133 @@
+"""Native FMUs: the block's equations as C inside a generic FMI 2.0 shim, compiled by zig."""
+
+import math
+import platform
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+
+import casadi
+
+from .block import Block
+from .description import Producer
+from .export import BuildError, Documents, Draft, draft
+from .symbolic import SymbolicBlock, evaluate_symbolically
+
+# FMI platform -> zig target and file suffix; glibc 2.17 is what every Linux of the last decade has
+TARGETS = {
+    "linux64": ("x86_64-linux-gnu.2.17", ".so"),
+    "win64": ("x86_64-windows-gnu", ".dll"),
+    "darwin64": ("x86_64-macos", ".dylib"),
+    "aarch64-linux": ("aarch64-linux-gnu.2.17", ".so"),
+    "aarch64-darwin": ("aarch64-macos", ".dylib"),
+}
+_SHIM = "fmi2_block.c"
+_FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"]
+
+
+def native_draft(block: Block, producer: Producer, documents: Documents) -> Draft:
+    """The FMU without binaries: description, documents and C sources."""
+    symbolic = evaluate_symbolically(block)
+    content = {
+        "sources/equations.c": _equations(symbolic).encode(),
+        "sources/model.h": _model_header(block).encode(),
+        f"sources/{_SHIM}": files("fmublock").joinpath("shim", _SHIM).read_bytes(),
+    }
+    anonymous = draft(block, symbolic, producer, documents, content, [_SHIM])
+    guid_header = {"sources/guid.h": f'#define MODEL_GUID "{anonymous.guid}"\n'.encode()}
+    return replace(anonymous, files={**anonymous.files, **guid_header})
+
+
+def build_native(draft: Draft, platforms: list[str], path: Path) -> None:
+    """Compile for these FMI platforms and write the FMU.
+
+    Raises BuildError where the compiler fails or does not know a platform, OSError where the
+    FMU cannot be written.
+    """
+    name = type(draft.block).__name__
+    binaries = {}
+    for target in platforms:
+        if target not in TARGETS:
+            raise BuildError(f"there is no platform '{target}'; choose from {', '.join(TARGETS)}.")
+        binaries[f"binaries/{target}/{name}{TARGETS[target][1]}"] = _compile(draft, target)
+    draft.write(path, binaries)
+
+
+def host_platform() -> str:
+    """The FMI platform of this machine."""
+    system = {"Windows": "win"}.get(platform.system(), platform.system().lower())
+    arm = platform.machine().lower() in ("arm64", "aarch64")
+    return f"aarch64-{system}" if arm else f"{system}64"
+
+
+def _compile(draft: Draft, fmi_platform: str) -> bytes:
+    name = type(draft.block).__name__
+    target, suffix = TARGETS[fmi_platform]
+    headers = Path(str(files("fmpy"))) / "c-code"
+    with tempfile.TemporaryDirectory() as folder:
+        for file, text in draft.files.items():
+            if file.startswith("sources/"):
+                Path(folder, Path(file).name).write_bytes(text)
+        output = f"{name}{suffix}"
+        libraries = [] if fmi_platform == "win64" else ["-lm"]
+        command = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS]
+        command += ["-I", str(headers), _SHIM, "-o", output, *libraries]
+        compiled = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if compiled.returncode != 0:
+            raise BuildError(f"the C compiler failed on {name} for {fmi_platform}: {compiled.stderr.strip()}")
+        return Path(folder, output).read_bytes()
+
+
+def _equations(symbolic: SymbolicBlock) -> str:
+    generator = casadi.CodeGenerator("equations.c", {"with_header": False})
+    for function in symbolic.functions():
+        generator.add(function)
+    return generator.dump()
+
+
+def _model_header(block: Block) -> str:
+    """Names, types, ranges and start values as C; everything the shim knows of the block."""
+    layout = block.layout()
+    name = type(block).__name__
+    lines = [
+        f'#define MODEL_IDENTIFIER "{name}"',
+        f"#define N_INPUTS {len(layout.references(layout.inputs))}",
+        f"#define N_PARAMETERS {len(layout.references(layout.parameters))}",
+        f"#define N_STATES {len(layout.references(layout.states))}",
+        f"#define N_DISCRETE_STATES {len(layout.references(layout.discrete_states))}",
+        f"#define N_OUTPUTS {len(layout.references(layout.outputs))}",
+    ]
+    if layout.states:
+        lines.append(f"#define INTERNAL_STEP {layout.references((type(block).internal_step,))[0]}")
+    lines += [
+        "",
+        "/* type: R Real, I Integer or enumeration, B Boolean;",
+        " * start_reference: the parameter that a state starts from, or -1 */",
+        "typedef struct {",
+        "    const char *name;",
+        "    char type;",
+        "    double start, minimum, maximum;",
+        "    int start_reference;",
+        "} Variable;",
+        "",
+        "static const Variable variables[] = {",
+    ]
+    letters = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
+    for scalar in layout.scalars:
+        variable = scalar.variable
+        parameter = variable.start_parameter
+        reference = -1 if parameter is None else layout.references((parameter,))[0]
+        low = -math.inf if variable.minimum is None else variable.minimum
+        high = math.inf if variable.maximum is None else variable.maximum
+        values = ", ".join(_c_number(x) for x in (scalar.start, low, high))
+        lines.append(f"    {{\"{scalar.name}\", '{letters[variable.fmi_type]}', {values}, {reference}}},")
+    return "\n".join([*lines, "};", ""])
+
+
+def _c_number(value: float) -> str:
+    if math.isinf(value):
+        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
+    return repr(float(value))

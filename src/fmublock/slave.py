@@ -1,0 +1,97 @@
+"""An `Instance` behind the PythonFMU interface; part of every PythonFMU FMU."""
+
+from typing import Any
+
+from pythonfmu import Fmi2Slave
+from pythonfmu.enums import Fmi2Status
+
+from .block import Block
+from .instance import BlockError, Instance, Phase, StepDiscardedError
+
+_TYPES = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}
+
+
+class BlockSlave(Fmi2Slave):
+    """Base of the slave class in an FMU's main module, which names the block and the FMU's GUID.
+
+    Value references are the block's own. PythonFMU turns an exception into fmi2Fatal and logs
+    its text; a discarded step is reported as such.
+    """
+
+    block: type[Block]
+    content: str
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.instance = Instance(self.block(), self.instance_name)
+        self._types = [_TYPES[s.variable.fmi_type] for s in self.instance.layout.scalars]
+
+    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+        """Take the start time in s; the block needs neither stop time nor tolerance."""
+        if self.instance.phase == Phase.INSTANTIATED:
+            self.instance.enter_initialization(start_time)
+
+    def exit_initialization_mode(self) -> None:
+        """Check what was set; raises BlockError if a value is outside its range."""
+        self.instance.exit_initialization()
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """Advance by a step; False, with a log message, if it was discarded."""
+        try:
+            self.instance.do_step(current_time, step_size)
+        except StepDiscardedError as discarded:
+            self.log(str(discarded), Fmi2Status.discard)
+            return False
+        return True
+
+    def terminate(self) -> None:
+        """End the run."""
+        self.instance.terminate()
+
+    def get_real(self, vrs: list[int]) -> list[float]:
+        """Values of Real variables."""
+        return self._get(vrs, "Real")
+
+    def get_integer(self, vrs: list[int]) -> list[int]:
+        """Values of Integer and Enumeration variables."""
+        return [int(x) for x in self._get(vrs, "Integer")]
+
+    def get_boolean(self, vrs: list[int]) -> list[bool]:
+        """Values of Boolean variables."""
+        return [x != 0.0 for x in self._get(vrs, "Boolean")]
+
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        """Set Real variables."""
+        self._set(vrs, values, "Real")
+
+    def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        """Set Integer and Enumeration variables."""
+        self._set(vrs, values, "Integer")
+
+    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
+        """Set Boolean variables."""
+        self._set(vrs, values, "Boolean")
+
+    def _get(self, vrs: list[int], fmi_type: str) -> list[float]:
+        self._check(vrs, fmi_type)
+        return self.instance.get(vrs)
+
+    def _set(self, vrs: list[int], values: list[Any], fmi_type: str) -> None:
+        self._check(vrs, fmi_type)
+        self.instance.set(vrs, values)
+
+    def _check(self, vrs: list[int], fmi_type: str) -> None:
+        for vr in vrs:
+            if not 0 <= vr < len(self._types):
+                raise BlockError(f"{self.instance_name}: there is no variable with value reference {vr}.")
+            if self._types[vr] != fmi_type:
+                name = self.instance.layout.scalars[vr].name
+                raise BlockError(f"{self.instance_name}: {name} is of type {self._types[vr]}.")
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        return {"content": self.content, **self.instance.get_state()}
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        if state.get("content") != self.content:
+            raise BlockError(f"{self.instance_name}: this is not a state of {self.block.__name__}.")
+        self.instance.set_state(state)
