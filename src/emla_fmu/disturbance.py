@@ -1,0 +1,145 @@
+"""What acts on a joint from outside: load force, disturbances of torque and voltage."""
+
+import math
+from enum import IntEnum
+from typing import Any
+
+from fmublock import (
+    Block,
+    DefaultExperiment,
+    DiscreteState,
+    Input,
+    Output,
+    Parameter,
+    arctan,
+    clamp,
+    cos,
+    exp,
+    floor,
+    maximum,
+    sin,
+    where,
+)
+from fmublock.noise import lehmer, uniform
+
+LEVELS = 6
+"""How many levels a load profile can have."""
+
+
+class DisturbanceReading(IntEnum):
+    """What (98) is: the paper announces newtons, but lets it enter (26) as an acceleration."""
+
+    ACCELERATION = 1
+    FORCE = 2
+
+
+class Disturbance(Block):
+    """Load force profile and the disturbances (98) and (99) of one joint.
+
+    d_2 is a sum of sines, a decaying arctan of the speed, and a uniform random value held for a
+    sample time. Read as a force, it is taken off F_L instead, so that positive values push the
+    actuator out either way.
+    """
+
+    default_experiment = DefaultExperiment(stop_time=10.0, step_size=1e-4)
+
+    v_L = Input(unit="m/s", description="Screw speed, for the arctan term")
+
+    level = Parameter(0.0, size=LEVELS, unit="N", name="load.level", description="Load force level")
+    level_start = Parameter(
+        0.0,
+        size=LEVELS,
+        unit="s",
+        name="load.start",
+        description="Time at which a level begins (the first: always)",
+    )
+    ramp = Parameter(
+        0.5, unit="s", minimum=1e-6, name="load.ramp", description="Time from one load level to the next"
+    )
+    ripple = Parameter(
+        0.0, unit="N", minimum=0.0, name="load.ripple", description="Width of the load's ripple"
+    )
+    ripple_omega = Parameter(
+        2.0 * math.pi, unit="rad/s", name="load.ripple_omega", description="Angular frequency of the ripple"
+    )
+    reading = Parameter(
+        DisturbanceReading.ACCELERATION, name="d_2.reading", description="Whether d_2 is in m/s2 or in N"
+    )
+    amplitude_2 = Parameter(
+        0.0,
+        size=2,
+        unit="m/s2",
+        name="d_2.amplitude",
+        description="Amplitudes of the sines (in N if a force)",
+    )
+    omega_2 = Parameter(0.0, size=2, unit="rad/s", name="d_2.omega", description="Their angular frequencies")
+    phase_2 = Parameter(0.0, size=2, unit="rad", name="d_2.phase", description="Their phases")
+    arctan_2 = Parameter(0.0, unit="m/s2", name="d_2.arctan", description="Factor of arctan(v_L / (1 m/s))")
+    decay_2 = Parameter(
+        0.0, unit="1/s", minimum=0.0, name="d_2.decay", description="Decay of the arctan term"
+    )
+    low_2 = Parameter(0.0, unit="m/s2", name="d_2.low", description="Lower end of the random value")
+    high_2 = Parameter(0.0, unit="m/s2", name="d_2.high", description="Upper end of the random value")
+    sample_time = Parameter(
+        1e-4,
+        unit="s",
+        minimum=1e-9,
+        name="d_2.sample_time",
+        description="Time for which a random value holds",
+    )
+    seed = Parameter(
+        1690412731, minimum=1, maximum=2147483646, name="d_2.seed", description="Start of the random sequence"
+    )
+    amplitude_3 = Parameter(
+        0.0, size=2, unit="V", name="d_3.amplitude", description="Amplitudes of the cosines in d_3"
+    )
+    omega_3 = Parameter(0.0, size=2, unit="rad/s", name="d_3.omega", description="Their angular frequencies")
+    phase_3 = Parameter(0.0, size=2, unit="rad", name="d_3.phase", description="Their phases")
+    amplitude_4 = Parameter(0.0, unit="V", name="d_4.amplitude", description="Amplitude of the cosine d_4")
+    omega_4 = Parameter(0.0, unit="rad/s", name="d_4.omega", description="Its angular frequency")
+    phase_4 = Parameter(0.0, unit="rad", name="d_4.phase", description="Its phase")
+
+    random = DiscreteState(seed, name="d_2.random", description="State of the random generator")
+    sample = DiscreteState(0.0, name="d_2.sample", description="Number of the present random value")
+
+    F_L = Output(unit="N", description="Load force, positive against extension")
+    d_2 = Output(unit="m/s2", description="Disturbance of the screw's acceleration")
+    d_3 = Output(unit="V", description="Disturbance of the q-axis voltage")
+    d_4 = Output(unit="V", description="Disturbance of the d-axis voltage")
+
+    def update(self, v: Any) -> dict[str, Any]:
+        """A new random value once a sample time has passed (at most one per communication step)."""
+        sample = floor(v.time / v.sample_time + 1e-6)
+        return {
+            "random": where(sample > v.sample, lehmer(v.random), v.random),
+            "sample": maximum(sample, v.sample),
+        }
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        """The load force and (98), (99) at the present time."""
+        d_2 = self.acceleration_disturbance(v)
+        as_force = where(v.reading == DisturbanceReading.FORCE, 1.0, 0.0)
+        d_3 = 0.0
+        for i in range(2):
+            d_3 += v.amplitude_3[i] * cos(v.omega_3[i] * v.time + v.phase_3[i])
+        return {
+            "F_L": self.load(v) - as_force * d_2,
+            "d_2": (1.0 - as_force) * d_2,
+            "d_3": d_3,
+            "d_4": v.amplitude_4 * cos(v.omega_4 * v.time + v.phase_4),
+        }
+
+    def load(self, v: Any) -> Any:
+        """Load force in N: ramps from level to level, with a ripple."""
+        force = v.level[0]
+        for i in range(1, LEVELS):
+            risen = clamp((v.time - v.level_start[i]) / v.ramp, 0.0, 1.0)
+            force += (v.level[i] - v.level[i - 1]) * risen
+        return force + 0.5 * v.ripple * sin(v.ripple_omega * v.time)
+
+    def acceleration_disturbance(self, v: Any) -> Any:
+        """(98) in m/s2, or in N if read as a force."""
+        d_2 = v.arctan_2 * arctan(v.v_L) * exp(-v.decay_2 * v.time)
+        for i in range(2):
+            d_2 += v.amplitude_2[i] * sin(v.omega_2[i] * v.time + v.phase_2[i])
+        return d_2 + v.low_2 + (v.high_2 - v.low_2) * uniform(v.random)

@@ -1,0 +1,102 @@
+"""The adaptive robust observer of screw position and speed."""
+
+from typing import Any
+
+from fmublock import Block, DefaultExperiment, Input, Output, Parameter, State, cos, exp, sin
+
+
+class EmlaObserver(Block):
+    """Adaptive robust observer of screw position and speed (paper equations 17 to 25).
+
+    Everything that acts on the screw's acceleration and is not modelled counts as K in (17); f
+    and eta_hat work against it. p is the solution of the Lyapunov equation (18) for the given
+    alpha and Q: Algorithm 1 draws Q at random, which only p's size would notice.
+
+    Norms: the paper calls ||.|| the squared norm (after 19). Here ||y_bar|| is the absolute
+    value in (21) and (23): only then is |f| <= eta_hat H, as (25) and the stability proof need.
+    """
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
+
+    y = Input(unit="m", description="Measured screw position")
+    i_q_ref = Input(unit="A", description="Commanded q-axis current i_q*, used with use_model")
+
+    alpha_1 = Parameter(0.3192, unit="1/s", minimum=1e-9, description="Gain on the position estimate")
+    alpha_2 = Parameter(0.3129, unit="1/s2", minimum=1e-9, description="Gain on the speed estimate")
+    Q_11 = Parameter(0.7752, minimum=1e-9, description="Q of the Lyapunov equation (18), row 1")
+    Q_12 = Parameter(-0.0775, description="Q of the Lyapunov equation (18), off the diagonal")
+    Q_22 = Parameter(0.3949, minimum=1e-9, description="Q of the Lyapunov equation (18), row 2")
+    H_0 = Parameter(20.0, minimum=0.0, description="H(y) = H_0 (cos(y)^4 + sin(y)^4), y in m (102)")
+    m_0 = Parameter(200.0, minimum=1e-30, description="m(t) = m_0 exp(-m_decay t) of (21) and (23) at t = 0")
+    m_decay = Parameter(1e-3, unit="1/s", minimum=0.0, description="Decay of m(t), so that (22) holds")
+    ell = Parameter(1.0, minimum=0.0, description="Adaptation gain of (23)")
+    use_model = Parameter(
+        True, description="Include B u + g of (20): the commanded torque and viscous friction"
+    )
+    N_p = Parameter(
+        8, minimum=1, name="model.N_p", description="Number of pole pairs, as the observer knows it"
+    )
+    Phi_PM = Parameter(
+        0.15, unit="Wb", name="model.Phi_PM", description="Magnet flux, as the observer knows it"
+    )
+    A_eq = Parameter(
+        35.26,
+        unit="kg.m",
+        minimum=1e-9,
+        name="model.A_eq",
+        description="Equivalent inertia, as the observer knows it",
+    )
+    B_eq = Parameter(
+        3.67,
+        unit="kg.m/s",
+        minimum=0.0,
+        name="model.B_eq",
+        description="Equivalent friction, as the observer knows it",
+    )
+
+    x_hat = State(0.24, unit="m", nominal=0.1, description="Estimated screw position")
+    v_hat = State(0.0, unit="m/s", nominal=0.1, description="Estimated screw speed")
+    eta_hat = State(1.0, minimum=0.0, description="Estimated bound of the uncertainty")
+
+    y_bar = Output(unit="m", description="Innovation y - x_hat")
+    f = Output(description="Robust term of (21)")
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        """(20) with A = [0 1; 0 0], C = [1 0], and (23)."""
+        y_bar = v.y - v.x_hat
+        f = self.robust_term(v)
+        p_11, p_12, p_22 = self.lyapunov_solution(v)
+        determinant = p_11 * p_22 - p_12 * p_12
+        torque = 1.5 * v.N_p * v.Phi_PM * v.i_q_ref
+        model = v.use_model * (torque - v.B_eq * v.v_hat) / v.A_eq
+        return {
+            "x_hat": v.v_hat + v.alpha_1 * y_bar + p_22 / determinant * f,
+            "v_hat": model + v.alpha_2 * y_bar - p_12 / determinant * f,
+            "eta_hat": -self.m(v) * v.ell * v.eta_hat + v.ell * self.H(v) * abs(y_bar),
+        }
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        """Innovation and robust term, to see whether f acts."""
+        return {"y_bar": v.y - v.x_hat, "f": self.robust_term(v)}
+
+    def robust_term(self, v: Any) -> Any:
+        """F of (21): bounded by eta_hat H, linear in the innovation where that is small."""
+        y_bar = v.y - v.x_hat
+        bound = v.eta_hat * self.H(v)
+        return bound * bound * y_bar / (bound * abs(y_bar) + self.m(v))
+
+    def H(self, v: Any) -> Any:
+        """Bound of the uncertainty by (102)."""
+        c, s = cos(v.y), sin(v.y)
+        return v.H_0 * (c * c * c * c + s * s * s * s)
+
+    def m(self, v: Any) -> Any:
+        """Decaying term of (21) and (23), whose integral is bounded (22)."""
+        return v.m_0 * exp(-v.m_decay * v.time)
+
+    def lyapunov_solution(self, v: Any) -> tuple[Any, Any, Any]:
+        """p_11, p_12, p_22 of the solution p of (18) for A_bar = [-alpha_1 1; -alpha_2 0]."""
+        p_12 = -0.5 * v.Q_22
+        p_11 = (v.Q_11 + v.alpha_2 * v.Q_22) / (2.0 * v.alpha_1)
+        p_22 = (p_11 - v.alpha_1 * p_12 + v.Q_12) / v.alpha_2
+        return p_11, p_12, p_22

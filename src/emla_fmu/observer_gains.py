@@ -1,0 +1,71 @@
+"""Gains of the observer: as published, and repaired."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ObserverGains:
+    """Gains of `EmlaObserver`, named as its parameters; units there."""
+
+    alpha_1: float
+    alpha_2: float
+    Q_11: float
+    Q_12: float
+    Q_22: float
+    H_0: float
+    m_0: float
+    m_decay: float
+    ell: float
+    eta_hat: float
+    """Start value of the adapted bound."""
+    use_model: bool
+
+
+def published(eta_hat: float) -> ObserverGains:
+    """(101) to (103) as printed.
+
+    The poles are at -0.16 +- 0.54j, and m also multiplies the leak in (23), so eta_hat decays
+    within milliseconds and f does nothing.
+    """
+    return ObserverGains(
+        alpha_1=0.3192,
+        alpha_2=0.3129,
+        Q_11=0.7752,
+        Q_12=-0.0775,
+        Q_22=0.3949,
+        H_0=20.0,
+        m_0=200.0,
+        m_decay=0.001,
+        ell=1.0,
+        eta_hat=eta_hat,
+        use_model=True,
+    )
+
+
+def robust(w: float = 4000.0) -> ObserverGains:
+    """The same structure with both poles at -w rad/s, and m and H such that f acts.
+
+    Q is scaled so that f, in m/s2 once through p^-1 C', saturates near the accelerations that
+    the model does not know; below that it adds to alpha_2. The commanded torque is left out:
+    without the load it would be a wrong model.
+    """
+    return ObserverGains(
+        alpha_1=2.0 * w,
+        alpha_2=w * w,
+        Q_11=1.0,
+        Q_12=0.0,
+        Q_22=1.0,
+        H_0=1.0,
+        m_0=1e-6,
+        m_decay=0.001,
+        ell=1.0,
+        eta_hat=1.0,
+        use_model=False,
+    )
+
+
+PUBLISHED = {"lift": published(1.0), "tilt": published(0.5), "telescope": published(0.2)}
+"""(101) to (103) by joint."""
+
+ROBUST = {"lift": robust(), "tilt": robust(), "telescope": robust()}
+"""Repaired gains by joint."""

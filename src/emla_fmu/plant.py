@@ -1,0 +1,194 @@
+"""The PMSM-driven electromechanical linear actuator."""
+
+from enum import IntEnum
+from typing import Any
+
+from fmublock import (
+    Block,
+    DefaultExperiment,
+    DiscreteState,
+    Input,
+    Output,
+    Parameter,
+    State,
+    floor,
+    limit_magnitude,
+    where,
+)
+from fmublock.noise import lehmer, normal
+
+from . import motion_law
+
+
+class TorqueSource(IntEnum):
+    """Which q-axis current drives the screw."""
+
+    CURRENT = 1
+    """The actual current (equation:PMSM): physics."""
+    COMMAND = 2
+    """The commanded current i_q* (equation:StateSpace3): the paper's idealisation."""
+
+
+class EmlaPlant(Block):
+    """PMSM-driven electromechanical linear actuator with inverter limit and position sensor.
+
+    Paper equations PMSM to StateSpace3, disturbances as in (26), uncertainties as in (100).
+    Amplitude-invariant d-q quantities; x_L grows as the actuator extends.
+    """
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
+
+    u_q = Input(unit="V", description="q-axis stator voltage demanded from the inverter")
+    u_d = Input(unit="V", description="d-axis stator voltage demanded from the inverter")
+    i_q_ref = Input(unit="A", description="Commanded q-axis current i_q*, used for torque_source = command")
+    F_L = Input(unit="N", description="Load force, positive against extension")
+    d_2 = Input(unit="m/s2", description="Disturbance of the screw's acceleration")
+    d_3 = Input(unit="V", description="Disturbance of the q-axis voltage")
+    d_4 = Input(unit="V", description="Disturbance of the d-axis voltage")
+
+    R_s = Parameter(
+        0.14, unit="Ohm", minimum=0.0, name="motor.R_s", description="Stator resistance per phase"
+    )
+    L_d = Parameter(2.4e-3, unit="H", minimum=1e-9, name="motor.L_d", description="d-axis inductance")
+    L_q = Parameter(2.4e-3, unit="H", minimum=1e-9, name="motor.L_q", description="q-axis inductance")
+    Phi_PM = Parameter(
+        0.15, unit="Wb", minimum=1e-9, name="motor.Phi_PM", description="Permanent magnet flux linkage (peak)"
+    )
+    N_p = Parameter(8, minimum=1, name="motor.N_p", description="Number of pole pairs")
+    J_m = Parameter(0.016, unit="kg.m2", minimum=0.0, name="motor.J_m", description="Rotor inertia")
+    B_m = Parameter(
+        1.67e-3, unit="N.m.s/rad", minimum=0.0, name="motor.B_m", description="Viscous friction of the rotor"
+    )
+    J_c = Parameter(0.0, unit="kg.m2", minimum=0.0, name="coupling.J_c", description="Coupling inertia")
+    rho = Parameter(
+        1.0 / 7.0,
+        minimum=1e-9,
+        name="gearbox.rho",
+        description="Screw turns per motor turn (gear ratio 1/rho)",
+    )
+    J_GB = Parameter(
+        0.0, unit="kg.m2", minimum=0.0, name="gearbox.J_GB", description="Gearbox inertia at the motor"
+    )
+    eta_GB = Parameter(
+        0.9, minimum=1e-3, maximum=1.0, name="gearbox.eta_GB", description="Efficiency of gearbox and screw"
+    )
+    lead = Parameter(0.02, unit="m", minimum=1e-9, name="screw.lead", description="Screw travel per turn")
+    M_BS = Parameter(156.5, unit="kg", minimum=0.0, name="screw.M_BS", description="Mass moved by the screw")
+    B_BS = Parameter(
+        0.0, unit="N.s/m", minimum=0.0, name="screw.B_BS", description="Viscous friction of the screw"
+    )
+    C_eq = Parameter(
+        0.0,
+        unit="N",
+        minimum=0.0,
+        name="screw.C_eq",
+        description="Torque per travel as printed; 0 is a rigid screw",
+    )
+    u_max = Parameter(
+        445.0,
+        unit="V",
+        minimum=1e-3,
+        name="inverter.u_max",
+        description="Longest voltage vector of the inverter",
+    )
+    torque_source = Parameter(
+        TorqueSource.CURRENT,
+        description="Current that drives the screw: actual (physics) or commanded (paper)",
+    )
+    F_2 = Parameter(0.0, name="uncertainty.F_2", description="Modelling error of g_2 as a fraction (100)")
+    F_3 = Parameter(0.0, name="uncertainty.F_3", description="Modelling error of g_3 as a fraction (100)")
+    F_4 = Parameter(0.0, name="uncertainty.F_4", description="Modelling error of g_4 as a fraction (100)")
+    sigma = Parameter(
+        0.0,
+        unit="m",
+        minimum=0.0,
+        name="sensor.sigma",
+        description="Standard deviation of the position noise",
+    )
+    resolution = Parameter(
+        0.0,
+        unit="m",
+        minimum=0.0,
+        name="sensor.resolution",
+        description="Position step of the sensor; 0 is none",
+    )
+    seed = Parameter(
+        20240901, minimum=1, maximum=2147483646, name="sensor.seed", description="Start of the noise sequence"
+    )
+
+    x_L = State(0.24, unit="m", nominal=0.1, description="Screw position")
+    v_L = State(0.0, unit="m/s", nominal=0.1, description="Screw speed")
+    i_q = State(0.0, unit="A", nominal=10.0, description="q-axis stator current")
+    i_d = State(0.0, unit="A", nominal=10.0, description="d-axis stator current")
+
+    random = DiscreteState(seed, name="sensor.random", description="State of the noise generator")
+    noise = DiscreteState(0.0, name="sensor.noise", description="Present draw from N(0, 1)")
+
+    x_measured = Output(unit="m", description="Position as the sensor gives it")
+    a_L = Output(unit="m/s2", description="Screw acceleration")
+    tau_m = Output(unit="N.m", description="Motor torque that drives the screw")
+    omega_m = Output(unit="rad/s", description="Motor speed")
+    v_q = Output(unit="V", name="inverter.u_q", description="q-axis voltage after the inverter's limit")
+    v_d = Output(unit="V", name="inverter.u_d", description="d-axis voltage after the inverter's limit")
+    saturated = Output(
+        name="inverter.saturated", description="1 while the demanded voltage exceeds the limit"
+    )
+    P_el = Output(unit="W", description="Electrical power into the motor")
+    P_L = Output(unit="W", description="Mechanical power into the load")
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        """equation:StateSpace3 with the disturbances of (26) and the uncertainties of (100)."""
+        u_q, u_d, _ = self.terminal_voltage(v)
+        omega_e = v.N_p * motion_law.alpha_RL(v) * v.v_L
+        g_3 = (-v.R_s * v.i_q - omega_e * (v.i_d * v.L_d + v.Phi_PM)) / v.L_q
+        g_4 = (-v.R_s * v.i_d + omega_e * v.i_q * v.L_q) / v.L_d
+        return {
+            "x_L": v.v_L,
+            "v_L": self.acceleration(v),
+            "i_q": u_q / v.L_q + (1.0 + v.F_3) * g_3,
+            "i_d": u_d / v.L_d + (1.0 + v.F_4) * g_4,
+        }
+
+    def update(self, v: Any) -> dict[str, Any]:
+        """One draw of sensor noise per communication step."""
+        first = lehmer(v.random)
+        second = lehmer(first)
+        return {"random": second, "noise": normal(first, second)}
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        """Sensor, torque, voltages after the limit, and powers."""
+        u_q, u_d, saturated = self.terminal_voltage(v)
+        return {
+            "x_measured": self.quantized(v, v.x_L + v.sigma * v.noise),
+            "a_L": self.acceleration(v),
+            "tau_m": self.torque(v),
+            "omega_m": motion_law.alpha_RL(v) * v.v_L,
+            "v_q": u_q - v.d_3,
+            "v_d": u_d - v.d_4,
+            "saturated": saturated,
+            "P_el": 1.5 * (u_q * v.i_q + u_d * v.i_d),
+            "P_L": v.F_L * v.v_L,
+        }
+
+    def terminal_voltage(self, v: Any) -> tuple[Any, Any, Any]:
+        """Voltage at the motor in V: demand within the inverter's limit, plus disturbance; and if limited."""
+        u_q, u_d, saturated = limit_magnitude(v.u_q, v.u_d, v.u_max)
+        return u_q + v.d_3, u_d + v.d_4, saturated
+
+    def torque(self, v: Any) -> Any:
+        """tau_m of equation:PMSM in N m, with the magnet's current chosen by torque_source."""
+        magnet_current = where(v.torque_source == TorqueSource.COMMAND, v.i_q_ref, v.i_q)
+        return 1.5 * v.N_p * (magnet_current * v.Phi_PM + v.i_q * v.i_d * (v.L_d - v.L_q))
+
+    def acceleration(self, v: Any) -> Any:
+        """Second line of equation:StateSpace3 in m/s2, with the uncertainty F_2 and the disturbance d_2."""
+        A_eq = motion_law.A_eq(v)
+        reluctance = 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
+        g_2 = (reluctance - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
+        magnet = (self.torque(v) - reluctance) / A_eq
+        return magnet + (1.0 + v.F_2) * g_2 + v.d_2 - motion_law.D_eq(v) * v.F_L / A_eq
+
+    def quantized(self, v: Any, x: Any) -> Any:
+        """X rounded to the sensor's resolution."""
+        step = where(v.resolution > 0.0, v.resolution, 1.0)
+        return where(v.resolution > 0.0, step * floor(x / step + 0.5), x)

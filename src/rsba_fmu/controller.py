@@ -1,0 +1,180 @@
+"""Robust subsystem-based adaptive (RSBA) control of one EMLA."""
+
+from typing import Any
+
+from fmublock import (
+    Block,
+    DefaultExperiment,
+    Input,
+    Output,
+    Parameter,
+    State,
+    clamp,
+    limit_magnitude,
+    logical_and,
+    maximum,
+    minimum,
+    sign,
+    sqrt,
+    where,
+)
+
+
+class RsbaController(Block):
+    """Robust subsystem-based adaptive control of one EMLA (paper equations 26 to 41).
+
+    Four subsystems: 1 position, 2 speed, 3 q-axis current, 4 d-axis current; arrays are indexed
+    by them. The defaults are the laws as printed; every departure is a switch of its own:
+
+    - `x_2d_in_a_1` (true as printed): (31) contains -x_2d, and P_2 = x_e2 - a_1 cancels the
+      reference speed, so a moving reference is followed with an error of 2 |v_d| / beta_1.
+      Without it x_2d cancels the derivative of x_1d instead (Omega_1 = 0 in 35) and the lag goes.
+    - `feed_acceleration`: (39) leaves the derivative of x_2d to the robust gains; adding
+      a_d / A_2 to u_2 supplies it (Omega_2 = 0).
+    - `limit_acceleration`: the published start is millimetres from the reference and asks for
+      1e5 A. With limits a linear a_1 overshoots; the speed it asks for is kept to what can be
+      braked with `a_max`: min(k e, sqrt(2 a_max (e - a_max / (2 k^2)))).
+    - `limit_current`, `limit_voltage`: keep i_q* and the voltage vector within what motor and
+      inverter can do, so that the controller knows when it saturates.
+    - `freeze_adaptation`: (32) integrates errors that a saturated actuator cannot remove
+      (theta_hat of 1e14 seen). Adaptation stops while its subsystem saturates and at theta_max.
+
+    |P_i|^2 in (32) is the plain square.
+    """
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
+
+    x_hat = Input(unit="m", description="Estimated screw position x_1")
+    v_hat = Input(unit="m/s", description="Estimated screw speed x_2")
+    i_q = Input(unit="A", description="Measured q-axis current x_3")
+    i_d = Input(unit="A", description="Measured d-axis current x_4")
+    x_d = Input(unit="m", description="Reference position x_1d")
+    v_d = Input(unit="m/s", description="Reference speed x_2d")
+    a_d = Input(unit="m/s2", description="Reference acceleration, used with feed_acceleration")
+
+    beta = Parameter(
+        [3000.0, 3000.0, 1000.0, 1000.0], size=4, unit="1/s", minimum=1e-9, description="Feedback gain"
+    )
+    zeta = Parameter(100.0, size=4, minimum=0.0, description="Gain of the adaptation in feedback and in (32)")
+    delta = Parameter(
+        [100.0, 100.0, 110.0, 110.0], size=4, minimum=0.0, description="Adaptation rate of (32)"
+    )
+    sigma = Parameter([0.001, 0.001, 0.01, 0.01], size=4, minimum=0.0, description="Adaptation leak of (32)")
+
+    x_2d_in_a_1 = Parameter(True, description="Keep -x_2d in (31), as printed; it makes the position lag")
+    feed_acceleration = Parameter(False, description="Add a_d / A_2 to (39)")
+    limit_acceleration = Parameter(False, description="Keep the approach speed to what a_max can brake")
+    limit_current = Parameter(False, description="Keep i_q* within i_max")
+    limit_voltage = Parameter(False, description="Keep the voltage vector within u_max")
+    freeze_adaptation = Parameter(False, description="Stop adapting while saturated and at theta_max")
+    a_max = Parameter(1.2, unit="m/s2", minimum=1e-6, name="limit.a_max", description="Braking acceleration")
+    i_max = Parameter(105.0, unit="A", minimum=1e-6, name="limit.i_max", description="Largest q-axis current")
+    u_max = Parameter(445.0, unit="V", minimum=1e-6, name="limit.u_max", description="Longest voltage vector")
+    theta_max = Parameter(
+        1e6, minimum=0.0, name="limit.theta_max", description="Largest adaptation parameter"
+    )
+
+    R_s = Parameter(
+        0.14, unit="Ohm", minimum=0.0, name="model.R_s", description="Stator resistance, as known"
+    )
+    L_d = Parameter(
+        2.4e-3, unit="H", minimum=1e-9, name="model.L_d", description="d-axis inductance, as known"
+    )
+    L_q = Parameter(
+        2.4e-3, unit="H", minimum=1e-9, name="model.L_q", description="q-axis inductance, as known"
+    )
+    Phi_PM = Parameter(
+        0.15, unit="Wb", minimum=1e-9, name="model.Phi_PM", description="Magnet flux, as known"
+    )
+    N_p = Parameter(8, minimum=1, name="model.N_p", description="Number of pole pairs, as known")
+    alpha_RL = Parameter(
+        2199.0,
+        unit="rad/m",
+        minimum=1e-9,
+        name="model.alpha_RL",
+        description="Motor angle per travel, as known",
+    )
+    A_eq = Parameter(
+        35.26, unit="kg.m", minimum=1e-9, name="model.A_eq", description="Equivalent inertia, as known"
+    )
+    B_eq = Parameter(
+        3.67, unit="kg.m/s", minimum=0.0, name="model.B_eq", description="Equivalent friction, as known"
+    )
+    C_eq = Parameter(0.0, unit="N", minimum=0.0, name="model.C_eq", description="Torque per travel, as known")
+
+    theta = State(0.0, size=4, minimum=0.0, description="Adaptation parameter theta_hat")
+
+    u_q = Output(unit="V", description="q-axis voltage u_3")
+    u_d = Output(unit="V", description="d-axis voltage u_4")
+    i_q_ref = Output(unit="A", description="Commanded q-axis current i_q* = u_2")
+    saturated = Output(description="1 while current or voltage is at its limit")
+    P_1 = Output(unit="m", name="P[1]", description="Tracking form of the position (30)")
+    P_2 = Output(unit="m/s", name="P[2]", description="Tracking form of the speed (30)")
+    P_3 = Output(unit="A", name="P[3]", description="Tracking form of the q-axis current (30)")
+    P_4 = Output(unit="A", name="P[4]", description="Tracking form of the d-axis current (30)")
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        """Adaptation laws (32)."""
+        P, current_limited, voltage_limited = self.laws(v)[2:]
+        outer = maximum(current_limited, voltage_limited)
+        frozen = [outer, outer, voltage_limited, voltage_limited]
+        return {"theta": [self.adaptation(v, i, P[i], frozen[i]) for i in range(4)]}
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        """Control signals (39) within their limits, and the tracking forms (30)."""
+        i_q_ref, (u_q, u_d), P, current_limited, voltage_limited = self.laws(v)
+        return {
+            "u_q": u_q,
+            "u_d": u_d,
+            "i_q_ref": i_q_ref,
+            "saturated": maximum(current_limited, voltage_limited),
+            **{f"P_{i + 1}": P[i] for i in range(4)},
+        }
+
+    def laws(self, v: Any) -> tuple[Any, tuple[Any, Any], list[Any], Any, Any]:
+        """i_q*, (u_q, u_d), P_1 to P_4, and whether current and voltage are limited (0 or 1 each)."""
+        A_2 = 1.5 * v.N_p * v.Phi_PM / v.A_eq
+        A_3, A_4 = 1.0 / v.L_q, 1.0 / v.L_d
+        g_2, g_3, g_4 = self.model(v)
+
+        P_1 = v.x_hat - v.x_d
+        a_1 = -self.approach_speed(v, P_1) - v.x_2d_in_a_1 * v.v_d
+        P_2 = (v.v_hat - v.v_d) - a_1
+        u_2 = -(v.beta[1] + v.zeta[1] * v.theta[1]) / (2.0 * A_2) * P_2 - P_1 / A_2 - g_2 / A_2
+        u_2 = u_2 + v.feed_acceleration * v.a_d / A_2
+        i_q_ref = where(v.limit_current, clamp(u_2, -v.i_max, v.i_max), u_2)
+        current_limited = where(logical_and(v.limit_current, abs(u_2) > v.i_max), 1.0, 0.0)
+
+        P_3 = v.i_q - i_q_ref
+        P_4 = v.i_d
+        u_3 = -(v.beta[2] + v.zeta[2] * v.theta[2]) / (2.0 * A_3) * P_3 - g_3 / A_3
+        u_4 = -(v.beta[3] + v.zeta[3] * v.theta[3]) / (2.0 * A_4) * P_4 - g_4 / A_4
+        u_q, u_d, too_long = limit_magnitude(u_3, u_4, v.u_max)
+        voltage = where(v.limit_voltage, u_q, u_3), where(v.limit_voltage, u_d, u_4)
+        voltage_limited = where(logical_and(v.limit_voltage, too_long > 0.0), 1.0, 0.0)
+        return i_q_ref, voltage, [P_1, P_2, P_3, P_4], current_limited, voltage_limited
+
+    def model(self, v: Any) -> tuple[Any, Any, Any]:
+        """g_2, g_3, g_4 of Table "Actual physical meaning" (g_1 = 0)."""
+        omega_e = v.N_p * v.alpha_RL * v.v_hat
+        reluctance = 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
+        g_2 = (reluctance - v.B_eq * v.v_hat - v.C_eq * v.x_hat) / v.A_eq
+        g_3 = (-v.R_s * v.i_q - omega_e * (v.i_d * v.L_d + v.Phi_PM)) / v.L_q
+        g_4 = (-v.R_s * v.i_d + omega_e * v.i_q * v.L_q) / v.L_d
+        return g_2, g_3, g_4
+
+    def approach_speed(self, v: Any, P_1: Any) -> Any:
+        """First term of -a_1 in m/s: k P_1, or what a_max can brake where that is less."""
+        k = (v.beta[0] + v.zeta[0] * v.theta[0]) / 2.0
+        e = abs(P_1)
+        # beyond this error the braking parabola lies below the line, and touches it here
+        linear_range = v.a_max / (k * k)
+        braking = sqrt(2.0 * v.a_max * (e - 0.5 * linear_range))
+        limited = sign(P_1) * where(e > linear_range, minimum(k * e, braking), k * e)
+        return where(v.limit_acceleration, limited, k * P_1)
+
+    def adaptation(self, v: Any, i: int, P_i: Any, frozen: Any) -> Any:
+        """Derivative of theta_hat_i (32), stopped where freeze_adaptation says so."""
+        growth = -v.delta[i] * v.sigma[i] * v.theta[i] + 0.5 * v.zeta[i] * v.delta[i] * P_i * P_i
+        allowed = where(v.theta[i] < v.theta_max, growth, minimum(growth, 0.0))
+        return where(v.freeze_adaptation, (1.0 - frozen) * allowed, growth)
