@@ -1,0 +1,1 @@
+"""What is simulated: components, connections, parameter values; and the scenarios built of them."""
