@@ -1,0 +1,236 @@
+"""The `emla` command."""
+
+import sys
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as RichProgress
+from rich.table import Table
+
+from .errors import CommandError, CosimError
+from .master.simulation import ALGORITHMS
+from .models import FLAVOURS, FMU_FOLDER, MODELS, build, check_choice
+from .results.metrics import JointMetrics
+from .run import Progress, RunResult, Settings, run
+from .system.scenarios import CONTROLLERS, describe_scenario, load_scenario, scenario_names
+
+app = typer.Typer(
+    help="Co-simulate electromechanical linear actuators as FMUs.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+_out, _err = Console(), Console(stderr=True)
+
+
+def _one_sentence(command: Callable[..., None]) -> Callable[..., None]:
+    """End a command that fails with one sentence and its exit code."""
+
+    @wraps(command)
+    def guarded(*args: Any, **kwargs: Any) -> None:
+        try:
+            command(*args, **kwargs)
+        except CosimError as error:
+            _err.print(f"[bold red]Error:[/] {_escaped(str(error))}", highlight=False, soft_wrap=True)
+            raise typer.Exit(error.exit_code) from error
+        except KeyboardInterrupt as error:
+            _err.print("[bold red]Interrupted.[/]")
+            raise typer.Exit(1) from error
+
+    return guarded
+
+
+def _escaped(text: str) -> str:
+    return text.replace("[", "\\[")
+
+
+Flavour = Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")]
+
+
+@app.command("build")
+@_one_sentence
+def build_command(
+    models: Annotated[list[str] | None, typer.Argument(help="Models; all without any.")] = None,
+    flavour: Flavour = "native",
+    platform: Annotated[
+        list[str] | None,
+        typer.Option(help="FMI platform of the binary (repeatable); this machine's without."),
+    ] = None,
+    output: Annotated[Path, typer.Option(help="Folder to build to.")] = FMU_FOLDER,
+) -> None:
+    """Build the FMUs of our models."""
+    chosen = models or list(MODELS)
+    for model in chosen:
+        check_choice("model", model, MODELS)
+    with _BarProgress() as progress:
+        progress.begin(f"building {flavour} FMUs", len(chosen))
+        paths = []
+        for model in chosen:
+            paths.append(build(model, flavour, platform or [], output))
+            progress.advance(1)
+    for path in paths:
+        _out.print(f"{path}  [dim]{path.stat().st_size / 1024:.0f} KiB[/]", highlight=False, soft_wrap=True)
+
+
+@app.command("list")
+@_one_sentence
+def list_command() -> None:
+    """List scenarios, models and what else can be chosen."""
+    scenarios = Table("scenario", "what it is", title="Scenarios: emla run SCENARIO", title_justify="left")
+    for name in scenario_names():
+        scenarios.add_row(f"[bold]{name}[/]", describe_scenario(name))
+    models = Table("model", "what it is", title="Models: emla build MODEL", title_justify="left")
+    for name, block in MODELS.items():
+        models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])
+    choices = Table("option", "choices", title="Choices", title_justify="left")
+    choices.add_row("--flavour", ", ".join(FLAVOURS))
+    choices.add_row("--algorithm", ", ".join(ALGORITHMS))
+    choices.add_row("--controller", ", ".join(CONTROLLERS))
+    for table in (scenarios, models, choices):
+        _out.print(table)
+
+
+@app.command("run")
+@_one_sentence
+def run_command(
+    scenario: Annotated[str, typer.Argument(help="Name of a scenario; `emla list` shows them.")],
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="JOINT.COMPONENT.VARIABLE=VALUE", help="Other start value (repeatable)."
+        ),
+    ] = None,
+    replace: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT.COMPONENT=FILE.fmu", help="Use another FMU for a component (repeatable)."
+        ),
+    ] = None,
+    algorithm: Annotated[str | None, typer.Option(help=f"{' or '.join(ALGORITHMS)}.")] = None,
+    step_size: Annotated[float | None, typer.Option(help="Communication step in s.")] = None,
+    stop_time: Annotated[float | None, typer.Option(help="End of the run in s.")] = None,
+    output_interval: Annotated[
+        float | None, typer.Option(help="Time between rows of results.csv in s; 1 ms without.")
+    ] = None,
+    flavour: Flavour = "native",
+    controller: Annotated[
+        str | None, typer.Option(help=f"Gains of controller and observer: {' or '.join(CONTROLLERS)}.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="Output folder; results/SCENARIO without.")] = None,
+    fmus: Annotated[Path, typer.Option(help="Folder of our FMUs; missing ones are built.")] = FMU_FOLDER,
+    plots: Annotated[bool, typer.Option(help="Draw plots.")] = True,
+) -> None:
+    """Run a scenario: progress, a table of results, and an output folder with data and plots."""
+    check_choice("flavour", flavour, FLAVOURS)
+    chosen = load_scenario(scenario, controller)
+    settings = Settings(
+        values=_pairs("--set", set_),
+        replacements={name: Path(file) for name, file in _pairs("--replace", replace).items()},
+        algorithm=algorithm,
+        step_size=step_size,
+        stop_time=stop_time,
+        output_interval=output_interval,
+        flavour=flavour,
+        fmus=fmus,
+        plots=plots,
+    )
+    with _BarProgress() as progress:
+        result = run(chosen, settings, output or Path("results") / scenario, progress)
+    _show(scenario, result)
+    if result.problem is not None:
+        raise CosimError(f"{result.problem} What was computed is in {result.folder}.")
+
+
+def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
+    pairs = {}
+    for text in texts or []:
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise CommandError(f"{option} {text} lacks a name or a value; write {option} NAME=VALUE.")
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+class _BarProgress(Progress):
+    """Progress as bars on the terminal, one per task."""
+
+    def __init__(self) -> None:
+        self._bars = RichProgress(
+            TextColumn("{task.description:<16}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(elapsed_when_finished=True),
+            console=_err,
+        )
+        self._task: Any = None
+
+    def __enter__(self) -> "_BarProgress":
+        self._bars.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bars.stop()
+
+    def begin(self, task: str, total: int) -> None:
+        """A task of `total` units begins."""
+        self._task = self._bars.add_task(task, total=total)
+
+    def advance(self, count: int) -> None:
+        """So many units more are done."""
+        self._bars.advance(self._task, count)
+
+
+_ROWS: tuple[tuple[str, Callable[[JointMetrics], float], str], ...] = (
+    ("position error", lambda m: 1e6 * m.position_error_m, "µm"),
+    ("speed error", lambda m: 1e3 * m.velocity_error_m_s, "mm/s"),
+    ("torque effort", lambda m: m.torque_effort_N_m, "N m"),
+    ("torque peak", lambda m: m.torque_peak_N_m, "N m"),
+    ("convergence time", lambda m: 1e3 * m.convergence_time_s, "ms"),
+    ("observer position error", lambda m: 1e6 * m.observer_position_error_m, "µm"),
+    ("time at a limit", lambda m: 100.0 * m.saturated_fraction, "%"),
+)
+
+
+def _show(scenario: str, result: RunResult) -> None:
+    """The results as a table, and where everything is."""
+    if result.metrics:
+        table = Table(
+            title=f"{scenario}, {result.steps * result.times.step:g} s simulated", title_justify="left"
+        )
+        table.add_column("")
+        for joint in result.metrics:
+            table.add_column(joint, justify="right")
+        table.add_column("")
+        for label, value, unit in _ROWS:
+            table.add_row(label, *(_number(value(m)) for m in result.metrics.values()), unit)
+        _out.print(table)
+    if result.wall_s > 0 and result.steps:
+        rate, factor = result.steps / result.wall_s, result.steps * result.times.step / result.wall_s
+        _out.print(
+            f"{result.steps} steps in {result.wall_s:.1f} s: {rate:,.0f} steps/s, {factor:.2g} x real time",
+            highlight=False,
+        )
+    pictures = ", ".join(path.name for path in result.pictures)
+    _out.print(
+        f"Wrote {result.folder}/: results.csv, metrics.json, run.json", highlight=False, soft_wrap=True
+    )
+    if pictures:
+        _out.print(f"Pictures: {pictures}", highlight=False, soft_wrap=True)
+
+
+def _number(value: float) -> str:
+    return "-" if value != value else f"{value:.4g}"
+
+
+def main() -> None:
+    """Entry point of the `emla` command."""
+    app()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,138 @@
+"""Tracking metrics of a joint, from the plant's true states at every communication point."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+
+from ..master.slave import Vector
+
+SETTLED_AFTER = 0.3
+"""Errors and torque count from this time on in s, or from convergence if that is later."""
+
+CONVERGED_WITHIN = 0.05
+"""Convergence is reached when the position error stays within this fraction of its initial value."""
+
+STARTS_CONVERGED = 1e-6
+"""An initial position error in m below this counts as none."""
+
+
+@dataclass
+class JointMetrics:
+    """One joint's part of metrics.json.
+
+    `convergence_time_s` is the last time at which |x_L - x_d| exceeds 5 % of its initial value.
+    Errors and `torque_effort_N_m` are the largest absolute values at or after that and 0.3 s;
+    `torque_peak_N_m` is over the whole run. NaN where a run ended before.
+    """
+
+    position_error_m: float = 0.0
+    velocity_error_m_s: float = 0.0
+    torque_effort_N_m: float = 0.0
+    torque_peak_N_m: float = 0.0
+    convergence_time_s: float = 0.0
+    observer_position_error_m: float = 0.0
+    saturated_fraction: float = 0.0
+
+
+_CHANNELS = {
+    "x_L": "plant.x_L",
+    "v_L": "plant.v_L",
+    "tau_m": "plant.tau_m",
+    "x_d": "reference.x_d",
+    "v_d": "reference.v_d",
+    "x_hat": "observer.x_hat",
+    "limited_control": "controller.saturated",
+    "limited_inverter": "plant.inverter.saturated",
+}
+_OPTIONAL = ("x_hat", "limited_control", "limited_inverter")
+
+
+class MetricsSink:
+    """Computes metrics while a run goes on; see `Sink`.
+
+    Joints without position, speed, torque and reference have no metrics.
+    """
+
+    def __init__(self, joints: Sequence[str], names: Sequence[str]) -> None:
+        column = {name: i + 1 for i, name in enumerate(names)}
+        self._joints: dict[str, _JointAccumulator] = {}
+        for joint in joints:
+            channels = {c: column.get(f"{joint}.{path}", -1) for c, path in _CHANNELS.items()}
+            if all(i >= 0 for c, i in channels.items() if c not in _OPTIONAL):
+                self._joints[joint] = _JointAccumulator(channels)
+
+    def write(self, rows: Vector) -> None:
+        """Take the next rows."""
+        if len(rows):
+            for accumulator in self._joints.values():
+                accumulator.add(rows)
+
+    def close(self) -> None:
+        """Nothing is pending."""
+
+    def results(self) -> dict[str, JointMetrics]:
+        """Metrics by joint, of what was recorded so far."""
+        return {joint: accumulator.metrics() for joint, accumulator in self._joints.items()}
+
+
+class _JointAccumulator:
+    """Largest values since convergence: an error beyond the 5 % band starts them anew."""
+
+    def __init__(self, channels: Mapping[str, int]) -> None:
+        self._channels = channels
+        self._initial_error: float | None = None
+        self._last_outside = 0.0
+        self._largest = np.full(4, np.nan)
+        self._peak = 0.0
+        self._rows = self._limited = 0
+
+    def add(self, rows: Vector) -> None:
+        """Take the next rows (time first)."""
+        t = rows[:, 0]
+        c = {name: rows[:, i] if i >= 0 else np.full(len(rows), np.nan) for name, i in self._channels.items()}
+        error = np.abs(c["x_L"] - c["x_d"])
+        if self._initial_error is None:
+            self._initial_error = float(error[0])
+            self._last_outside = self._start = float(t[0])
+        torque = np.abs(c["tau_m"])
+        counted = np.stack([error, np.abs(c["v_L"] - c["v_d"]), torque, np.abs(c["x_L"] - c["x_hat"])])
+        settled = t >= self._start + SETTLED_AFTER
+        if self._initial_error > STARTS_CONVERGED:
+            outside = np.flatnonzero(error > CONVERGED_WITHIN * self._initial_error)
+            if len(outside):
+                self._last_outside = float(t[outside[-1]])
+                settled[: outside[-1]] = False
+                self._largest[:] = np.nan
+        if settled.any():
+            self._largest = np.fmax(self._largest, counted[:, settled].max(axis=1))
+        self._peak = max(self._peak, float(torque.max()))
+        self._rows += len(rows)
+        self._limited += int(((c["limited_control"] > 0) | (c["limited_inverter"] > 0)).sum())
+
+    def metrics(self) -> JointMetrics:
+        """The metrics of all rows so far."""
+        position, velocity, torque, observer = (float(x) for x in self._largest)
+        return JointMetrics(
+            position_error_m=position,
+            velocity_error_m_s=velocity,
+            torque_effort_N_m=torque,
+            torque_peak_N_m=self._peak,
+            convergence_time_s=self._last_outside - self._start if self._rows else 0.0,
+            observer_position_error_m=observer,
+            saturated_fraction=self._limited / max(self._rows, 1),
+        )
+
+    _start = 0.0
+
+
+def as_json(metrics: Mapping[str, JointMetrics]) -> dict[str, dict[str, float | None]]:
+    """The `joints` part of metrics.json; null where a value does not exist (JSON has no NaN)."""
+    return {
+        joint: {name: value if np.isfinite(value) else None for name, value in asdict(m).items()}
+        for joint, m in metrics.items()
+    }
+
+
+METRIC_NAMES = tuple(f.name for f in fields(JointMetrics))
+"""Names of the metrics in their order."""
