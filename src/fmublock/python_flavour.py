@@ -24,6 +24,7 @@ _SLAVE = '''"""PythonFMU slave of {block}; the equations are in {package}/{path}
 
 from {package}.{module} import {block} as EquationsOf{block}
 from {package}.fmublock.slave import BlockSlave as Fmi2Slave
+from {package}.fmublock.slave import give_reference
 
 
 class {block}(Fmi2Slave):
@@ -31,6 +32,9 @@ class {block}(Fmi2Slave):
 
     block = EquationsOf{block}
     content = "{content}"
+
+
+give_reference(globals())
 '''
 
 

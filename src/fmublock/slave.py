@@ -1,5 +1,9 @@
 """An `Instance` behind the PythonFMU interface; part of every PythonFMU FMU."""
 
+import ctypes
+import json
+from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 from pythonfmu import Fmi2Slave
@@ -11,8 +15,33 @@ from .instance import BlockError, Instance, Phase, StepDiscardedError
 _TYPES = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}
 
 
+def give_reference(thing: object) -> None:
+    """Count one reference more to a Python object, for PythonFMU 0.7.0 to release.
+
+    It releases references that it does not own: the globals of an FMU's main module whenever an
+    instance is made (it runs the module's text again each time), and the slave, its class and
+    its log whenever a call raises. Without this the process crashes after some instances.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
+
+
+def _survivable(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Let a call that raises leave the slave alive; see `give_reference`."""
+
+    @wraps(method)
+    def guarded(self: "BlockSlave", *args: Any) -> Any:
+        try:
+            return method(self, *args)
+        except Exception:
+            for thing in (self, type(self), self.log_queue):
+                give_reference(thing)
+            raise
+
+    return guarded
+
+
 class BlockSlave(Fmi2Slave):
-    """Base of the slave class in an FMU's main module, which names the block and the FMU's GUID.
+    """Base of the slave class in an FMU's main module, which names the block and the content's hash.
 
     Value references are the block's own. PythonFMU turns an exception into fmi2Fatal and logs
     its text; a discarded step is reported as such.
@@ -26,15 +55,20 @@ class BlockSlave(Fmi2Slave):
         self.instance = Instance(self.block(), self.instance_name)
         self._types = [_TYPES[s.variable.fmi_type] for s in self.instance.layout.scalars]
 
-    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+    @_survivable
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ) -> None:
         """Take the start time in s; the block needs neither stop time nor tolerance."""
         if self.instance.phase == Phase.INSTANTIATED:
             self.instance.enter_initialization(start_time)
 
+    @_survivable
     def exit_initialization_mode(self) -> None:
         """Check what was set; raises BlockError if a value is outside its range."""
         self.instance.exit_initialization()
 
+    @_survivable
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Advance by a step; False, with a log message, if it was discarded."""
         try:
@@ -44,6 +78,7 @@ class BlockSlave(Fmi2Slave):
             return False
         return True
 
+    @_survivable
     def terminate(self) -> None:
         """End the run."""
         self.instance.terminate()
@@ -72,10 +107,12 @@ class BlockSlave(Fmi2Slave):
         """Set Boolean variables."""
         self._set(vrs, values, "Boolean")
 
+    @_survivable
     def _get(self, vrs: list[int], fmi_type: str) -> list[float]:
         self._check(vrs, fmi_type)
         return self.instance.get(vrs)
 
+    @_survivable
     def _set(self, vrs: list[int], values: list[Any], fmi_type: str) -> None:
         self._check(vrs, fmi_type)
         self.instance.set(vrs, values)
@@ -91,7 +128,17 @@ class BlockSlave(Fmi2Slave):
     def _get_fmu_state(self) -> dict[str, Any]:
         return {"content": self.content, **self.instance.get_state()}
 
+    @_survivable
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         if state.get("content") != self.content:
             raise BlockError(f"{self.instance_name}: this is not a state of {self.block.__name__}.")
         self.instance.set_state(state)
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
+        """Read a serialized state; what is none becomes a state that `_set_fmu_state` refuses."""
+        try:
+            read = json.loads(state)
+        except ValueError:
+            read = None
+        return read if isinstance(read, dict) else {}

@@ -1,0 +1,12 @@
+"""FMUs of the toy block in both flavours."""
+
+from pathlib import Path
+
+import pytest
+from toy_fmu import build_toy
+
+
+@pytest.fixture(scope="session", params=["native", "python"])
+def toy_fmu(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The toy as an FMU, once per flavour."""
+    return build_toy(request.param, tmp_path_factory.mktemp(request.param) / "Toy.fmu")

@@ -1,0 +1,288 @@
+"""FMUs of both flavours, through the FMI, against the block in process."""
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from fmpy.validation import validate_fmu
+from toy import Toy
+from toy_fmu import build_toy
+
+from emla_cosim.master.fmu_log import FmuLog
+from fmublock.description import BUILD_TIME
+from fmublock.instance import Instance
+
+REFERENCE = Toy.layout().reference
+OUTPUTS = [REFERENCE(n) for n in ("x", "v[1]", "v[2]", "power", "inverse")]
+DISCARD, ERROR, FATAL = 2, 3, 4
+
+
+class Session:
+    """FMU instances of one file, freed together, and what they logged."""
+
+    def __init__(self, path: Path, folder: Path) -> None:
+        self.description = fmpy.read_model_description(str(path))
+        self.folder = folder
+        fmpy.extract(str(path), folder)
+        self.log = FmuLog()
+        self.slaves: list[FMU2Slave] = []
+
+    def instance(self, name: str = "toy", running: bool = True, **values: Any) -> FMU2Slave:
+        slave = FMU2Slave(
+            guid=self.description.guid,
+            unzipDirectory=str(self.folder),
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        slave.instantiate(callbacks=self.log.callbacks, loggingOn=True)
+        self.slaves.append(slave)
+        types = {v.name: v.type for v in self.description.modelVariables}
+        for variable, value in values.items():
+            setter = slave.setReal if types[variable] == "Real" else slave.setInteger
+            setter([REFERENCE(variable)], [value])
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        if running:
+            slave.exitInitializationMode()
+        return slave
+
+
+@pytest.fixture
+def session(toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
+    session = Session(toy_fmu, tmp_path / "fmu")
+    yield session
+    for slave in session.slaves:
+        slave.freeInstance()
+
+
+def states(slave: FMU2Slave) -> list[float]:
+    return slave.getReal([*OUTPUTS, REFERENCE("random"), REFERENCE("step_count")])
+
+
+def test_fmpy_finds_no_problem(toy_fmu: Path) -> None:
+    assert validate_fmu(str(toy_fmu)) == []
+
+
+def test_building_twice_gives_the_same_bytes(toy_fmu: Path, tmp_path: Path) -> None:
+    again = build_toy(toy_fmu.parent.name.rstrip("0"), tmp_path / "Toy.fmu")
+    assert again.read_bytes() == toy_fmu.read_bytes()
+
+
+def test_the_model_description_says_what_the_block_says(toy_fmu: Path) -> None:
+    description = fmpy.read_model_description(str(toy_fmu))
+    variables = {v.name: v for v in description.modelVariables}
+    assert description.modelName == "Toy"
+    assert description.generationDateAndTime == BUILD_TIME
+    assert description.variableNamingConvention == "structured"
+    assert description.coSimulation.canGetAndSetFMUstate
+    assert description.coSimulation.canSerializeFMUstate
+    assert not description.coSimulation.needsExecutionTool
+    assert (description.defaultExperiment.stopTime, description.defaultExperiment.stepSize) == ("2.0", "0.01")
+    assert [v.valueReference for v in description.modelVariables] == list(range(len(variables)))
+    mass = variables["body.mass"]
+    assert (mass.unit, mass.min, mass.max, mass.start) == ("kg", "0.1", "10.0", "2.0")
+    newton = next(u for u in description.unitDefinitions if u.name == "N/m")
+    assert (newton.baseUnit.kg, newton.baseUnit.m, newton.baseUnit.s) == (1, 0, -2)
+    assert [i.name for i in variables["shape"].declaredType.items] == ["linear", "cubic"]
+    assert (variables["damped"].type, variables["count"].type) == ("Boolean", "Integer")
+    assert (variables["x"].causality, variables["x"].initial) == ("output", "calculated")
+    assert (variables["v[2]"].initial, variables["v[2]"].start) == ("exact", "-0.5")
+
+
+def test_dependencies_are_those_of_the_equations(toy_fmu: Path) -> None:
+    description = fmpy.read_model_description(str(toy_fmu))
+    outputs = {u.variable.name: {v.name for v in u.dependencies} for u in description.outputs}
+    initial = {u.variable.name: {v.name for v in u.dependencies} for u in description.initialUnknowns}
+    assert outputs == {"x": set(), "v[1]": set(), "v[2]": set(), "power": {"force"}, "inverse": set()}
+    assert initial == {"x": {"x_0"}, "power": {"force", "count", "v[1]", "seed"}, "inverse": {"x_0"}}
+
+
+def test_documentation_and_licence_are_inside(toy_fmu: Path) -> None:
+    with zipfile.ZipFile(toy_fmu) as archive:
+        page = archive.read("documentation/index.html").decode()
+        assert archive.read("documentation/licenses/license.txt") == b"Do what you want."
+        assert archive.read("model.png").startswith(b"\x89PNG")
+    assert "<math" in page and "<mfrac>" in page
+    assert "<code>spring.k[1..2]</code>" in page
+    assert "http" not in page.replace("http://www.w3.org/1998/Math/MathML", "")
+
+
+def test_a_driven_run_agrees_bit_for_bit_with_the_block_in_process(session: Session) -> None:
+    """10,000 steps of uneven length with changing inputs, both shapes of the spring."""
+    random = np.random.default_rng(4)
+    forces, steps = random.normal(size=10_000), random.uniform(1e-5, 4e-4, size=10_000)
+    slave = session.instance(**{"shape": 2, "count": 5, "seed": 99, "x_0": 0.1})
+    block = Instance(Toy())
+    for name, value in {"shape": 2, "count": 5, "seed": 99, "x_0": 0.1}.items():
+        block.set([REFERENCE(name)], [value])
+    block.enter_initialization()
+    block.exit_initialization()
+    found, expected = np.empty((10_000, len(OUTPUTS))), np.empty((10_000, len(OUTPUTS)))
+    for i in range(10_000):
+        time = block.time
+        for target in (slave.setReal, block.set):
+            target([REFERENCE("force")], [forces[i]])
+        slave.doStep(time, steps[i])
+        block.do_step(time, steps[i])
+        found[i], expected[i] = slave.getReal(OUTPUTS), block.get(OUTPUTS)
+    assert np.array_equal(found.view(np.int64), expected.view(np.int64))
+
+
+def test_outputs_are_frozen_between_steps(session: Session) -> None:
+    slave = session.instance()
+    slave.doStep(0.0, 0.1)
+    before = slave.getReal(OUTPUTS)
+    slave.setReal([REFERENCE("force")], [77.0])
+    assert slave.getReal(OUTPUTS) == before
+
+
+def test_outputs_follow_what_is_set_during_initialization(session: Session) -> None:
+    slave = session.instance(running=False)
+    slave.setReal([REFERENCE("x_0")], [0.5])
+    assert slave.getReal([REFERENCE("x"), REFERENCE("inverse")]) == [0.5, 2.0]
+
+
+def test_a_discarded_step_is_logged_and_undone(session: Session) -> None:
+    slave = session.instance()
+    slave.doStep(0.0, 0.1)
+    before = states(slave)
+    slave.setReal([REFERENCE("force")], [float("nan")])
+    with pytest.raises(FMICallException) as failure:
+        slave.doStep(0.1, 0.1)
+    assert failure.value.status == DISCARD
+    (line,) = session.log.lines("toy")
+    assert line.startswith("toy: step from t = 0.1 s with h = 0.1 s discarded: x became")
+    assert states(slave) == before
+    slave.setReal([REFERENCE("force")], [0.5])
+    slave.doStep(0.1, 0.1)
+
+
+@pytest.mark.parametrize(("name", "value"), [("body.mass", 0.0), ("body.mass", 11.0), ("shape", 3)])
+def test_a_value_out_of_range_is_refused_when_initialization_ends(
+    session: Session, name: str, value: float
+) -> None:
+    slave = session.instance(running=False, **{name: value})
+    with pytest.raises(FMICallException) as failure:
+        slave.exitInitializationMode()
+    assert failure.value.status in (ERROR, FATAL)  # PythonFMU knows fmi2Fatal only
+    assert any(f"{name} = {value:g} is outside its range" in line for line in session.log.lines("toy"))
+
+
+def test_wrong_types_references_and_phases_are_refused(session: Session) -> None:
+    slave = session.instance()
+    for call in (
+        lambda: slave.getReal([REFERENCE("count")]),
+        lambda: slave.getInteger([REFERENCE("force")]),
+        lambda: slave.getReal([10_000]),
+        lambda: slave.setReal([REFERENCE("body.mass")], [1.0]),
+        lambda: slave.setReal([REFERENCE("power")], [1.0]),
+        lambda: slave.doStep(0.0, -1.0),
+        lambda: slave.doStep(5.0, 0.1),
+    ):
+        with pytest.raises(FMICallException) as failure:
+            call()
+        assert failure.value.status in (ERROR, FATAL)
+    slave.doStep(0.0, 0.1)  # still usable
+
+
+def test_states_return_bit_for_bit_in_memory_and_serialized(session: Session) -> None:
+    slave = session.instance()
+    for k in range(5):
+        slave.doStep(0.1 * k, 0.1)
+    saved = slave.getFMUstate()
+    text = slave.serializeFMUstate(saved)
+
+    def go_on() -> list[list[float]]:
+        rows = []
+        for k in range(5, 10):
+            slave.doStep(0.1 * k, 0.1)
+            rows.append(states(slave))
+        return rows
+
+    once = go_on()
+    slave.setFMUstate(saved)
+    assert go_on() == once
+    slave.freeFMUstate(saved)
+    other = session.instance("other")
+    restored = other.deSerializeFMUstate(text)
+    slave.setFMUstate(restored)
+    assert go_on() == once
+    other.freeFMUstate(restored)
+
+
+def test_reset_brings_the_start_values_back(session: Session) -> None:
+    slave = session.instance(**{"x_0": 0.3})
+    first = states(slave)
+    slave.doStep(0.0, 0.1)
+    slave.reset()
+    slave.setReal([REFERENCE("x_0")], [0.3])
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    assert states(slave) == first
+
+
+def test_instances_do_not_share_anything(session: Session) -> None:
+    alone = session.instance("alone")
+    alone.doStep(0.0, 0.1)
+    a, b = session.instance("a"), session.instance("b", **{"x_0": 0.9})
+    b.doStep(0.0, 0.1)
+    a.doStep(0.0, 0.1)
+    assert states(a) == states(alone) != states(b)
+
+
+def test_a_foreign_guid_is_refused(toy_fmu: Path, tmp_path: Path) -> None:
+    if "native" not in str(toy_fmu):
+        pytest.skip("PythonFMU's library does not look at the GUID")
+    session = Session(toy_fmu, tmp_path / "fmu")
+    session.description.guid = "{00000000-0000-0000-0000-000000000000}"
+    with pytest.raises(Exception, match="Failed to instantiate"):
+        session.instance()
+    assert "is not this FMU's" in session.log.lines("toy")[0]
+
+
+def test_a_thousand_instances_come_and_go(toy_fmu: Path) -> None:
+    """In one process, each stepped and freed (users report crashes of FMUs and importers here)."""
+    code = (
+        "import fmpy\n"
+        f"folder = fmpy.extract({str(toy_fmu)!r})\n"
+        "description = fmpy.read_model_description(folder)\n"
+        "from fmpy.fmi2 import FMU2Slave\n"
+        "for i in range(1000):\n"
+        "    slave = FMU2Slave(guid=description.guid, unzipDirectory=folder, modelIdentifier='Toy')\n"
+        "    slave.instantiate(); slave.setupExperiment()\n"
+        "    slave.enterInitializationMode(); slave.exitInitializationMode()\n"
+        "    slave.doStep(0.0, 0.01); slave.terminate(); slave.freeInstance()\n"
+        "print('done')\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout.strip()) == (0, "done"), run.stderr
+
+
+def test_the_sources_compile_elsewhere(toy_fmu: Path, tmp_path: Path) -> None:
+    """`fmpy compile` builds a binary from sources/ with the host's own compiler."""
+    if "native" not in str(toy_fmu):
+        pytest.skip("a PythonFMU FMU has no C sources")
+    if shutil.which("cmake") is None or shutil.which("cc") is None:
+        pytest.skip("needs cmake and a C compiler")
+    copy = tmp_path / "Toy.fmu"
+    with zipfile.ZipFile(toy_fmu) as original, zipfile.ZipFile(copy, "w") as stripped:
+        for name in original.namelist():
+            if not name.startswith("binaries/"):
+                stripped.writestr(name, original.read(name))
+    command = [sys.executable, "-m", "fmpy", "compile", str(copy)]
+    compiled = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert compiled.returncode == 0, compiled.stdout + compiled.stderr
+    assert validate_fmu(str(copy)) == []
+    results = [fmpy.simulate_fmu(str(f), stop_time=0.5, output_interval=0.1) for f in (toy_fmu, copy)]
+    for name in results[0].dtype.names:
+        assert results[1][name] == pytest.approx(results[0][name], rel=1e-12, abs=1e-15)

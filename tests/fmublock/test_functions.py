@@ -1,0 +1,88 @@
+"""The function set gives the same bits on floats and as generated from symbols."""
+
+import math
+
+import casadi
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+
+import fmublock
+from fmublock.noise import MODULUS, lehmer, normal, uniform
+
+UNARY = ("sin", "cos", "arctan", "exp", "log", "sqrt", "floor", "sign")
+BINARY = ("minimum", "maximum", "mod")
+finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
+any_float = st.floats(width=64)
+
+
+def _function(name: str, arity: int) -> casadi.Function:
+    symbols = [casadi.SX.sym(f"x{i}") for i in range(arity)]
+    return casadi.Function("f", symbols, [getattr(fmublock, name)(*symbols)])
+
+
+SYMBOLIC = {name: _function(name, 1) for name in UNARY} | {name: _function(name, 2) for name in BINARY}
+
+
+def _same(a: float, b: float) -> bool:
+    """Equal as numbers, or both NaN; min and max may choose either zero."""
+    return a == b or (math.isnan(a) and math.isnan(b))
+
+
+@pytest.mark.parametrize("name", UNARY)
+@given(x=any_float)
+def test_unary_functions_on_floats_agree_with_symbols(name: str, x: float) -> None:
+    if name in ("sin", "cos") and not math.isfinite(x):
+        return  # a step with an infinite state is discarded either way
+    assert _same(getattr(fmublock, name)(x), float(SYMBOLIC[name](x)))
+
+
+@pytest.mark.parametrize("name", BINARY)
+@given(x=any_float, y=any_float)
+def test_binary_functions_on_floats_agree_with_symbols(name: str, x: float, y: float) -> None:
+    assert _same(getattr(fmublock, name)(x, y), float(SYMBOLIC[name](x, y)))
+
+
+@given(x=finite, y=finite)
+def test_where_does_not_see_the_branch_it_leaves(x: float, y: float) -> None:
+    assert fmublock.where(x < y, x, math.nan if x < y else y) == min(x, y)
+
+
+@given(x=st.floats(-1e6, 1e6), y=st.floats(-1e6, 1e6), limit=st.floats(1e-3, 1e6))
+def test_limit_magnitude_keeps_direction_and_length(x: float, y: float, limit: float) -> None:
+    a, b, limited = fmublock.limit_magnitude(x, y, limit)
+    length = math.hypot(x, y)
+    assert math.hypot(a, b) <= limit * (1 + 1e-12)
+    assert limited == float(math.sqrt(x * x + y * y) > limit)
+    if not limited:
+        assert (a, b) == (x, y)
+    else:
+        assert a == pytest.approx(x * limit / length)
+        assert b == pytest.approx(y * limit / length)
+
+
+def test_lehmer_is_the_park_miller_generator() -> None:
+    """Park and Miller (1988): seeded with 1, the 10,000th number is 1043618065."""
+    x = 1.0
+    for _ in range(10_000):
+        x = lehmer(x)
+    assert x == 1043618065.0
+
+
+@given(st.integers(1, int(MODULUS) - 1))
+def test_lehmer_is_exact_in_doubles(seed: int) -> None:
+    assert lehmer(float(seed)) == 16807 * seed % 2147483647
+
+
+def test_noise_has_mean_zero_and_deviation_one() -> None:
+    x, draws, flat = 20240901.0, [], []
+    for _ in range(20_000):
+        first = lehmer(x)
+        x = lehmer(first)
+        draws.append(normal(first, x))
+        flat.append(uniform(x))
+    # four standard errors of mean and deviation for 20,000 draws
+    assert abs(np.mean(draws)) < 4 / math.sqrt(20_000)
+    assert abs(np.std(draws) - 1.0) < 4 / math.sqrt(40_000)
+    assert abs(np.mean(flat) - 0.5) < 4 / math.sqrt(12 * 20_000)

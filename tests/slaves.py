@@ -1,0 +1,117 @@
+"""Slaves for tests: FMUs opened alone, blocks in process, and fakes of a few lines."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from emla_cosim.master.fmu_file import open_fmu
+from emla_cosim.master.fmu_log import FmuLog
+from emla_cosim.master.fmu_slave import FmuSlave
+from fmublock import Block
+from fmublock.instance import Instance
+from fmublock.variables import Output, State
+
+
+def interface(block: type[Block]) -> tuple[list[str], list[str]]:
+    """Names of a block's inputs and of its outputs, in order."""
+    layout = block.layout()
+    outputs = [s.name for s in layout.scalars if isinstance(s.variable, (State, Output))]
+    return [s.name for s in layout.scalars if s.variable in layout.inputs], outputs
+
+
+@contextmanager
+def fmu_slave(
+    path: Path, inputs: Sequence[str], outputs: Sequence[str], parameters: Mapping[str, Any] | None = None
+) -> Iterator[FmuSlave]:
+    """One instance of an FMU, with start values set, freed afterwards."""
+    with TemporaryDirectory() as folder:
+        slave = FmuSlave("test", open_fmu(path, Path(folder)), inputs, outputs, FmuLog())
+        try:
+            slave.set_start_values(parameters or {})
+            yield slave
+        finally:
+            slave.close()
+
+
+class BlockSlave:
+    """A block in process behind the slave protocol."""
+
+    def __init__(self, block: Block, parameters: Mapping[str, Any] | None = None, name: str = "test") -> None:
+        self.name = name
+        self.instance = Instance(block, name)
+        layout = self.instance.layout
+        inputs, outputs = interface(type(block))
+        self._inputs = [layout.reference(n) for n in inputs]
+        self._outputs = [layout.reference(n) for n in outputs]
+        self.inputs = np.array(self.instance.get(self._inputs))
+        self.outputs = np.zeros(len(outputs))
+        for variable, value in (parameters or {}).items():
+            self.instance.set([layout.reference(variable)], [value])
+
+    def enter_initialization(self, start_time: float, stop_time: float) -> None:
+        self.instance.enter_initialization(start_time)
+
+    def exit_initialization(self) -> None:
+        self.instance.exit_initialization()
+
+    def set_inputs(self) -> None:
+        self.instance.set(self._inputs, [float(x) for x in self.inputs])
+
+    def get_outputs(self) -> None:
+        self.outputs[:] = self.instance.get(self._outputs)
+
+    def do_step(self, time: float, step: float) -> None:
+        self.instance.do_step(time, step)
+
+    def close(self) -> None:
+        pass
+
+
+class FakeSlave:
+    """A slave whose step is a Python function (inputs, state, time, step) -> new state.
+
+    Outputs are the state, or `output(inputs, state)`; every call is noted in `calls`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        inputs: int,
+        state: Sequence[float],
+        advance: Callable[[np.ndarray, np.ndarray, float, float], Sequence[float]],
+        output: Callable[[np.ndarray, np.ndarray], Sequence[float]] | None = None,
+        calls: list[str] | None = None,
+    ) -> None:
+        self.name = name
+        self.inputs = np.zeros(inputs)
+        self.state = np.array(state, dtype=float)
+        self._advance = advance
+        self._output = output or (lambda u, x: x)
+        self.held = np.zeros(inputs)
+        self.outputs = np.zeros(len(self._output(self.held, self.state)))
+        self.calls = calls if calls is not None else []
+
+    def enter_initialization(self, start_time: float, stop_time: float) -> None:
+        self.calls.append(f"{self.name}.enter")
+
+    def exit_initialization(self) -> None:
+        self.calls.append(f"{self.name}.exit")
+
+    def set_inputs(self) -> None:
+        self.calls.append(f"{self.name}.set")
+        self.held[:] = self.inputs
+
+    def get_outputs(self) -> None:
+        self.calls.append(f"{self.name}.get")
+        self.outputs[:] = self._output(self.held, self.state)
+
+    def do_step(self, time: float, step: float) -> None:
+        self.calls.append(f"{self.name}.step")
+        self.state[:] = self._advance(self.held, self.state, time, step)
+
+    def close(self) -> None:
+        self.calls.append(f"{self.name}.close")
