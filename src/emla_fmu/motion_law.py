@@ -2,7 +2,7 @@
 
 Each function takes anything with the parameters as attributes: a block's values or a
 parameter set. tau_m = A_eq a_L + B_eq v_L + C_eq x_L + D_eq F_L (equation:motor_torque), so
-A_eq is in kg m (the paper prints kg), B_eq in kg m/s, C_eq in N, D_eq in m.
+A_eq is in kg m (the paper prints kg), B_eq in kg m/s, D_eq in m, and C_eq would be in N.
 """
 
 import math
@@ -32,11 +32,12 @@ def D_eq(p: Any) -> Any:
 
 
 def C_eq(alpha: float, rho: float, k_tau: tuple[float, float, float], k_L: float) -> float:
-    """Motor torque per screw travel, in N, as the paper prints it.
+    """Stiffness of the drive train as the paper prints it.
 
     `alpha` in rad/m, `k_tau` the torsional stiffnesses k_tau1 to k_tau3 in N m/rad, `k_L` the
-    linear stiffness in N/m. Taken literally it ties the load to the ground: with realistic
-    stiffnesses no motor could move it. The plant's default is a rigid screw, C_eq = 0.
+    linear stiffness in N/m. The printed formula gives N/m where equation:motor_torque needs a
+    torque per travel, N: a factor alpha_RL. Either way it ties the load to the ground: with
+    realistic stiffnesses no motor could move it. The plant's default is a rigid screw, C_eq = 0.
     """
     k_tau1, k_tau2, k_tau3 = k_tau
     compliance = 1.0 / k_tau1 + 1.0 / k_tau2 + 1.0 / (rho * rho * k_tau3) + alpha * alpha / k_L

@@ -28,7 +28,7 @@ class EmlaObserver(Block):
     Q_22 = Parameter(0.3949, minimum=1e-9, description="Q of the Lyapunov equation (18), row 2")
     H_0 = Parameter(20.0, minimum=0.0, description="H(y) = H_0 (cos(y)^4 + sin(y)^4), y in m (102)")
     m_0 = Parameter(200.0, minimum=1e-30, description="m(t) = m_0 exp(-m_decay t) of (21) and (23) at t = 0")
-    m_decay = Parameter(1e-3, unit="1/s", minimum=0.0, description="Decay of m(t), so that (22) holds")
+    m_decay = Parameter(1e-3, unit="1/s", minimum=1e-12, description="Decay of m(t), so that (22) holds")
     ell = Parameter(1.0, minimum=0.0, description="Adaptation gain of (23)")
     use_model = Parameter(
         True, description="Include B u + g of (20): the commanded torque and viscous friction"

@@ -45,9 +45,10 @@ def published(eta_hat: float) -> ObserverGains:
 def robust(w: float = 4000.0) -> ObserverGains:
     """The same structure with both poles at -w rad/s, and m and H such that f acts.
 
-    Q is scaled so that f, in m/s2 once through p^-1 C', saturates near the accelerations that
-    the model does not know; below that it adds to alpha_2. The commanded torque is left out:
-    without the load it would be a wrong model.
+    With Q = I the second element of p^-1 C' is 8, so f saturates at 8 eta_hat H m/s2, about the
+    accelerations that the model does not know; below that f / y_bar = H^2 eta_hat^2 / m adds
+    w^2 / 2 to alpha_2. The commanded torque is left out: without the load it would be a wrong
+    model.
     """
     return ObserverGains(
         alpha_1=2.0 * w,
@@ -56,7 +57,7 @@ def robust(w: float = 4000.0) -> ObserverGains:
         Q_12=0.0,
         Q_22=1.0,
         H_0=1.0,
-        m_0=1e-6,
+        m_0=16.0 / (w * w),
         m_decay=0.001,
         ell=1.0,
         eta_hat=1.0,

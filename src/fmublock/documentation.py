@@ -22,7 +22,10 @@ body {{ font-family: sans-serif; line-height: 1.5; max-width: 52rem; margin: 2re
 table {{ border-collapse: collapse; margin: 1rem 0; }}
 th, td {{ border-bottom: 1px solid #ccc; padding: 0.2rem 0.8rem; text-align: left; vertical-align: top; }}
 pre {{ background: #f4f4f4; padding: 0.6rem; overflow-x: auto; }}
+math {{ font-family: "Latin Modern Math", "STIX Two Math", "Cambria Math", "TeX Gyre Termes Math", math; }}
 math[display="block"] {{ margin: 0.8rem 0; }}
+mtd[columnalign="left"] {{ text-align: left; }}
+mtd[columnalign="right"] {{ text-align: right; }}
 </style>
 </head>
 <body>

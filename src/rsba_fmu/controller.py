@@ -29,8 +29,8 @@ class RsbaController(Block):
     - `x_2d_in_a_1` (true as printed): (31) contains -x_2d, and P_2 = x_e2 - a_1 cancels the
       reference speed, so a moving reference is followed with an error of 2 |v_d| / beta_1.
       Without it x_2d cancels the derivative of x_1d instead (Omega_1 = 0 in 35) and the lag goes.
-    - `feed_acceleration`: (39) leaves the derivative of x_2d to the robust gains; adding
-      a_d / A_2 to u_2 supplies it (Omega_2 = 0).
+    - `feed_acceleration`: once P_2 counts the reference speed, (39) leaves its derivative to the
+      robust gains; adding a_d / A_2 to u_2 supplies it (Omega_2 = 0).
     - `limit_acceleration`: the published start is millimetres from the reference and asks for
       1e5 A. With limits a linear a_1 overshoots; the speed it asks for is kept to what can be
       braked with `a_max`: min(k e, sqrt(2 a_max (e - a_max / (2 k^2)))).
@@ -167,10 +167,10 @@ class RsbaController(Block):
         """First term of -a_1 in m/s: k P_1, or what a_max can brake where that is less."""
         k = (v.beta[0] + v.zeta[0] * v.theta[0]) / 2.0
         e = abs(P_1)
-        # beyond this error the braking parabola lies below the line, and touches it here
+        # here the braking parabola touches the line; beyond it lies below
         linear_range = v.a_max / (k * k)
         braking = sqrt(2.0 * v.a_max * (e - 0.5 * linear_range))
-        limited = sign(P_1) * where(e > linear_range, minimum(k * e, braking), k * e)
+        limited = sign(P_1) * where(e > linear_range, braking, k * e)
         return where(v.limit_acceleration, limited, k * P_1)
 
     def adaptation(self, v: Any, i: int, P_i: Any, frozen: Any) -> Any:

@@ -56,7 +56,7 @@ def robust(beta_1: float, beta_2: float, a_max: float) -> RsbaGains:
 
     The loops run at beta_1 / 2 < beta_2 / 2 < beta_3 / 2 = 2500 rad/s, each at least twice as
     fast as the one around it, and the fastest at a quarter of a 0.1 ms sample. zeta is the
-    published one; delta and sigma let theta_hat forget within a second.
+    published one of the lift; delta and sigma let theta_hat forget within a second.
     """
     return RsbaGains(
         beta=(beta_1, beta_2, 5000.0, 5000.0),

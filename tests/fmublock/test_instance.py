@@ -133,7 +133,9 @@ def test_parameters_cannot_be_set_after_initialization() -> None:
         running().set([REFERENCE("force"), REFERENCE("body.mass")], [1.0, 2.0])
 
 
-@pytest.mark.parametrize(("time", "step"), [(0.0, 0.0), (0.0, -0.1), (0.0, math.nan), (0.5, 0.1), (math.nan, 0.1)])
+@pytest.mark.parametrize(
+    ("time", "step"), [(0.0, 0.0), (0.0, -0.1), (0.0, math.nan), (0.5, 0.1), (math.nan, 0.1)]
+)
 def test_steps_that_make_no_sense_are_refused(time: float, step: float) -> None:
     instance = running()
     before = instance.get_state()

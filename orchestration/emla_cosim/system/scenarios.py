@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from emla_fmu import TorqueSource, observer_gains
+from emla_fmu.disturbance import LEVELS
 from emla_fmu.parameters import EMLAS
 from emla_fmu.reference import rest_to_rest
 from rsba_fmu import gains
@@ -45,6 +46,8 @@ class JointStudy:
     """Load force in N: the manipulator's static force, positive against extension."""
     d_2: Mapping[str, Any]
     """(98) as parameters of the disturbance."""
+    seed: int
+    """Start of the joint's random sequences."""
 
 
 STUDY = {
@@ -56,6 +59,7 @@ STUDY = {
         v_peak=0.0607,
         load=57e3,
         d_2={"amplitude_2": (0.8, 0.7), "omega_2": (8.0, 20.0), "arctan_2": 1.2, "decay_2": 3.0},
+        seed=1690412731,
     ),
     "tilt": JointStudy(
         x_start=0.385,
@@ -65,6 +69,7 @@ STUDY = {
         v_peak=0.0808,
         load=25e3,
         d_2={"amplitude_2": (0.8, 0.95), "omega_2": (7.0, 18.0), "low_2": 0.0, "high_2": 2.0},
+        seed=715827883,
     ),
     "telescope": JointStudy(
         x_start=0.5,
@@ -74,6 +79,7 @@ STUDY = {
         v_peak=0.210,
         load=-3.4e3,
         d_2={"amplitude_2": (0.9, -0.3), "omega_2": (65.0, 50.0), "phase_2": (0.0, math.pi / 4.0)},
+        seed=1327217885,
     ),
 }
 
@@ -106,7 +112,7 @@ def _study_joint(
     `as_printed` is the paper's plant: driven by the commanded current, with an ideal sensor.
     """
     study, emla = STUDY[name], EMLAS[name]
-    plant: dict[str, Any] = {"x_L": study.x_start, **UNCERTAINTIES}
+    plant: dict[str, Any] = {"x_L": study.x_start, "seed": study.seed, **UNCERTAINTIES}
     if as_printed:
         plant["torque_source"] = int(TorqueSource.COMMAND)
     else:
@@ -118,7 +124,12 @@ def _study_joint(
         gains=(gains.PUBLISHED if published else gains.ROBUST)[name],
         observer_gains=(observer_gains.PUBLISHED if published else observer_gains.ROBUST)[name],
         reference=rest_to_rest(study.q_S, study.q_E, study.v_peak),
-        disturbance={"level": (study.load,) * 6, **study.d_2, **VOLTAGE_DISTURBANCES},
+        disturbance={
+            "level": (study.load,) * LEVELS,
+            "seed": study.seed,
+            **study.d_2,
+            **VOLTAGE_DISTURBANCES,
+        },
         plant=plant,
         estimate=study.estimate if published else study.x_start,
         true_feedback=true_feedback,

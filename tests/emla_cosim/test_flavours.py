@@ -1,0 +1,114 @@
+"""Every block of ours gives the same bits natively, through PythonFMU and in process."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+from slaves import BlockSlave, fmu_slave, interface
+
+from emla_cosim.models import FLAVOURS, MODELS, build, fmu_path
+from emla_fmu import observer_gains
+from emla_fmu.parameters import TILT
+from rsba_fmu import gains
+from emla_cosim.system.joint import start_values
+
+STEPS, STEP = 10_000, 1e-4
+
+# start values that exercise every branch, and the scale of each input's random walk
+DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
+    "EmlaPlant": (
+        start_values(
+            MODELS["EmlaPlant"],
+            TILT,
+            {"sigma": 1e-6, "resolution": 1e-7, "L_d": 3e-3, "F_2": 0.01, "F_3": 0.002, "F_4": 0.001},
+        ),
+        {"u_q": 300, "u_d": 200, "i_q_ref": 10, "F_L": 2e4, "d_2": 1, "d_3": 0.4, "d_4": 0.2},
+    ),
+    "EmlaObserver": (
+        start_values(MODELS["EmlaObserver"], TILT, observer_gains.ROBUST["tilt"], {"use_model": True}),
+        {"y": 1e-4, "i_q_ref": 10},
+    ),
+    "Reference": (
+        {
+            "waypoint[1]": 0.1, "waypoint[2]": 0.3, "waypoint[3]": 0.2,
+            "move.duration[1]": 0.2, "move.start[2]": 0.25, "move.duration[2]": 0.1, "period": 0.4,
+        },
+        {},
+    ),
+    "Disturbance": (
+        {
+            "load.level[1]": 1e4, "load.level[2]": 3e4, "load.start[2]": 0.3, "load.ripple": 5e3,
+            "d_2.amplitude[1]": 0.8, "d_2.omega[1]": 7.0, "d_2.high": 2.0, "d_2.arctan": 1.2, "d_2.decay": 3.0,
+            "d_3.amplitude[1]": 0.42, "d_3.omega[1]": 8.0, "d_3.phase[1]": 1.0, "d_4.amplitude": -0.15,
+        },
+        {"v_L": 0.1},
+    ),
+    "RsbaController": (
+        start_values(MODELS["RsbaController"], TILT, gains.ROBUST["tilt"]),
+        {"x_hat": 1e-3, "v_hat": 0.05, "i_q": 20, "i_d": 5, "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3},
+    ),
+}  # fmt: skip
+
+
+def drive(slave: Any, walks: np.ndarray) -> np.ndarray:
+    """Outputs at every communication point while the inputs follow their walks."""
+    slave.enter_initialization(0.0, STEPS * STEP)
+    slave.exit_initialization()
+    rows = np.empty((STEPS, len(slave.outputs)))
+    for k in range(STEPS):
+        slave.inputs[:] = walks[k]
+        slave.set_inputs()
+        slave.do_step(k * STEP, STEP)
+        slave.get_outputs()
+        rows[k] = slave.outputs
+    return rows
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_both_flavours_agree_bit_for_bit_with_the_block(model: str, python_fmu_folder: Path) -> None:
+    parameters, scales = DRIVES[model]
+    inputs, outputs = interface(MODELS[model])
+    assert list(scales) == inputs
+    random = np.random.default_rng(7)
+    # slow sine plus noise, so that inputs cover their range and never repeat
+    phases = random.uniform(0, 2 * np.pi, len(inputs))
+    waves = np.sin(np.outer(np.arange(STEPS) * 1e-3, 1 + np.arange(len(inputs))) + phases)
+    walks = (waves + 0.1 * random.normal(size=waves.shape)) * list(scales.values())
+    as_numbers = {n: float(v) for n, v in parameters.items()}
+    expected = drive(BlockSlave(MODELS[model](), as_numbers), walks)
+    assert np.isfinite(expected).all()
+    moving = np.ptp(expected, axis=0) > 0
+    assert moving.any()
+    for flavour in FLAVOURS:
+        with fmu_slave(fmu_path(model, flavour, python_fmu_folder), inputs, outputs, parameters) as slave:
+            found = drive(slave, walks)
+        differing = [
+            o for o, same in zip(outputs, (found.view("i8") == expected.view("i8")).all(axis=0)) if not same
+        ]
+        assert differing == [], f"{flavour} differs"
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+@pytest.mark.parametrize("model", MODELS)
+def test_fmpy_validate_reports_nothing(model: str, flavour: str, python_fmu_folder: Path) -> None:
+    assert validate_fmu(str(fmu_path(model, flavour, python_fmu_folder))) == []
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_building_again_gives_the_same_bytes(flavour: str, python_fmu_folder: Path, tmp_path: Path) -> None:
+    for model in MODELS:
+        again = build(model, flavour, [], tmp_path)
+        assert again.read_bytes() == fmu_path(model, flavour, python_fmu_folder).read_bytes(), model
+
+
+def test_an_fmu_that_is_current_is_left_alone_and_others_are_rebuilt(tmp_path: Path) -> None:
+    path = build("Reference", "native", [], tmp_path)
+    good, written = path.read_bytes(), path.stat().st_mtime_ns
+    build("Reference", "native", [], tmp_path)
+    assert path.stat().st_mtime_ns == written
+    path.write_bytes(good[: len(good) // 2])
+    build("Reference", "native", [], tmp_path)
+    assert path.read_bytes() == good
+    assert [p.name for p in path.parent.iterdir()] == ["Reference.fmu"]

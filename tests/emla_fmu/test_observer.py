@@ -1,0 +1,104 @@
+"""The observer's Lyapunov solution, its bound (25), and what its gains do."""
+
+import math
+from types import SimpleNamespace
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+from slaves import BlockSlave, interface
+
+from emla_cosim.system.joint import start_values
+from emla_fmu import EmlaObserver, observer_gains
+
+OUTPUTS = interface(EmlaObserver)[1]
+
+
+@given(
+    alpha_1=st.floats(0.1, 1e4),
+    alpha_2=st.floats(0.1, 1e8),
+    q=st.tuples(st.floats(0.1, 10.0), st.floats(-0.05, 0.05), st.floats(0.1, 10.0)),
+)
+def test_p_solves_the_lyapunov_equation(
+    alpha_1: float, alpha_2: float, q: tuple[float, float, float]
+) -> None:
+    """To rounding, and positive definite; the solution of (18) is unique."""
+    values = SimpleNamespace(alpha_1=alpha_1, alpha_2=alpha_2, Q_11=q[0], Q_12=q[1], Q_22=q[2])
+    p_11, p_12, p_22 = EmlaObserver().lyapunov_solution(values)
+    p = np.array([[p_11, p_12], [p_12, p_22]])
+    A_bar, Q = np.array([[-alpha_1, 1.0], [-alpha_2, 0.0]]), np.array([[q[0], q[1]], [q[1], q[2]]])
+    scale = (np.abs(p) @ np.abs(A_bar)).max()
+    assert np.abs(p @ A_bar + A_bar.T @ p + Q).max() < 1e-12 * scale
+    assert p_11 > 0 and p_11 * p_22 - p_12 * p_12 > 0
+
+
+def test_the_published_p_follows_from_the_published_alpha_and_Q() -> None:
+    """(101) prints p to four digits, and alpha and Q rounded."""
+    p = EmlaObserver().lyapunov_solution(observer_gains.PUBLISHED["lift"])
+    assert p == pytest.approx((1.4078, -0.1975, 4.4535), rel=3e-4)
+
+
+@given(
+    y_bar=st.floats(-1.0, 1.0),
+    eta_hat=st.floats(0.0, 100.0),
+    y=st.floats(-1.0, 1.0),
+    time=st.floats(0.0, 100.0),
+)
+def test_the_robust_term_keeps_its_bound(y_bar: float, eta_hat: float, y: float, time: float) -> None:
+    """(25): |f| <= eta_hat H, and f has the innovation's sign."""
+    gains = observer_gains.ROBUST["lift"]
+    values = SimpleNamespace(**vars(gains) | {"y": y, "x_hat": y - y_bar, "eta_hat": eta_hat, "time": time})
+    f = EmlaObserver().robust_term(values)
+    assert abs(f) <= eta_hat * EmlaObserver().H(values) * (1 + 1e-12)
+    assert f * (values.y - values.x_hat) >= 0.0
+
+
+def _errors(gains: observer_gains.ObserverGains, stop: float, step: float, H_0: float) -> tuple[float, float]:
+    """Position and speed error at `stop` under an acceleration of 2 m/s2 that the observer does not know."""
+    parameters = start_values(EmlaObserver, gains, {"x_hat": 0.0, "use_model": False, "H_0": H_0})
+    slave = BlockSlave(EmlaObserver(), {n: float(v) for n, v in parameters.items()})
+    slave.enter_initialization(0.0, stop)
+    slave.exit_initialization()
+    for k in range(round(stop / step)):
+        # the position at the middle of the step: a held input is late by half a step otherwise
+        slave.inputs[0] = ((k + 0.5) * step) ** 2
+        slave.set_inputs()
+        slave.do_step(k * step, step)
+    slave.get_outputs()
+    x_hat, v_hat = (slave.outputs[OUTPUTS.index(n)] for n in ("x_hat", "v_hat"))
+    return stop**2 - x_hat, 2.0 * stop - v_hat
+
+
+def test_repaired_gains_leave_the_error_that_theory_predicts() -> None:
+    """Without f an acceleration a leaves a / alpha_2 in position and a alpha_1 / alpha_2 in speed.
+
+    After 20 time constants; the held input leaves a ripple of alpha_1 v h^2 / 8, below 1 %.
+    """
+    position, speed = _errors(observer_gains.robust(400.0), stop=0.05, step=1e-4, H_0=0.0)
+    assert position == pytest.approx(2.0 / 400.0**2, rel=2e-2)
+    assert speed == pytest.approx(2.0 * 800.0 / 400.0**2, rel=2e-2)
+
+
+def test_the_robust_term_acts_as_its_gains_promise() -> None:
+    """In balance alpha_2 y_bar + 8 f is the unknown acceleration, and the error falls by a third."""
+    gains = observer_gains.robust(400.0)
+    with_f, without_f = (_errors(gains, stop=0.05, step=1e-4, H_0=H_0)[0] for H_0 in (1.0, 0.0))
+    f = with_f / (abs(with_f) + gains.m_0)  # (21) with eta_hat H = 1
+    assert gains.alpha_2 * with_f + 8.0 * f == pytest.approx(2.0, rel=2e-2)
+    assert with_f < 0.72 * without_f
+
+
+def test_the_robust_term_does_nothing_with_the_published_gains() -> None:
+    gains = observer_gains.PUBLISHED["lift"]
+    with_f, without_f = (_errors(gains, stop=2.0, step=1e-3, H_0=H_0)[0] for H_0 in (20.0, 0.0))
+    assert abs(without_f) > 1.0  # metres, after 2 s
+    assert with_f == pytest.approx(without_f, rel=0.05)
+
+
+def test_published_poles() -> None:
+    gains = observer_gains.PUBLISHED["lift"]
+    poles = np.roots([1.0, gains.alpha_1, gains.alpha_2])
+    assert sorted(poles.imag) == pytest.approx([-0.536, 0.536], abs=1e-3)
+    assert poles.real == pytest.approx([-0.1596, -0.1596], abs=1e-4)
+    assert math.isclose(gains.alpha_2, abs(poles[0]) ** 2)

@@ -1,0 +1,144 @@
+"""Motion profile and disturbances against closed forms."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+from slaves import BlockSlave, interface
+
+from emla_cosim.system.joint import start_values
+from emla_cosim.system.scenarios import STUDY, VOLTAGE_DISTURBANCES
+from emla_fmu import Disturbance, DisturbanceReading, Reference
+from emla_fmu.disturbance import LEVELS
+from emla_fmu.reference import MOVES, rest_to_rest
+
+
+def outputs_at(
+    block: Any, times: np.ndarray, step: float = 1e-4, inputs: float = 0.0, **parameters: Any
+) -> Any:
+    """Outputs of an input-free run at these times (multiples of the step), by name."""
+    values = {n: float(v) for n, v in start_values(type(block), parameters).items()}
+    slave = BlockSlave(block, values)
+    slave.inputs[:] = inputs
+    slave.enter_initialization(0.0, 1.0)
+    slave.set_inputs()
+    slave.exit_initialization()
+    rows, k = [], 0
+    for time in times:
+        while k < round(time / step):
+            slave.do_step(k * step, step)
+            k += 1
+        slave.get_outputs()
+        rows.append(slave.outputs.copy())
+    names = interface(type(block))[1]
+    return SimpleNamespace(**{n: np.array(rows)[:, i] for i, n in enumerate(names)})
+
+
+def evaluate(time: float, **parameters: Any) -> dict[str, float]:
+    """The reference at one time, straight from its equations."""
+    defaults = {
+        v.attribute: v.start if v.size is None else [v.start] * v.size for v in Reference.layout().parameters
+    }
+    return Reference().outputs(SimpleNamespace(**{**defaults, **parameters, "time": time}))
+
+
+@given(
+    time=st.floats(0.0, 20.0),
+    moves=st.lists(
+        st.tuples(st.floats(0.0, 1.0), st.floats(0.1, 5.0), st.floats(0.0, 2.0)), min_size=1, max_size=MOVES
+    ),
+)
+def test_speed_and_acceleration_are_the_derivatives(
+    time: float, moves: list[tuple[float, float, float]]
+) -> None:
+    """Against complex-step-free central differences of the position, away from corners of a_d."""
+    x, start, duration, t = [0.2], [], [], 0.0
+    for target, T, dwell in moves:
+        x.append(target)
+        start.append(t)
+        duration.append(T)
+        t += T + dwell
+    x += [x[-1]] * (MOVES + 1 - len(x))
+    start += [t] * (MOVES - len(start))
+    duration += [1.0] * (MOVES - len(duration))
+    given_ = {"x": x, "start": start, "duration": duration}
+    h = 1e-4
+    corners = np.array([c for s, T in zip(start, duration, strict=True) for c in (s, s + T)])
+    if np.abs(corners - time).min() < 2 * h:
+        return
+    before, here, after = (evaluate(time + d, **given_) for d in (-h, 0.0, h))
+    assert here["v_d"] == pytest.approx((after["x_d"] - before["x_d"]) / (2 * h), abs=1e-3)
+    assert here["a_d"] == pytest.approx((after["v_d"] - before["v_d"]) / (2 * h), abs=1e-1)
+
+
+def test_a_rest_to_rest_move_meets_its_ends_and_its_peak_speed() -> None:
+    move = rest_to_rest(0.244, 0.270, 0.0607)
+    T = move["duration"][0]
+    assert pytest.approx(0.80, abs=0.005) == T
+    assert evaluate(0.0, **move) == pytest.approx({"x_d": 0.244, "v_d": 0.0, "a_d": 0.0})
+    assert evaluate(T, **move) == pytest.approx({"x_d": 0.270, "v_d": 0.0, "a_d": 0.0}, abs=1e-12)
+    assert evaluate(T / 2, **move)["v_d"] == pytest.approx(0.0607)
+    assert evaluate(99.0, **move)["x_d"] == pytest.approx(0.270)
+
+
+def test_a_period_repeats_everything() -> None:
+    move = {**rest_to_rest(0.0, 1.0, 1.0), "period": 3.0}
+    for t in (0.4, 1.1, 2.9):
+        assert evaluate(t + 6.0, **move) == pytest.approx(evaluate(t, **move), abs=1e-9)
+
+
+def test_load_levels_are_absolute_and_ramped() -> None:
+    levels = {
+        "level": (7e3, 20e3, 40e3) + (40e3,) * (LEVELS - 3),
+        "level_start": (0.0, 0.1, 0.2) + (0.3,) * 3,
+    }
+    found = outputs_at(Disturbance(), np.array([0.0, 0.09, 0.125, 0.15, 0.19, 0.3]), ramp=0.05, **levels)
+    assert found.F_L == pytest.approx([7e3, 7e3, 13.5e3, 20e3, 20e3, 40e3])
+
+
+def test_ripple_is_as_wide_as_given() -> None:
+    found = outputs_at(Disturbance(), np.arange(0, 1.0, 0.01), step=0.01, ripple=5e3, level=(70e3,) * LEVELS)
+    assert np.ptp(found.F_L) == pytest.approx(5e3, rel=1e-3)
+    assert found.F_L.mean() == pytest.approx(70e3, rel=1e-3)
+
+
+def test_equation_98_and_99_as_printed() -> None:
+    """Lift and telescope of (98), both lines of (99)."""
+    t, v_L = np.arange(0, 1.0, 0.05), 0.05
+    lift = outputs_at(Disturbance(), t, 0.01, v_L, **STUDY["lift"].d_2, **VOLTAGE_DISTURBANCES)
+    arctan = 1.2 * np.arctan(v_L) * np.exp(-3 * t)
+    assert lift.d_2 == pytest.approx(0.8 * np.sin(8 * t) + 0.7 * np.sin(20 * t) + arctan, abs=1e-12)
+    assert lift.d_3 == pytest.approx(0.42 * np.cos(8 * t + np.pi / 3) + 0.032 * np.sin(5 * t), abs=1e-12)
+    assert lift.d_4 == pytest.approx(-0.15 * np.cos(12 * t + np.pi / 6), abs=1e-12)
+    telescope = outputs_at(Disturbance(), t, 0.01, **STUDY["telescope"].d_2)
+    assert telescope.d_2 == pytest.approx(0.9 * np.sin(65 * t) - 0.3 * np.sin(50 * t + np.pi / 4), abs=1e-12)
+
+
+def test_random_part_is_uniform_held_and_seeded() -> None:
+    times = np.arange(0, 1.0, 1e-4)
+    first = outputs_at(Disturbance(), times, low_2=0.0, high_2=2.0).d_2
+    assert 0.0 < first.min() < 0.01 and 1.99 < first.max() < 2.0
+    assert first.mean() == pytest.approx(1.0, abs=4 * 2 / np.sqrt(12 * len(times)))
+    assert len(np.unique(first)) == len(first)
+    assert np.array_equal(first, outputs_at(Disturbance(), times, low_2=0.0, high_2=2.0).d_2)
+    other = outputs_at(Disturbance(), times, low_2=0.0, high_2=2.0, seed=5).d_2
+    assert not np.isin(first, other).any()
+
+
+def test_random_values_hold_for_their_sample_time_whatever_the_step() -> None:
+    """Four steps of 25 us per sample of 0.1 ms: the same sequence, each value four times."""
+    coarse = outputs_at(Disturbance(), np.arange(0, 0.01, 1e-4), 1e-4, high_2=2.0).d_2
+    fine = outputs_at(Disturbance(), np.arange(0, 0.01, 2.5e-5), 2.5e-5, high_2=2.0).d_2
+    assert np.array_equal(fine, np.repeat(coarse, 4))
+
+
+def test_read_as_force_the_disturbance_leaves_the_acceleration_alone() -> None:
+    t = np.arange(0, 1.0, 0.05)
+    disturbance = {"amplitude_2": (0.8, 0.7), "omega_2": (8.0, 20.0), "level": (1e3,) * LEVELS}
+    force = outputs_at(Disturbance(), t, 0.01, reading=DisturbanceReading.FORCE, **disturbance)
+    acceleration = outputs_at(Disturbance(), t, 0.01, **disturbance)
+    assert (force.d_2 == 0.0).all() and (acceleration.F_L == 1e3).all()
+    assert force.F_L == pytest.approx(1e3 - acceleration.d_2)

@@ -1,0 +1,146 @@
+"""The RSBA laws against the printed equations, and each repair's switch."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+
+from emla_cosim.system.joint import start_values
+from emla_fmu.parameters import LIFT
+from fmublock.instance import Instance
+from rsba_fmu import RsbaController, gains
+
+REFERENCE = RsbaController.layout().reference
+
+
+def controller(g: gains.RsbaGains, **values: float) -> Instance:
+    """A controller of the lift past initialization, with inputs and states set by FMI name."""
+    instance = Instance(RsbaController())
+    for name, value in {**start_values(RsbaController, LIFT, g), **values}.items():
+        instance.set([REFERENCE(name)], [float(value)])
+    instance.enter_initialization()
+    instance.exit_initialization()
+    return instance
+
+
+def outputs(g: gains.RsbaGains, **values: float) -> Any:
+    """Outputs of such a controller by name."""
+    instance = controller(g, **values)
+    names = ("u_q", "u_d", "i_q_ref", "saturated", "P[1]", "P[2]", "P[3]", "P[4]")
+    found = dict(zip(names, instance.get([REFERENCE(n) for n in names]), strict=True))
+    return SimpleNamespace(**{n.replace("[", "_").rstrip("]"): v for n, v in found.items()})
+
+
+signals = st.fixed_dictionaries(
+    {
+        "x_hat": st.floats(0.2, 0.3),
+        "v_hat": st.floats(-0.1, 0.1),
+        "i_q": st.floats(-50, 50),
+        "i_d": st.floats(-5, 5),
+        "x_d": st.floats(0.2, 0.3),
+        "v_d": st.floats(-0.1, 0.1),
+        "a_d": st.floats(-1, 1),
+        "theta[1]": st.floats(0, 10),
+        "theta[2]": st.floats(0, 10),
+        "theta[3]": st.floats(0, 10),
+        "theta[4]": st.floats(0, 10),
+    }
+)
+
+
+@given(signals)
+def test_the_published_laws_are_those_printed(s: dict[str, float]) -> None:
+    """(30), (31), (39) and Table "Actual physical meaning", with L_d = L_q and C_eq = 0."""
+    g = gains.PUBLISHED["lift"]
+    found = outputs(g, **s)
+    theta = [s[f"theta[{i}]"] for i in range(1, 5)]
+    A_2, A_3 = 1.5 * LIFT.N_p * LIFT.Phi_PM / LIFT.A_eq, 1.0 / LIFT.L_q
+    omega = LIFT.N_p * LIFT.alpha_RL * s["v_hat"]
+    g_2 = -LIFT.B_eq * s["v_hat"] / LIFT.A_eq
+    g_3 = (-LIFT.R_s * s["i_q"] - omega * (s["i_d"] * LIFT.L_d + LIFT.Phi_PM)) / LIFT.L_q
+    g_4 = (-LIFT.R_s * s["i_d"] + omega * s["i_q"] * LIFT.L_q) / LIFT.L_d
+    k = [(b + z * t) / 2 for b, z, t in zip(g.beta, g.zeta, theta, strict=True)]
+    P_1 = s["x_hat"] - s["x_d"]
+    P_2 = s["v_hat"] - s["v_d"] - (-k[0] * P_1 - s["v_d"])
+    u_2 = (-k[1] * P_2 - P_1 - g_2) / A_2
+    P_3 = s["i_q"] - u_2
+    # the sums cancel large terms: tolerances are relative to those
+    size = abs(k[1] * k[0] * 0.1 / A_2) + 1.0
+    assert found.P_1 == P_1
+    assert found.P_2 == pytest.approx(P_2, rel=1e-9, abs=1e-9)
+    assert found.i_q_ref == pytest.approx(u_2, abs=1e-9 * size)
+    assert found.u_q == pytest.approx((-k[2] * P_3 - g_3) / A_3, abs=1e-9 * size * k[2] / A_3)
+    assert found.u_d == pytest.approx((-k[3] * s["i_d"] - g_4) / A_3, rel=1e-9, abs=1e-6)
+    assert found.saturated == 0.0
+
+
+@given(signals)
+def test_adaptation_follows_32(s: dict[str, float]) -> None:
+    g = gains.PUBLISHED["lift"]
+    instance = controller(g, **s)
+    P = [instance.get([REFERENCE(f"P[{i}]")])[0] for i in range(1, 5)]
+    rates = instance.block.derivatives(instance._v)["theta"]
+    for i in range(4):
+        expected = -g.delta[i] * g.sigma[i] * s[f"theta[{i + 1}]"] + 0.5 * g.zeta[i] * g.delta[i] * P[i] ** 2
+        assert rates[i] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_without_x_2d_the_speed_error_counts_the_reference_speed() -> None:
+    at_rest_on_target = {"x_hat": 0.25, "x_d": 0.25, "v_hat": 0.05, "v_d": 0.05}
+    printed, repaired = gains.PUBLISHED["lift"], gains.ROBUST["lift"]
+    assert outputs(printed, **at_rest_on_target).P_2 == pytest.approx(0.05)  # wants to slow down
+    assert outputs(repaired, **at_rest_on_target).P_2 == 0.0
+
+
+def test_fed_acceleration_is_the_torque_that_the_inertia_needs() -> None:
+    still = outputs(gains.ROBUST["lift"], a_d=0.0).i_q_ref
+    moving = outputs(gains.ROBUST["lift"], a_d=0.5).i_q_ref
+    torque = 1.5 * LIFT.N_p * LIFT.Phi_PM * (moving - still)
+    assert torque == pytest.approx(LIFT.A_eq * 0.5)
+
+
+@given(st.floats(-0.05, 0.05))
+def test_the_approach_speed_can_be_braked(error: float) -> None:
+    """Within k e, monotone, and v^2 / 2 never more than a_max over the distance left."""
+    g = gains.ROBUST["lift"]
+    # on the reference's speed, -a_1 is what P_2 shows beyond the speed error
+    speed = outputs(g, x_hat=error).P_2
+    k, a = g.beta[0] / 2, g.a_max
+    assert abs(speed) <= k * abs(error) * (1 + 1e-12)
+    assert speed * error >= 0
+    assert 0.5 * speed * speed <= a * abs(error) * (1 + 1e-9)
+    if abs(error) > a / (k * k):
+        assert abs(speed) == pytest.approx(math.sqrt(2 * a * (abs(error) - a / (2 * k * k))))
+    else:
+        assert abs(speed) == pytest.approx(k * abs(error))
+
+
+@given(signals)
+def test_limits_hold_and_are_reported(s: dict[str, float]) -> None:
+    g = gains.ROBUST["lift"]
+    found = outputs(g, **s)
+    assert abs(found.i_q_ref) <= LIFT.i_max
+    assert math.hypot(found.u_q, found.u_d) <= LIFT.u_max * (1 + 1e-12)
+    at_limit = abs(found.i_q_ref) == LIFT.i_max or math.hypot(found.u_q, found.u_d) > LIFT.u_max * (1 - 1e-12)
+    assert found.saturated == float(at_limit)
+
+
+def test_adaptation_stops_while_saturated_and_at_its_largest_value() -> None:
+    saturated = controller(gains.ROBUST["lift"], x_hat=0.1)
+    assert saturated.get([REFERENCE("saturated")]) == [1.0]
+    assert saturated.block.derivatives(saturated._v)["theta"][:2] == [0.0, 0.0]
+    at_top = {f"theta[{i}]": 1e6 for i in range(1, 5)}
+    free = controller(gains.ROBUST["lift"], v_hat=1e-9, i_d=0.1, **at_top)
+    rates = free.block.derivatives(free._v)["theta"]
+    assert all(rate <= 0.0 for rate in rates)
+
+
+def test_published_adaptation_knows_no_limit() -> None:
+    """At the published start the tilt joint's theta_2 grows by thousands within 0.1 ms."""
+    instance = controller(gains.PUBLISHED["tilt"], x_hat=0.358, x_d=0.389)
+    instance.do_step(0.0, 1e-4)
+    assert instance.get([REFERENCE("theta[2]")])[0] > 400
+    assert abs(instance.get([REFERENCE("i_q_ref")])[0]) > 1e5
