@@ -22,7 +22,7 @@ class Sink(Protocol):
 class Recorder:
     """Copies the network's signals into a preallocated block and passes full blocks to the sinks.
 
-    Memory stays the same however long the run is.
+    Memory stays the same however long the run is. `rows` counts the rows taken.
     """
 
     def __init__(self, signals: Vector, sinks: list[Sink], block_rows: int = 2000) -> None:
@@ -30,6 +30,7 @@ class Recorder:
         self._sinks = sinks
         self._block = np.empty((block_rows, 1 + len(signals)))
         self._filled = 0
+        self.rows = 0
 
     def record(self, time: float) -> None:
         """Take the present signals as the row of this time in s."""
@@ -37,6 +38,7 @@ class Recorder:
         row[0] = time
         row[1:] = self._signals
         self._filled += 1
+        self.rows += 1
         if self._filled == len(self._block):
             self._flush()
 
