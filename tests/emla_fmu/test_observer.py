@@ -7,10 +7,10 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
-from slaves import BlockSlave, interface
 
 from emla_cosim.system.joint import start_values
 from emla_fmu import EmlaObserver, observer_gains
+from slaves import BlockSlave, interface
 
 OUTPUTS = interface(EmlaObserver)[1]
 

@@ -7,13 +7,13 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
-from slaves import BlockSlave, interface
 
 from emla_cosim.system.joint import start_values
 from emla_cosim.system.scenarios import STUDY, VOLTAGE_DISTURBANCES
 from emla_fmu import Disturbance, DisturbanceReading, Reference
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, rest_to_rest
+from slaves import BlockSlave, interface
 
 
 def outputs_at(

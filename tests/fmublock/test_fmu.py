@@ -14,12 +14,12 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
-from toy import Toy
-from toy_fmu import build_toy
 
 from emla_cosim.master.fmu_log import FmuLog
 from fmublock.description import BUILD_TIME
 from fmublock.instance import Instance
+from toy import Toy
+from toy_fmu import build_toy
 
 REFERENCE = Toy.layout().reference
 OUTPUTS = [REFERENCE(n) for n in ("x", "v[1]", "v[2]", "power", "inverse")]
@@ -120,7 +120,7 @@ def test_a_driven_run_agrees_bit_for_bit_with_the_block_in_process(session: Sess
     """10,000 steps of uneven length with changing inputs, both shapes of the spring."""
     random = np.random.default_rng(4)
     forces, steps = random.normal(size=10_000), random.uniform(1e-5, 4e-4, size=10_000)
-    slave = session.instance(**{"shape": 2, "count": 5, "seed": 99, "x_0": 0.1})
+    slave = session.instance(shape=2, count=5, seed=99, x_0=0.1)
     block = Instance(Toy())
     for name, value in {"shape": 2, "count": 5, "seed": 99, "x_0": 0.1}.items():
         block.set([REFERENCE(name)], [value])
@@ -220,7 +220,7 @@ def test_states_return_bit_for_bit_in_memory_and_serialized(session: Session) ->
 
 
 def test_reset_brings_the_start_values_back(session: Session) -> None:
-    slave = session.instance(**{"x_0": 0.3})
+    slave = session.instance(x_0=0.3)
     first = states(slave)
     slave.doStep(0.0, 0.1)
     slave.reset()
@@ -234,7 +234,7 @@ def test_reset_brings_the_start_values_back(session: Session) -> None:
 def test_instances_do_not_share_anything(session: Session) -> None:
     alone = session.instance("alone")
     alone.doStep(0.0, 0.1)
-    a, b = session.instance("a"), session.instance("b", **{"x_0": 0.9})
+    a, b = session.instance("a"), session.instance("b", x_0=0.9)
     b.doStep(0.0, 0.1)
     a.doStep(0.0, 0.1)
     assert states(a) == states(alone) != states(b)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from scipy.integrate import solve_ivp
-from toy import Toy
 
 from fmublock import Block, Input, Output, Parameter, State
 from fmublock.instance import BlockError, Instance, StepDiscardedError
 from fmublock.symbolic import evaluate_symbolically
+from toy import Toy
 
 REFERENCE = Toy.layout().reference
 

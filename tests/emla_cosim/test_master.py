@@ -1,0 +1,200 @@
+"""Algorithms and the stepping loop, with fake slaves of a few lines."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from emla_cosim.errors import CommandError, RunError
+from emla_cosim.master.gauss_seidel import GaussSeidel
+from emla_cosim.master.jacobi import Jacobi
+from emla_cosim.master.network import Link, Network, stepping_order
+from emla_cosim.master.simulation import ALGORITHMS, simulate, timing
+from emla_cosim.master.slave import SlaveError
+from slaves import FakeSlave
+
+
+def never() -> bool:
+    return False
+
+
+def network(slaves: Sequence[FakeSlave], links: Sequence[Link]) -> Network:
+    """Fake slaves sharing one vector of signals."""
+    signals, start = np.zeros(sum(len(s.outputs) for s in slaves)), 0
+    for slave in slaves:
+        count = len(slave.outputs)
+        slave.outputs = signals[start : start + count]
+        start += count
+    return Network(slaves, signals, links)
+
+
+def oscillator(calls: list[str] | None = None) -> Network:
+    """x' = v in one slave, v' = -x in another: coupled by states only."""
+    position = FakeSlave("position", 1, [1.0], lambda u, x, t, h: x + h * u, calls=calls)
+    speed = FakeSlave("speed", 1, [0.0], lambda u, x, t, h: x - h * u, calls=calls)
+    return network([position, speed], [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)])
+
+
+def test_calling_order_of_jacobi() -> None:
+    calls: list[str] = []
+    system, algorithm = oscillator(calls), Jacobi()
+    algorithm.setup(system)
+    algorithm.initialize(0.0, 1.0)
+    del calls[:]
+    algorithm.step(0.0, 0.1)
+    order = ["set", "set", "step", "step", "get", "get"]
+    assert calls == [f"{s}.{c}" for c, s in zip(order, ["position", "speed"] * 3, strict=True)]
+
+
+def test_calling_order_of_gauss_seidel() -> None:
+    calls: list[str] = []
+    system, algorithm = oscillator(calls), GaussSeidel()
+    algorithm.setup(system)
+    algorithm.initialize(0.0, 1.0)
+    del calls[:]
+    algorithm.step(0.0, 0.1)
+    assert calls == [f"{s}.{c}" for s in ("position", "speed") for c in ("set", "step", "get")]
+
+
+def test_jacobi_uses_old_values_and_gauss_seidel_new_ones() -> None:
+    """One step of the oscillator by hand, h = 0.1, from x = 1, v = 0."""
+    for algorithm, expected in ((Jacobi(), [1.0, -0.1]), (GaussSeidel(), [1.0, -0.1])):
+        system = oscillator()
+        algorithm.setup(system)
+        algorithm.initialize(0.0, 1.0)
+        algorithm.step(0.0, 0.1)
+        assert system.signals.tolist() == expected
+        algorithm.step(0.1, 0.1)
+        # position moves with the old speed in both; then speed sees the old or the new position
+        assert system.signals[0] == 0.99
+        seen = 1.0 if isinstance(algorithm, Jacobi) else 0.99
+        assert system.signals[1] == pytest.approx(-0.1 - 0.1 * seen)
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_first_order_on_the_oscillator(name: str) -> None:
+    errors = []
+    for steps in (1000, 2000, 4000):
+        system = oscillator()
+        simulate(system, ALGORITHMS[name](), timing(1.0, 1.0 / steps), lambda t: None, never)
+        errors.append(np.abs(system.signals - [np.cos(1.0), -np.sin(1.0)]).max())
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([1.0, 1.0], abs=0.05)
+
+
+def test_initialization_settles_a_chain_against_its_order() -> None:
+    """c needs b needs a, declared backwards: the values must still have come through."""
+    c = FakeSlave("c", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u + 1)
+    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 2 * u)
+    a = FakeSlave("a", 0, [3.0], lambda u, x, t, h: x)
+    system = network([c, b, a], [Link(1, 0, 0, 0, True), Link(2, 0, 1, 0, True)])
+    algorithm = Jacobi()
+    algorithm.setup(system)
+    algorithm.initialize(0.0, 1.0)
+    assert system.signals.tolist() == [7.0, 6.0, 3.0]
+    assert (b.held[0], c.held[0]) == (3.0, 6.0)
+
+
+def test_initialization_settles_a_loop_that_contracts() -> None:
+    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 0.1 * u + 1)
+    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u)
+    system = network([a, b], [Link(1, 0, 0, 0, True), Link(0, 0, 1, 0, True)])
+    algorithm = GaussSeidel()
+    algorithm.setup(system)
+    algorithm.initialize(0.0, 1.0)
+    assert system.signals == pytest.approx([1 / 0.9, 1 / 0.9], rel=1e-11)
+
+
+def test_initialization_that_does_not_settle_names_the_loop() -> None:
+    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 2 * u + 1)
+    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u)
+    bystander = FakeSlave("bystander", 0, [1.0], lambda u, x, t, h: x)
+    system = network([a, bystander, b], [Link(2, 0, 0, 0, True), Link(0, 0, 2, 0, True)])
+    algorithm = Jacobi()
+    algorithm.setup(system)
+    with pytest.raises(RunError, match=r"do not settle .* still change in a, b\."):
+        algorithm.initialize(0.0, 1.0)
+
+
+def test_stepping_order_puts_direct_feedthrough_last() -> None:
+    """reference, plant, disturbance, observer, controller of a joint, with its real links."""
+    reference, plant, disturbance, observer, controller = range(5)
+    links = [
+        Link(reference, 0, controller, 0, True),
+        Link(disturbance, 0, plant, 0, False),
+        Link(plant, 0, disturbance, 0, True),
+        Link(plant, 0, observer, 0, False),
+        Link(plant, 0, controller, 0, True),
+        Link(observer, 0, controller, 0, True),
+        Link(controller, 0, plant, 0, False),
+        Link(controller, 0, observer, 0, False),
+    ]
+    order = stepping_order(5, links)
+    assert order.index(plant) < order.index(disturbance)
+    assert order.index(plant) < order.index(observer) < order.index(controller)
+    assert order[-1] == controller
+
+
+def test_stepping_order_of_a_direct_loop_still_has_everyone() -> None:
+    loop = [Link(0, 0, 1, 0, True), Link(1, 0, 2, 0, True), Link(2, 0, 0, 0, True), Link(0, 0, 0, 0, True)]
+    assert sorted(stepping_order(3, loop)) == [0, 1, 2]
+
+
+def test_time_is_never_accumulated() -> None:
+    times: list[float] = []
+    clock = FakeSlave("clock", 0, [0.0], lambda u, x, t, h: (times.append(t), [t + h])[1])
+    recorded: list[float] = []
+    simulate(network([clock], []), Jacobi(), timing(100.0, 0.1), recorded.append, never)
+    assert times == [k * 0.1 for k in range(1000)]
+    assert recorded == [k * 0.1 for k in range(1001)]
+
+
+def test_row_zero_is_the_initial_state_and_rows_are_labelled_with_their_end() -> None:
+    counter = FakeSlave("counter", 0, [0.0], lambda u, x, t, h: x + 1)
+    system, rows = network([counter], []), []
+    simulate(system, Jacobi(), timing(0.3, 0.1), lambda t: rows.append((t, system.signals[0])), never)
+    assert [t for t, _ in rows] == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert [x for _, x in rows] == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_a_failing_slave_ends_the_run_where_it_was() -> None:
+    def fail(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
+        if t > 0.45:
+            raise SlaveError("bad", "doStep", "fmi2Error", ["I am tired."])
+        return x + 1
+
+    rows: list[float] = []
+    system = network([FakeSlave("bad", 0, [0.0], fail)], [])
+    with pytest.raises(SlaveError, match=r"bad answered doStep with fmi2Error. It said: I am tired."):
+        simulate(system, Jacobi(), timing(1.0, 0.1), rows.append, never)
+    assert rows[-1] == pytest.approx(0.5)
+
+
+def test_an_interruption_ends_between_two_steps() -> None:
+    rows: list[float] = []
+    system = network([FakeSlave("s", 0, [0.0], lambda u, x, t, h: x)], [])
+    done = simulate(system, Jacobi(), timing(1.0, 0.1), rows.append, lambda: len(rows) > 4)
+    assert (done, len(rows)) == (4, 5)
+
+
+@pytest.mark.parametrize(
+    ("stop", "step", "message"),
+    [
+        (1.0, 0.0, "step size 0 s must be a positive"),
+        (1.0, -1e-3, "step size -0.001 s must be a positive"),
+        (1.0, float("nan"), "step size nan s must be a positive"),
+        (0.0, 1e-3, "stop time 0 s must be"),
+        (-1.0, 1e-3, "stop time -1 s must be"),
+        (float("inf"), 1e-3, "stop time inf s must be"),
+        (1.0, 0.3, "stop time 1 s is not a whole number of steps of 0.3 s; 0.9 s would be"),
+        (1.0, 2.0, "stop time 1 s is not a whole number of steps of 2 s; 2 s would be"),
+        (1.0, 1e-15, "are more than 1e"),
+    ],
+)
+def test_times_that_make_no_sense_are_explained(stop: float, step: float, message: str) -> None:
+    with pytest.raises(CommandError, match=message):
+        timing(stop, step)
+
+
+def test_an_input_without_a_source_is_a_mistake_of_the_caller() -> None:
+    with pytest.raises(ValueError, match="needs a link"):
+        network([FakeSlave("s", 1, [0.0], lambda u, x, t, h: x)], [])

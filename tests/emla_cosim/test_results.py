@@ -1,0 +1,146 @@
+"""Rows on disk and metrics, against the definitions worked out in full."""
+
+from pathlib import Path
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+
+from emla_cosim.results.csv_file import CsvFile, read_results
+from emla_cosim.results.metrics import MetricsSink, as_json
+from emla_cosim.results.recorder import Recorder
+
+NAMES = [
+    "j.plant.x_L",
+    "j.plant.v_L",
+    "j.plant.tau_m",
+    "j.reference.x_d",
+    "j.reference.v_d",
+    "j.observer.x_hat",
+]
+NAMES += ["j.controller.saturated"]
+
+
+def in_blocks(rows: np.ndarray, sizes: list[int]) -> list[np.ndarray]:
+    """The rows cut into blocks of these sizes, over and over."""
+    blocks, start, i = [], 0, 0
+    while start < len(rows):
+        blocks.append(rows[start : start + sizes[i % len(sizes)]])
+        start += sizes[i % len(sizes)]
+        i += 1
+    return blocks
+
+
+@given(
+    count=st.integers(1, 200),
+    every=st.integers(1, 30),
+    sizes=st.lists(st.integers(1, 50), min_size=1, max_size=5),
+)
+def test_csv_has_every_nth_row_and_the_last_however_it_is_cut(
+    count: int, every: int, sizes: list[int], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("csv") / "results.csv"
+    rows = np.random.default_rng(count).normal(size=(count, 3)) * 10.0 ** np.arange(-200, 201, 200)
+    rows[:, 0] = np.arange(count)
+    file = CsvFile(path, ["a.b", "c"], every)
+    for block in in_blocks(rows, sizes):
+        file.write(block)
+    file.close()
+    expected = rows[sorted({*range(0, count, every), count - 1})]
+    found = read_results(path, ["time", "a.b", "c", "missing"])
+    assert list(found) == ["time", "a.b", "c"]
+    assert np.array_equal(np.column_stack(list(found.values())), expected)  # every bit comes back
+
+
+def test_csv_is_readable_by_numpy_and_starts_with_time(tmp_path: Path) -> None:
+    file = CsvFile(tmp_path / "r.csv", ["x[1]"], 1)
+    file.write(np.array([[0.0, 1.5], [0.1, -2e-300]]))
+    file.close()
+    assert (tmp_path / "r.csv").read_text().splitlines()[0] == "time,x[1]"
+    assert np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1).tolist() == [[0.0, 1.5], [0.1, -2e-300]]
+
+
+def test_recorder_passes_everything_on_and_closes_every_sink_even_if_one_fails() -> None:
+    class Sink:
+        def __init__(self, broken: bool) -> None:
+            self.rows, self.closed, self.broken = 0, False, broken
+
+        def write(self, rows: np.ndarray) -> None:
+            self.rows += len(rows)
+
+        def close(self) -> None:
+            self.closed = True
+            if self.broken:
+                raise OSError(28, "No space left on device")
+
+    sinks = [Sink(broken=True), Sink(broken=False)]
+    recorder = Recorder(np.zeros(2), sinks, block_rows=4)
+    for k in range(10):
+        recorder.record(0.1 * k)
+    with pytest.raises(OSError, match="No space left"):
+        recorder.close()
+    assert [(s.rows, s.closed) for s in sinks] == [(10, True), (10, True)]
+
+
+def metrics_by_definition(rows: np.ndarray) -> dict[str, float]:
+    """The definitions, applied to the whole run at once."""
+    t, x_L, v_L, tau, x_d, v_d, x_hat, saturated = rows.T
+    error = np.abs(x_L - x_d)
+    outside = t[error > 0.05 * error[0]] if error[0] > 1e-6 else np.array([])
+    convergence = outside[-1] - t[0] if len(outside) else 0.0
+    counted = t >= t[0] + max(convergence, 0.3)
+    largest = {
+        "position_error_m": error,
+        "velocity_error_m_s": np.abs(v_L - v_d),
+        "torque_effort_N_m": np.abs(tau),
+        "observer_position_error_m": np.abs(x_L - x_hat),
+    }
+    return {
+        **{name: float(x[counted].max()) if counted.any() else np.nan for name, x in largest.items()},
+        "torque_peak_N_m": float(np.abs(tau).max()),
+        "convergence_time_s": float(convergence),
+        "saturated_fraction": float(np.mean(saturated > 0)),
+    }
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    offset=st.sampled_from([0.0, 1e-7, 0.01, -0.3]),
+    decay=st.floats(0.5, 30.0),
+    count=st.integers(2, 120),
+    sizes=st.lists(st.integers(1, 40), min_size=1, max_size=4),
+)
+def test_metrics_are_those_of_the_definition_however_rows_come(
+    seed: int, offset: float, decay: float, count: int, sizes: list[int]
+) -> None:
+    random = np.random.default_rng(seed)
+    t = np.arange(count) * 0.01
+    rows = np.column_stack([t, random.normal(size=(count, 7)) * 1e-3])
+    rows[:, 1] = rows[:, 4] + offset * np.exp(-decay * t) + rows[:, 1] * abs(offset)
+    rows[0, 1] = rows[0, 4] + offset
+    rows[:, 7] = random.integers(0, 2, size=count)
+    sink = MetricsSink(["j", "elsewhere"], NAMES)
+    for block in in_blocks(rows, sizes):
+        sink.write(block)
+    (found,) = sink.results().values()
+    expected = metrics_by_definition(rows)
+    assert vars(found) == pytest.approx(expected, rel=1e-12, abs=1e-15, nan_ok=True)
+
+
+def test_metrics_of_a_known_decay() -> None:
+    """An error of exp(-10 t) mm leaves its 5 % band for the last time just before ln(20)/10 s."""
+    t = np.linspace(0.0, 1.0, 10_001)
+    error = 1e-3 * np.exp(-10 * t)
+    rows = np.column_stack([t, error, np.zeros((len(t), 6))])
+    sink = MetricsSink(["j"], NAMES)
+    sink.write(rows)
+    found = sink.results()["j"]
+    assert found.convergence_time_s == pytest.approx(np.log(20) / 10, abs=1e-4)
+    assert found.position_error_m == pytest.approx(1e-3 * np.exp(-3.0), rel=1e-3)
+
+
+def test_what_does_not_exist_is_null_in_json() -> None:
+    sink = MetricsSink(["j"], NAMES)
+    sink.write(np.zeros((2, 8)))
+    assert as_json(sink.results())["j"]["position_error_m"] is None

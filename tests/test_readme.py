@@ -1,0 +1,56 @@
+"""What the README shows works as shown."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import simulate_fmu
+from fmpy.validation import validate_fmu
+from typer.testing import CliRunner
+
+from emla_cosim.cli import app
+from emla_cosim.models import MODELS
+from emla_cosim.system.scenarios import load_scenario
+from fmublock.description import Producer
+from fmublock.export import Documents
+from fmublock.native import build_native, host_platform, native_draft
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_block_of_the_readme_becomes_an_fmu(tmp_path: Path) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    namespace: dict[str, type] = {}
+    exec(compile(code, "README.md", "exec"), namespace)
+    draft = native_draft(namespace["Drive"](), Producer("test", "1", "MIT"), Documents("# Drive\n", "MIT"))
+    build_native(draft, [host_platform()], tmp_path / "Drive.fmu")
+    assert validate_fmu(str(tmp_path / "Drive.fmu")) == []
+    result = simulate_fmu(
+        str(tmp_path / "Drive.fmu"), start_values={"F": 4.0}, stop_time=3.0, output_interval=0.5
+    )
+    assert result["v"] == pytest.approx(2.0 * (1 - np.exp(-0.2 * result["time"])), rel=1e-10)
+
+
+def test_the_commands_of_the_readme_exist(
+    fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each `emla run` line that needs no file of the reader's, cut short."""
+    monkeypatch.chdir(tmp_path)
+    lines = [re.split(r"\s{3,}", line)[0] for line in README.splitlines() if line.startswith("emla run")]
+    runnable = [line for line in lines if "Other.fmu" not in line and "python" not in line]
+    assert len(runnable) >= 2
+    for line in runnable:
+        arguments = re.sub(r"--stop-time \S+", "", line).split()[1:]
+        short = ["--stop-time", "0.002", "--no-plots", "--fmus", str(fmu_folder)]
+        result = CliRunner().invoke(app, [*arguments, *short])
+        assert result.exit_code == 0, f"{line}: {result.output}"
+
+
+def test_every_model_and_scenario_named_exists() -> None:
+    for name in re.findall(r"`emla run ([a-z-]+)`", README):
+        load_scenario(name)
+    for model in re.findall(r"\[(\w+)\]\(fmus/\w+/README.md\)", README):
+        assert model in MODELS
+    for target in re.findall(r"\]\(((?!http)[^)]+)\)", README):
+        assert (Path(__file__).parents[1] / target).exists(), target
