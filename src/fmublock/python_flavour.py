@@ -23,17 +23,17 @@ PythonFMU {pythonfmu} is inside the FMU.
 _SLAVE = '''"""PythonFMU slave of {block}; the equations are in {package}/{path}."""
 
 from {package}.{module} import {block} as EquationsOf{block}
-from {package}.fmublock.slave import BlockSlave as Fmi2Slave
-from {package}.fmublock.slave import give_reference
+from {package}.fmublock.slave import BlockSlave, give_reference
 
 
-class {block}(Fmi2Slave):
+class {block}(BlockSlave):
     """{block} as an FMI 2.0 co-simulation slave."""
 
     block = EquationsOf{block}
     content = "{content}"
 
 
+# PythonFMU runs this text again for every instance and then releases these globals
 give_reference(globals())
 '''
 

@@ -18,6 +18,7 @@ class FmuFile:
     folder: Path
     description: ModelDescription
     model_identifier: str
+    library: Path
     variables: dict[str, ModelVariable]
     sha256: str
 
@@ -42,17 +43,24 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
         raise CommandError(f"'{path}' is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0.")
     if description.coSimulation is None:
         raise CommandError(f"'{path}' is for model exchange only; this master needs co-simulation.")
-    binaries = folder / "binaries"
-    platforms = sorted(p.name for p in binaries.iterdir()) if binaries.is_dir() else []
-    if fmpy.platform not in platforms:
-        raise CommandError(
-            f"'{path}' has no binary for {fmpy.platform}, only for {', '.join(platforms) or 'no platform'}."
-        )
+    identifier = str(description.coSimulation.modelIdentifier)
     return FmuFile(
-        path,
-        folder,
-        description,
-        str(description.coSimulation.modelIdentifier),
-        {v.name: v for v in description.modelVariables},
-        hashlib.sha256(path.read_bytes()).hexdigest(),
+        path=path,
+        folder=folder,
+        description=description,
+        model_identifier=identifier,
+        library=_library(path, folder / "binaries", f"{identifier}{fmpy.sharedLibraryExtension}"),
+        variables={v.name: v for v in description.modelVariables},
+        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+    )
+
+
+def _library(path: Path, binaries: Path, name: str) -> Path:
+    """The FMU's library for this machine: under the platform's tuple, or its FMI 2.0 name."""
+    for platform in (fmpy.platform_tuple, fmpy.platform):
+        if (binaries / platform / name).is_file():
+            return binaries / platform / name
+    present = sorted(p.name for p in binaries.iterdir()) if binaries.is_dir() else []
+    raise CommandError(
+        f"'{path}' has no binary for {fmpy.platform}, only for {', '.join(present) or 'no platform'}."
     )

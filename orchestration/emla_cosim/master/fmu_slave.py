@@ -40,12 +40,14 @@ class FmuSlave:
         self.outputs: Vector = np.zeros(len(outputs))
         self._input_names = inputs
         self._log = log
+        self._stepping = False
         try:
             self._fmu = fmi2.FMU2Slave(
                 guid=file.description.guid,
                 unzipDirectory=str(file.folder),
                 modelIdentifier=file.model_identifier,
                 instanceName=name,
+                libraryPath=str(file.library),
             )
             self._fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
         except Exception as error:  # fmpy raises bare Exception
@@ -90,6 +92,7 @@ class FmuSlave:
     def exit_initialization(self) -> None:
         """Leave initialization mode."""
         self._checked("exitInitializationMode", self._fmu.exitInitializationMode)
+        self._stepping = True
 
     def set_inputs(self) -> None:
         """Pass `inputs` on to the FMU."""
@@ -108,7 +111,10 @@ class FmuSlave:
             raise self._failed(f"doStep at t = {time:.9g} s", status)
 
     def close(self) -> None:
-        """Free the instance and its library."""
+        """Terminate the FMU where the standard allows it, and free the instance and its library."""
+        with contextlib.suppress(Exception):
+            if self._stepping:
+                self._fmu.terminate()
         with contextlib.suppress(Exception):
             self._fmu.freeInstance()
 
@@ -127,6 +133,7 @@ class FmuSlave:
             raise self._failed(call, error.status) from error
 
     def _failed(self, call: str, status: int) -> SlaveError:
+        self._stepping = False
         answer = _STATUS[status] if status < len(_STATUS) else f"status {status}"
         return SlaveError(self.name, call, answer, self._log.lines(self.name))
 
