@@ -176,5 +176,6 @@ class RsbaController(Block):
     def adaptation(self, v: Any, i: int, P_i: Any, frozen: Any) -> Any:
         """Derivative of theta_hat_i (32), stopped where freeze_adaptation says so."""
         growth = -v.delta[i] * v.sigma[i] * v.theta[i] + 0.5 * v.zeta[i] * v.delta[i] * P_i * P_i
-        allowed = where(v.theta[i] < v.theta_max, growth, minimum(growth, 0.0))
+        # no faster than one internal step would take to the bound, so that none jumps over it
+        allowed = minimum(growth, (v.theta_max - v.theta[i]) / v.internal_step)
         return where(v.freeze_adaptation, (1.0 - frozen) * allowed, growth)

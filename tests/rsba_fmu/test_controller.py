@@ -1,6 +1,7 @@
 """The RSBA laws against the printed equations, and each repair's switch."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -136,6 +137,18 @@ def test_adaptation_stops_while_saturated_and_at_its_largest_value() -> None:
     free = controller(gains.ROBUST["lift"], v_hat=1e-9, i_d=0.1, **at_top)
     rates = free.block.derivatives(free._v)["theta"]
     assert all(rate <= 0.0 for rate in rates)
+
+
+@given(theta_max=st.floats(1.0, 1e8), step=st.floats(1e-6, 1e-2), error=st.floats(-0.1, 0.1))
+def test_no_step_jumps_over_the_largest_adaptation(theta_max: float, step: float, error: float) -> None:
+    """With nothing but the freeze switched on, adaptation wants 1e9 within a tenth of a millisecond."""
+    only_frozen = replace(gains.PUBLISHED["lift"], freeze_adaptation=True)
+    instance = controller(only_frozen, **{"limit.theta_max": theta_max}, x_hat=error)
+    for k in range(5):
+        instance.do_step(k * step, step)
+        theta = instance.get([REFERENCE(f"theta[{i}]") for i in range(1, 5)])
+        assert max(theta) <= theta_max * (1 + 1e-12)
+        assert min(theta) >= 0.0
 
 
 def test_published_adaptation_knows_no_limit() -> None:
