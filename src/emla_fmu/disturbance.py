@@ -22,6 +22,8 @@ from fmublock import (
 )
 from fmublock.noise import lehmer, uniform
 
+from .schedule import NEVER
+
 LEVELS = 6
 """How many levels a load profile can have."""
 
@@ -47,7 +49,7 @@ class Disturbance(Block):
 
     level = Parameter(0.0, size=LEVELS, unit="N", name="load.level", description="Load force level")
     level_start = Parameter(
-        0.0,
+        NEVER,
         size=LEVELS,
         unit="s",
         name="load.start",

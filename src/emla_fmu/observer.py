@@ -12,6 +12,9 @@ class EmlaObserver(Block):
     and eta_hat work against it. p is the solution of the Lyapunov equation (18) for the given
     alpha and Q: Algorithm 1 draws Q at random, which only p's size would notice.
 
+    With `use_model` B u + g is the commanded torque and the viscous friction of the estimated
+    speed; C_eq and the reluctance torque of g_2 are left out.
+
     Norms: the paper calls ||.|| the squared norm (after 19). Here ||y_bar|| is the absolute
     value in (21) and (23): only then is |f| <= eta_hat H, as (25) and the stability proof need.
     """
@@ -31,7 +34,8 @@ class EmlaObserver(Block):
     m_decay = Parameter(1e-3, unit="1/s", minimum=1e-12, description="Decay of m(t), so that (22) holds")
     ell = Parameter(1.0, minimum=0.0, description="Adaptation gain of (23)")
     use_model = Parameter(
-        True, description="Include B u + g of (20): the commanded torque and viscous friction"
+        True,
+        description="Include B u + g of (20): commanded torque and viscous friction",
     )
     N_p = Parameter(
         8, minimum=1, name="model.N_p", description="Number of pole pairs, as the observer knows it"

@@ -4,6 +4,8 @@ from typing import Any
 
 from fmublock import Block, DefaultExperiment, Output, Parameter, clamp, floor, where
 
+from .schedule import NEVER
+
 MOVES = 8
 """How many moves a reference can have."""
 
@@ -17,7 +19,13 @@ class Reference(Block):
     default_experiment = DefaultExperiment(stop_time=10.0, step_size=1e-3)
 
     x = Parameter(0.0, size=MOVES + 1, unit="m", name="waypoint", description="Way-point")
-    start = Parameter(0.0, size=MOVES, unit="s", name="move.start", description="Time at which a move begins")
+    start = Parameter(
+        [0.0] + [NEVER] * (MOVES - 1),
+        size=MOVES,
+        unit="s",
+        name="move.start",
+        description="Time at which a move begins",
+    )
     duration = Parameter(
         1.0, size=MOVES, unit="s", minimum=1e-6, name="move.duration", description="Time that a move takes"
     )
@@ -45,7 +53,7 @@ def rest_to_rest(x_i: float, x_f: float, v_peak: float) -> dict[str, Any]:
     """Parameters of a single move from x_i to x_f (m) with this peak speed (m/s), then hold."""
     return {
         "x": [x_i] + [x_f] * MOVES,
-        "start": [0.0] * MOVES,
+        "start": [0.0] + [NEVER] * (MOVES - 1),
         "duration": [quintic_duration(x_f - x_i, v_peak)] + [1.0] * (MOVES - 1),
     }
 
