@@ -1,0 +1,448 @@
+"""One joint, written from the paper's equations a second time: what the tests compare against.
+
+Numbers in parentheses are the paper's equations, names its labels. Nothing here is taken from the
+blocks; where both agree, two readings of the paper agree. A state of the plant is the vector
+x = (x_1, x_2, x_3, x_4) = (x_L, v_L, i_q, i_d); all quantities are in SI units. Only what is
+deterministic is here: no sensor, no random part of (98).
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+Vector = NDArray[np.floating[Any]]
+Four = tuple[float, float, float, float]
+Wave = tuple[float, float, float]
+"""Amplitude, angular frequency in rad/s, phase in rad."""
+
+
+@dataclass(frozen=True)
+class Subsystems:
+    """A_i and g_i of (26) by Table "Actual physical meaning", with the numbers they need."""
+
+    R_s: float
+    L_d: float
+    L_q: float
+    Phi_PM: float
+    N_p: int
+    alpha_RL: float
+    A_eq: float
+    B_eq: float
+    C_eq: float
+
+    @cached_property
+    def A(self) -> Vector:
+        """A_1 to A_4."""
+        k_t = 1.5 * self.N_p * self.Phi_PM
+        return np.array([1.0, k_t / self.A_eq, 1.0 / self.L_q, 1.0 / self.L_d])
+
+    def g(self, x: Sequence[float] | Vector) -> Vector:
+        """g_1 to g_4."""
+        x_1, x_2, x_3, x_4 = x
+        omega = self.N_p * self.alpha_RL * x_2
+        g_2 = (
+            1.5 * self.N_p * (x_3 * x_4 * self.L_d - x_3 * x_4 * self.L_q) - self.B_eq * x_2 - self.C_eq * x_1
+        )
+        g_3 = -self.R_s * x_3 - omega * (x_4 * self.L_d + self.Phi_PM)
+        g_4 = -self.R_s * x_4 + omega * x_3 * self.L_q
+        return np.array([0.0, g_2 / self.A_eq, g_3 / self.L_q, g_4 / self.L_d])
+
+
+# ---- plant ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """The EMLA of Table "Technical data", lift column; B_m and eta_GB are assumptions."""
+
+    R_s: float = 0.14
+    L_d: float = 2.4e-3
+    L_q: float = 2.4e-3
+    Phi_PM: float = 0.15
+    N_p: int = 8
+    J_m: float = 0.016
+    J_c: float = 0.0
+    J_GB: float = 0.0
+    B_m: float = 1.67e-3
+    rho: float = 1.0 / 7.0
+    lead: float = 0.02
+    M_BS: float = 156.5
+    B_BS: float = 0.0
+    eta_GB: float = 0.9
+    C_eq: float = 0.0
+    u_max: float = 445.0
+    F: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """F_2, F_3, F_4 as fractions of g_2, g_3, g_4 (100)."""
+    torque_from_command: bool = False
+    """Whether i_q* drives the screw (equation:StateSpace3) instead of i_q (equation:PMSM)."""
+
+    @cached_property
+    def known(self) -> Subsystems:
+        """A_i and g_i that follow from the part's data (equation:alpha, equation:MotionLaw)."""
+        alpha_RL = 2.0 * math.pi / (self.rho * self.lead)
+        A_eq = alpha_RL * (self.J_m + self.J_c + self.J_GB + self.M_BS / alpha_RL**2)
+        B_eq = alpha_RL * (self.B_m + self.B_BS / alpha_RL**2)
+        return Subsystems(
+            self.R_s, self.L_d, self.L_q, self.Phi_PM, self.N_p, alpha_RL, A_eq, B_eq, self.C_eq
+        )
+
+    @property
+    def D_eq(self) -> float:
+        return 1.0 / (self.known.alpha_RL * self.eta_GB)
+
+
+@dataclass(frozen=True)
+class PlantInputs:
+    """What acts on the plant; d_2 is an acceleration, d_3 and d_4 are voltages."""
+
+    u_q: float = 0.0
+    u_d: float = 0.0
+    i_q_ref: float = 0.0
+    F_L: float = 0.0
+    d_2: float = 0.0
+    d_3: float = 0.0
+    d_4: float = 0.0
+
+
+def shortened(u_q: float, u_d: float, u_max: float) -> tuple[float, float, bool]:
+    """The voltage vector, kept in direction but no longer than u_max; and whether it was too long."""
+    length = math.hypot(u_q, u_d)
+    if length <= u_max:
+        return u_q, u_d, False
+    return u_q * u_max / length, u_d * u_max / length, True
+
+
+def plant_rates(p: Actuator, x: Vector, u: PlantInputs) -> Vector:
+    """(26) with d_1 = 0, the load of Table "Actual physical meaning" and the uncertainties (100)."""
+    u_q, u_d, _ = shortened(u.u_q, u.u_d, p.u_max)
+    A, g = p.known.A, p.known.g(x)
+    F = np.array([0.0, *p.F]) * g
+    drive = np.array([x[1], u.i_q_ref if p.torque_from_command else x[2], u_q, u_d])
+    d = np.array([0.0, u.d_2 - p.D_eq * u.F_L / p.known.A_eq, u.d_3 / p.L_q, u.d_4 / p.L_d])
+    return A * drive + g + F + d
+
+
+def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
+    """What can be seen of the plant, by the names of its FMU; the sensor is ideal."""
+    x_L, v_L, i_q, i_d = (float(value) for value in x)
+    u_q, u_d, saturated = shortened(u.u_q, u.u_d, p.u_max)
+    magnet_current = u.i_q_ref if p.torque_from_command else i_q
+    return {
+        "x_L": x_L,
+        "v_L": v_L,
+        "i_q": i_q,
+        "i_d": i_d,
+        "x_measured": x_L,
+        "a_L": float(plant_rates(p, x, u)[1]),
+        "tau_m": 1.5 * p.N_p * (i_q * i_d * p.L_d + magnet_current * p.Phi_PM - i_d * i_q * p.L_q),
+        "omega_m": p.known.alpha_RL * v_L,
+        "inverter.u_q": u_q,
+        "inverter.u_d": u_d,
+        "inverter.saturated": float(saturated),
+        "P_el": 1.5 * ((u_q + u.d_3) * i_q + (u_d + u.d_4) * i_d),
+        "P_L": u.F_L * v_L,
+    }
+
+
+# ---- observer ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Observer:
+    """Observer (17) to (25) with the numbers of (101) to (103) for the lift.
+
+    ||y_bar|| is read as the absolute value, which (25) needs.
+    """
+
+    alpha: tuple[float, float] = (0.3192, 0.3129)
+    Q: tuple[float, float, float] = (0.7752, -0.0775, 0.3949)
+    """Q_11, Q_12, Q_22."""
+    H_0: float = 20.0
+    m_0: float = 200.0
+    m_decay: float = 0.001
+    ell: float = 1.0
+    knows_command: bool = True
+    """Whether B u + g of (20) is there."""
+    A_2: float = 1.5 * 8 * 0.15 / 35.26
+    """Acceleration per commanded current, as the observer knows it."""
+    friction: float = 3.67 / 35.26
+    """B_eq / A_eq as the observer knows it, 1/s."""
+
+    @cached_property
+    def A_bar(self) -> Vector:
+        """A - alpha C (Assumption 1)."""
+        return np.array([[0.0, 1.0], [0.0, 0.0]]) - np.outer(self.alpha, [1.0, 0.0])
+
+    @cached_property
+    def p(self) -> Vector:
+        """The solution of p A_bar + A_bar' p = -Q (18)."""
+        Q = np.array([[self.Q[0], self.Q[1]], [self.Q[1], self.Q[2]]])
+        identity = np.eye(2)
+        # row by row: vec(p A_bar) = (1 x A_bar') vec(p), vec(A_bar' p) = (A_bar' x 1) vec(p)
+        lyapunov = np.kron(identity, self.A_bar.T) + np.kron(self.A_bar.T, identity)
+        return np.linalg.solve(lyapunov, -Q.ravel()).reshape(2, 2)
+
+    @cached_property
+    def p_inverse_C(self) -> Vector:
+        """p^-1 C'."""
+        return np.linalg.solve(self.p, [1.0, 0.0])
+
+    def H(self, y: float) -> float:
+        """(102)."""
+        return self.H_0 * (math.cos(y) ** 4 + math.sin(y) ** 4)
+
+    def m(self, t: float) -> float:
+        return self.m_0 * math.exp(-self.m_decay * t)
+
+
+def observer_f(o: Observer, t: float, s: Vector, y: float) -> float:
+    """(21); s = (x_hat, v_hat, eta_hat)."""
+    y_bar, eta_H = y - s[0], s[2] * o.H(y)
+    return float(eta_H**2 * y_bar / (eta_H * abs(y_bar) + o.m(t)))
+
+
+def observer_rates(o: Observer, t: float, s: Vector, y: float, i_q_ref: float) -> Vector:
+    """(20) with A = [0 1; 0 0], B = [0; A_2], C = [1 0], and (23)."""
+    x_hat, v_hat, eta_hat = s
+    y_bar = y - x_hat
+    model = o.A_2 * i_q_ref - o.friction * v_hat if o.knows_command else 0.0
+    x_hat_rate = np.array([v_hat, model]) + np.array(o.alpha) * y_bar + o.p_inverse_C * observer_f(o, t, s, y)
+    eta_hat_rate = -o.m(t) * o.ell * eta_hat + o.ell * o.H(y) * abs(y_bar)
+    return np.array([*x_hat_rate, eta_hat_rate])
+
+
+def observer_outputs(o: Observer, t: float, s: Vector, y: float) -> dict[str, float]:
+    """What can be seen of the observer, by the names of its FMU."""
+    names = ("x_hat", "v_hat", "eta_hat")
+    return {
+        **dict(zip(names, s.tolist(), strict=True)),
+        "y_bar": float(y - s[0]),
+        "f": observer_f(o, t, s, y),
+    }
+
+
+# ---- controller ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Controller:
+    """RSBA (27) to (41) with the lift's gains of Table "gains"; the switches are the repairs."""
+
+    known: Subsystems = Subsystems(0.14, 2.4e-3, 2.4e-3, 0.15, 8, 2199.0, 35.26, 3.67, 0.0)
+    beta: Four = (3000.0, 3000.0, 1000.0, 1000.0)
+    zeta: Four = (100.0, 100.0, 100.0, 100.0)
+    delta: Four = (100.0, 100.0, 110.0, 110.0)
+    sigma: Four = (0.001, 0.001, 0.01, 0.01)
+    x_2d_in_a_1: bool = True
+    """Whether (31) contains -x_2d, as printed."""
+    feed_acceleration: bool = False
+    """Whether u_2 contains the derivative of x_2d over A_2."""
+    a_max: float = math.inf
+    """Acceleration that a_1 may ask for."""
+    i_max: float = math.inf
+    """Largest |i_q*|."""
+    u_max: float = math.inf
+    """Longest voltage vector."""
+    theta_max: float = math.inf
+    approach_time: float = 5e-5
+    """Time in s that theta would at least take to theta_max."""
+    freeze: bool = False
+    """Whether adaptation rests while the actuator saturates, and ends at theta_max."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What the controller computes in one instant."""
+
+    i_q_ref: float
+    u_q: float
+    u_d: float
+    P: Vector
+    current_limited: bool
+    voltage_limited: bool
+
+
+def approach(c: Controller, k: float, P_1: float) -> float:
+    """Speed towards the reference: k P_1, beyond a_max / k^2 what a_max can brake."""
+    e = abs(P_1)
+    if e <= c.a_max / k**2:
+        return k * P_1
+    return math.copysign(math.sqrt(2.0 * c.a_max * (e - c.a_max / (2.0 * k**2))), P_1)
+
+
+def control(c: Controller, theta: Vector, x: Sequence[float] | Vector, x_d: Sequence[float]) -> Signals:
+    """Algorithm 2; x is what is measured or estimated, x_d = (x_1d, x_2d, derivative of x_2d)."""
+    A, g = c.known.A, c.known.g(x)
+    gain = 0.5 * (np.array(c.beta) + np.array(c.zeta) * theta)
+
+    def W(i: int, P_i: float) -> float:  # (41)
+        return float(-(gain[i - 1] * P_i + g[i - 1]) / A[i - 1])
+
+    P_1 = x[0] - x_d[0]
+    a_1 = -approach(c, float(gain[0]), P_1) - (x_d[1] if c.x_2d_in_a_1 else 0.0)  # (31)
+    P_2 = x[1] - x_d[1] - a_1
+    u_2 = W(2, P_2) - P_1 * A[0] / A[1] + (x_d[2] / A[1] if c.feed_acceleration else 0.0)
+    i_q_ref = min(max(u_2, -c.i_max), c.i_max)
+    P_3, P_4 = x[2] - i_q_ref, x[3]
+    u_q, u_d, voltage_limited = shortened(W(3, P_3), W(4, P_4), c.u_max)
+    P = np.array([P_1, P_2, P_3, P_4])
+    return Signals(float(i_q_ref), u_q, u_d, P, bool(abs(u_2) > c.i_max), voltage_limited)
+
+
+def adaptation(c: Controller, theta: Vector, s: Signals) -> Vector:
+    """(32), with the repairs."""
+    delta, sigma, zeta = (np.array(gains) for gains in (c.delta, c.sigma, c.zeta))
+    rates = -delta * sigma * theta + 0.5 * zeta * delta * s.P**2
+    if c.freeze:
+        rates = np.minimum(rates, (c.theta_max - theta) / c.approach_time)
+        if s.voltage_limited:
+            rates[:] = 0.0
+        elif s.current_limited:
+            rates[:2] = 0.0
+    return rates
+
+
+def controller_outputs(theta: Vector, s: Signals) -> dict[str, float]:
+    """What can be seen of the controller, by the names of its FMU."""
+    return {
+        **{f"theta[{i + 1}]": float(theta[i]) for i in range(4)},
+        "u_q": s.u_q,
+        "u_d": s.u_d,
+        "i_q_ref": s.i_q_ref,
+        "saturated": float(s.current_limited or s.voltage_limited),
+        **{f"P[{i + 1}]": float(s.P[i]) for i in range(4)},
+    }
+
+
+# ---- reference and disturbance -------------------------------------------------------------
+
+QUINTIC = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+"""s(r) from rest to rest, 0 at r = 0 and 1 at r = 1."""
+QUINTIC_1, QUINTIC_2 = QUINTIC.deriv(1), QUINTIC.deriv(2)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Quintic moves from way-point to way-point; `period` 0 is no repetition."""
+
+    waypoints: tuple[float, ...]
+    starts: tuple[float, ...]
+    durations: tuple[float, ...]
+    period: float = 0.0
+
+
+def reference(motion: Motion, t: float) -> tuple[float, float, float]:
+    """x_d, v_d, a_d: the way-point last reached, or the move that is on."""
+    if motion.period > 0.0:
+        t = t % motion.period
+    x_d = motion.waypoints[0]
+    for i, (start, T) in enumerate(zip(motion.starts, motion.durations, strict=True)):
+        if t <= start:
+            break
+        d, r = motion.waypoints[i + 1] - motion.waypoints[i], (t - start) / T
+        if r < 1.0:
+            s, s_1, s_2 = (float(q(r)) for q in (QUINTIC, QUINTIC_1, QUINTIC_2))
+            return x_d + d * s, d * s_1 / T, d * s_2 / T**2
+        x_d = motion.waypoints[i + 1]
+    return x_d, 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Load, (98) without its random part, and (99)."""
+
+    levels: tuple[float, ...] = (0.0,)
+    level_starts: tuple[float, ...] = ()
+    """When levels 2, 3, ... begin."""
+    ramp: float = 0.5
+    ripple: Wave = (0.0, 0.0, 0.0)
+    sines_2: tuple[Wave, ...] = ()
+    arctan_2: float = 0.0
+    decay_2: float = 0.0
+    cosines_3: tuple[Wave, ...] = ()
+    cosine_4: Wave = (0.0, 0.0, 0.0)
+    d_2_is_force: bool = False
+    """Read (98) in N: it then acts against the load force."""
+
+
+def disturbance(s: Surroundings, t: float, v_L: float) -> dict[str, float]:
+    """F_L, d_2, d_3, d_4 by name."""
+    points, forces = [0.0], [s.levels[0]]
+    for i, start in enumerate(s.level_starts):
+        points += [start, start + s.ramp]
+        forces += [s.levels[i], s.levels[i + 1]]
+    a, omega, phase = s.ripple
+    load = float(np.interp(t, points, forces)) + a * math.sin(omega * t + phase)
+    d_2 = s.arctan_2 * math.atan(v_L) * math.exp(-s.decay_2 * t)
+    d_2 += sum(a * math.sin(omega * t + phase) for a, omega, phase in s.sines_2)
+    d_3 = sum(a * math.cos(omega * t + phase) for a, omega, phase in s.cosines_3)
+    a, omega, phase = s.cosine_4
+    return {
+        "F_L": load - d_2 if s.d_2_is_force else load,
+        "d_2": 0.0 if s.d_2_is_force else d_2,
+        "d_3": d_3,
+        "d_4": a * math.cos(omega * t + phase),
+    }
+
+
+# ---- the whole joint -----------------------------------------------------------------------
+
+JOINT_STATES = (
+    *("x_L", "v_L", "i_q", "i_d"),
+    *("x_hat", "v_hat", "eta_hat"),
+    *("theta[1]", "theta[2]", "theta[3]", "theta[4]"),
+)
+"""Names of the joint's states in the order of its state vector."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """All parts of one joint, with the observer in the loop."""
+
+    plant: Actuator
+    observer: Observer
+    controller: Controller
+    motion: Motion
+    surroundings: Surroundings
+
+
+def joint_rates(j: Joint, t: float, s: Vector) -> Vector:
+    """Right-hand side of the whole joint, with every exchange between its parts instantaneous."""
+    x, estimate, theta = s[:4], s[4:7], s[7:]
+    y = float(x[0])
+    believed = (estimate[0], estimate[1], x[2], x[3])
+    signals = control(j.controller, theta, believed, reference(j.motion, t))
+    outside = disturbance(j.surroundings, t, float(x[1]))
+    u = PlantInputs(signals.u_q, signals.u_d, signals.i_q_ref, **outside)
+    return np.concatenate(
+        [
+            plant_rates(j.plant, x, u),
+            observer_rates(j.observer, t, estimate, y, signals.i_q_ref),
+            adaptation(j.controller, theta, signals),
+        ]
+    )
+
+
+def solve(
+    rates: Callable[[float, Vector], Vector],
+    start: Sequence[float] | Vector,
+    times: Sequence[float] | Vector,
+    *,
+    method: Any = "DOP853",
+    rtol: float = 1e-12,
+    atol: float | Sequence[float] = 1e-15,
+) -> Vector:
+    """States at `times` (one row each, the first at times[0] is `start`)."""
+    found = solve_ivp(
+        rates, (times[0], times[-1]), np.asarray(start), method, times, rtol=rtol, atol=np.asarray(atol)
+    )
+    if not found.success:
+        raise RuntimeError(found.message)
+    return found.y.T
