@@ -1,0 +1,290 @@
+"""Write the reference solutions that an FMU can be checked against: `python fmus/make_references.py`.
+
+Per model, in the form of the FMI cross-check rules: <Model>_in.csv (where it has inputs),
+<Model>_ref.csv and <Model>_ref.opt. The solutions come from `tests/reference_model.py`, the
+paper's equations written independently of the FMUs, and are exact to about 1e-11.
+
+Inputs are those of a co-simulation: the value in the row of t_k is held until t_k+1, so step the
+FMU by the file's interval (StepSize). Outputs in the row of t_k+1 belong to the inputs held up to
+then; the first row is the state after initialization with the first row's inputs.
+"""
+
+# EmlaPlant, EmlaObserver and RsbaController run with their default start values. Reference and
+# Disturbance do nothing by default; these are to be set before initialization (see START_VALUES):
+#   Reference    waypoint[1] to waypoint[9], move.start[1] to move.start[8], move.duration[1] to
+#                move.duration[8], period
+#   Disturbance  load.level[1] to load.level[6], load.start[2] to load.start[6], load.ripple,
+#                d_2.amplitude[1:2], d_2.omega[1:2], d_2.phase[1:2], d_2.arctan, d_2.decay,
+#                d_3.amplitude[1:2], d_3.omega[1:2], d_3.phase[1:2], d_4.amplitude, d_4.omega,
+#                d_4.phase; no random part
+
+import math
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+FMUS = Path(__file__).parent
+sys.path.append(str(FMUS.parent / "tests"))
+
+import reference_model as paper  # noqa: E402
+from reference_model import Vector  # noqa: E402
+
+Row = dict[str, float]
+TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The files' content: a row per communication point, time left out; times in s."""
+
+    step: float
+    inputs: list[Row]
+    outputs: list[Row]
+
+
+def solved(
+    step: float,
+    inputs: Sequence[Row],
+    start: Sequence[float],
+    rates: Callable[[float, Vector, Row], Vector],
+    outputs: Callable[[float, Vector, Row], Row],
+) -> Solution:
+    """The solution of x' = rates(t, x, u) with u held between the rows of `inputs`."""
+    x = np.array(start)
+    shown = [outputs(0.0, x, inputs[0])]
+    for k, u in enumerate(inputs[:-1]):
+        times = [k * step, (k + 1) * step]
+        x = paper.solve(lambda t, s, u=u: rates(t, s, u), x, times, rtol=TOLERANCE, atol=1e-16)[-1]
+        shown.append(outputs(times[1], x, u))
+    return Solution(step, list(inputs), shown)
+
+
+def rounded(row: Row) -> Row:
+    """Twelve decimals, so that the files are short; the solution is that of what they say."""
+    return {name: round(float(value), 12) + 0.0 for name, value in row.items()}
+
+
+# ---- the plant: voltages and a load that shake it, beyond the inverter's limit for a moment ----
+
+
+def plant() -> Solution:
+    """0.2 s: the open loop rings with some 40 Hz, up to 0.11 m/s."""
+    step, count = 5e-4, 401
+    p = paper.Actuator()
+
+    def given(k: int) -> Row:
+        t = k * step
+        long = k == 100  # 634 V are asked for, 445 V can be had
+        return rounded(
+            {
+                "u_q": 600.0 if long else 15.0 * math.sin(40.0 * t) + 5.0,
+                "u_d": -205.0 if long else 8.0 * math.cos(25.0 * t),
+                "i_q_ref": 20.0 * math.sin(30.0 * t),  # not used: torque_source is the current
+                "F_L": 4e3 * (1.0 if t < 0.12 else -1.0),
+                "d_2": 0.8 * math.sin(8.0 * t) + 0.7 * math.sin(20.0 * t),
+                "d_3": 0.42 * math.cos(8.0 * t + math.pi / 3.0),
+                "d_4": -0.15 * math.cos(12.0 * t + math.pi / 6.0),
+            }
+        )
+
+    return solved(
+        step,
+        [given(k) for k in range(count)],
+        [0.24, 0.0, 0.0, 0.0],
+        lambda t, x, u: paper.plant_rates(p, x, paper.PlantInputs(**u)),
+        lambda t, x, u: paper.plant_outputs(p, x, paper.PlantInputs(**u)),
+    )
+
+
+# ---- the observer: a position that it trails and overtakes ------------------------------------
+
+
+def observer() -> Solution:
+    """1 s with the published gains; eta_hat falls from 1 to what the innovation sustains."""
+    step, count = 2.5e-3, 401
+    o = paper.Observer()
+
+    def given(k: int) -> Row:
+        t = k * step
+        return rounded(
+            {
+                "y": 0.245 + 0.004 * math.sin(6.0 * t) + (0.002 if t >= 0.4 else 0.0),
+                "i_q_ref": 4.0 * math.cos(7.0 * t),
+            }
+        )
+
+    return solved(
+        step,
+        [given(k) for k in range(count)],
+        [0.24, 0.0, 1.0],
+        lambda t, s, u: paper.observer_rates(o, t, s, u["y"], u["i_q_ref"]),
+        lambda t, s, u: paper.observer_outputs(o, t, s, u["y"]),
+    )
+
+
+# ---- the controller: errors of a size that the published gains can live with --------------------
+
+
+def controller() -> Solution:
+    """0.4 s along a quintic move; i_q* of some 50 A, and currents that follow it closely."""
+    step, count = 1e-3, 401
+    c = paper.Controller()
+    move = paper.Motion((0.240, 0.252), (0.0,), (0.4,))
+
+    def given(k: int) -> Row:
+        t = k * step
+        x_d, v_d, a_d = paper.reference(move, t)
+        v_hat = v_d + 2e-4 * math.sin(30.0 * t)
+        # the printed law wants v_hat = -beta_1 / 2 P_1; what differs from it is P_2
+        x_hat = x_d - v_hat / 1500.0 + 8e-7 * math.cos(17.0 * t)
+        i_d = 0.05 * math.sin(11.0 * t)
+        row = {"x_hat": x_hat, "v_hat": v_hat, "i_q": 0.0, "i_d": i_d, "x_d": x_d, "v_d": v_d, "a_d": a_d}
+        wanted = paper.control(c, np.zeros(4), (x_hat, v_hat, 0.0, i_d), (x_d, v_d, a_d)).i_q_ref
+        return rounded({**row, "i_q": wanted + 0.5 * math.cos(23.0 * t)})
+
+    def signals(theta: Vector, u: Row) -> paper.Signals:
+        x, x_d = (u["x_hat"], u["v_hat"], u["i_q"], u["i_d"]), (u["x_d"], u["v_d"], u["a_d"])
+        return paper.control(c, theta, x, x_d)
+
+    return solved(
+        step,
+        [given(k) for k in range(count)],
+        [0.0, 0.0, 0.0, 0.0],
+        lambda t, theta, u: paper.adaptation(c, theta, signals(theta, u)),
+        lambda t, theta, u: paper.controller_outputs(theta, signals(theta, u)),
+    )
+
+
+# ---- the reference: way-points out and back, again after a period -------------------------------
+
+MOTION = paper.Motion(
+    waypoints=(0.05, 0.1333, 0.2167, 0.30, 0.2375, 0.175, 0.1125, 0.08, 0.05),
+    starts=(0.3, 1.5, 2.6, 3.9, 5.0, 6.05, 7.1, 8.0),
+    durations=(1.2, 1.0, 1.1, 0.9, 0.95, 1.05, 0.8, 0.6),
+    period=9.1,
+)
+
+
+def reference() -> Solution:
+    """12 s: one period and part of the next."""
+    step, count = 0.025, 481
+    rows = [
+        dict(zip(("x_d", "v_d", "a_d"), paper.reference(MOTION, k * step), strict=True)) for k in range(count)
+    ]
+    return Solution(step, [], rows)
+
+
+# ---- the disturbance: six load levels with ripple, (98) of the lift and (99) --------------------
+
+SURROUNDINGS = paper.Surroundings(
+    levels=(7e3, 20e3, 40e3, 60e3, 70e3, -5e3),
+    level_starts=(1.0, 2.5, 4.0, 6.0, 8.0),
+    ramp=0.5,
+    ripple=(2.5e3, 2.0 * math.pi, 0.0),
+    sines_2=((0.8, 8.0, 0.0), (0.7, 20.0, math.pi / 4.0)),
+    arctan_2=1.2,
+    decay_2=0.3,
+    cosines_3=((0.42, 8.0, math.pi / 3.0), (0.032, 5.0, -math.pi / 2.0)),
+    cosine_4=(-0.15, 12.0, math.pi / 6.0),
+)
+
+
+def disturbance() -> Solution:
+    """10 s; the speed enters through an arctan only."""
+    step, count = 0.02, 501
+    inputs = [rounded({"v_L": 0.06 * math.sin(2.0 * k * step)}) for k in range(count)]
+    held = [inputs[0], *inputs]
+    return Solution(
+        step, inputs, [paper.disturbance(SURROUNDINGS, k * step, held[k]["v_L"]) for k in range(count)]
+    )
+
+
+# ---- files --------------------------------------------------------------------------------------
+
+SOLUTIONS: dict[str, Callable[[], Solution]] = {
+    "EmlaPlant": plant,
+    "EmlaObserver": observer,
+    "Reference": reference,
+    "Disturbance": disturbance,
+    "RsbaController": controller,
+}
+"""What makes the files of each model."""
+
+
+def indexed(name: str, values: Sequence[float], first: int = 1) -> dict[str, float]:
+    """Elements of an array variable by FMI name."""
+    return {f"{name}[{i}]": value for i, value in enumerate(values, first)}
+
+
+def waves(name: str, given: Sequence[paper.Wave]) -> dict[str, float]:
+    """Arrays of amplitude, omega and phase."""
+    parts = zip(("amplitude", "omega", "phase"), zip(*given, strict=True), strict=True)
+    return {k: x for part, values in parts for k, x in indexed(f"{name}.{part}", values).items()}
+
+
+START_VALUES: dict[str, dict[str, float]] = {
+    "EmlaPlant": {},
+    "EmlaObserver": {},
+    "Reference": {
+        **indexed("waypoint", MOTION.waypoints),
+        **indexed("move.start", MOTION.starts),
+        **indexed("move.duration", MOTION.durations),
+        "period": MOTION.period,
+    },
+    "Disturbance": {
+        **indexed("load.level", SURROUNDINGS.levels),
+        **indexed("load.start", SURROUNDINGS.level_starts, first=2),
+        "load.ramp": SURROUNDINGS.ramp,
+        "load.ripple": 2.0 * SURROUNDINGS.ripple[0],  # the width is twice the amplitude
+        "load.ripple_omega": SURROUNDINGS.ripple[1],
+        **waves("d_2", SURROUNDINGS.sines_2),
+        "d_2.arctan": SURROUNDINGS.arctan_2,
+        "d_2.decay": SURROUNDINGS.decay_2,
+        **waves("d_3", SURROUNDINGS.cosines_3),
+        "d_4.amplitude": SURROUNDINGS.cosine_4[0],
+        "d_4.omega": SURROUNDINGS.cosine_4[1],
+        "d_4.phase": SURROUNDINGS.cosine_4[2],
+    },
+    "RsbaController": {},
+}
+"""Start values that differ from the FMU's, by model and FMI name."""
+
+
+def csv(step: float, rows: Sequence[Row]) -> str:
+    """Rows as text, numbers with the digits that bring back the same double."""
+    names = list(rows[0])
+    lines = [[round(k * step, 9), *(row[name] + 0.0 for name in names)] for k, row in enumerate(rows)]
+    return "\n".join([",".join(["time", *names]), *(",".join(map(repr, line)) for line in lines)]) + "\n"
+
+
+def files(model: str) -> dict[str, str]:
+    """All files of a model: their text by name."""
+    solution = SOLUTIONS[model]()
+    options = {
+        "StartTime": 0.0,
+        "StopTime": round((len(solution.outputs) - 1) * solution.step, 9),
+        "StepSize": solution.step,
+        "RelTol": TOLERANCE,
+        "OutputIntervalLength": solution.step,
+    }
+    text = {
+        f"{model}_ref.csv": csv(solution.step, solution.outputs),
+        f"{model}_ref.opt": "".join(f"{name}, {value!r}\n" for name, value in options.items()),
+    }
+    if solution.inputs:
+        text[f"{model}_in.csv"] = csv(solution.step, solution.inputs)
+    return text
+
+
+def main() -> None:
+    """Write everything."""
+    for model in SOLUTIONS:
+        for name, text in files(model).items():
+            (FMUS / model / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main()
