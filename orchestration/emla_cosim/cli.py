@@ -7,17 +7,15 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as RichProgress
+from rich.markup import escape
 from rich.table import Table
 
 from .errors import CommandError, CosimError
 from .master.simulation import ALGORITHMS
 from .models import FLAVOURS, FMU_FOLDER, MODELS, build, check_choice
-from .results.metrics import JointMetrics
-from .run import Progress, RunResult, Settings, run
+from .run import Settings, run
 from .system.scenarios import CONTROLLERS, describe_scenario, load_scenario, scenario_names
+from .terminal import ERR, OUT, BarProgress, show_result
 
 app = typer.Typer(
     help="Co-simulate electromechanical linear actuators as FMUs.",
@@ -25,7 +23,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-_out, _err = Console(), Console(stderr=True)
 
 
 def _one_sentence(command: Callable[..., None]) -> Callable[..., None]:
@@ -36,17 +33,13 @@ def _one_sentence(command: Callable[..., None]) -> Callable[..., None]:
         try:
             command(*args, **kwargs)
         except CosimError as error:
-            _err.print(f"[bold red]Error:[/] {_escaped(str(error))}", highlight=False, soft_wrap=True)
+            ERR.print(f"[bold red]Error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
             raise typer.Exit(error.exit_code) from error
         except KeyboardInterrupt as error:
-            _err.print("[bold red]Interrupted.[/]")
+            ERR.print("[bold red]Interrupted.[/]")
             raise typer.Exit(1) from error
 
     return guarded
-
-
-def _escaped(text: str) -> str:
-    return text.replace("[", "\\[")
 
 
 Flavour = Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")]
@@ -67,14 +60,14 @@ def build_command(
     chosen = models or list(MODELS)
     for model in chosen:
         check_choice("model", model, MODELS)
-    with _BarProgress() as progress:
+    with BarProgress() as progress:
         progress.begin(f"building {flavour} FMUs", len(chosen))
         paths = []
         for model in chosen:
             paths.append(build(model, flavour, platform or [], output))
             progress.advance(1)
     for path in paths:
-        _out.print(f"{path}  [dim]{path.stat().st_size / 1024:.0f} KiB[/]", highlight=False, soft_wrap=True)
+        OUT.print(f"{path}  [dim]{path.stat().st_size / 1024:.0f} KiB[/]", highlight=False, soft_wrap=True)
 
 
 @app.command("list")
@@ -92,7 +85,7 @@ def list_command() -> None:
     choices.add_row("--algorithm", ", ".join(ALGORITHMS))
     choices.add_row("--controller", ", ".join(CONTROLLERS))
     for table in (scenarios, models, choices):
-        _out.print(table)
+        OUT.print(table)
 
 
 @app.command("run")
@@ -139,9 +132,9 @@ def run_command(
         fmus=fmus,
         plots=plots,
     )
-    with _BarProgress() as progress:
+    with BarProgress() as progress:
         result = run(chosen, settings, output or Path("results") / scenario, progress)
-    _show(scenario, result)
+    show_result(scenario, result)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {result.folder}.")
 
@@ -154,77 +147,6 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
             raise CommandError(f"{option} {text} lacks a name or a value; write {option} NAME=VALUE.")
         pairs[name.strip()] = value.strip()
     return pairs
-
-
-class _BarProgress(Progress):
-    """Progress as bars on the terminal, one per task."""
-
-    def __init__(self) -> None:
-        self._bars = RichProgress(
-            TextColumn("{task.description:<16}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(elapsed_when_finished=True),
-            console=_err,
-        )
-        self._task: Any = None
-
-    def __enter__(self) -> "_BarProgress":
-        self._bars.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._bars.stop()
-
-    def begin(self, task: str, total: int) -> None:
-        """A task of `total` units begins."""
-        self._task = self._bars.add_task(task, total=total)
-
-    def advance(self, count: int) -> None:
-        """So many units more are done."""
-        self._bars.advance(self._task, count)
-
-
-_ROWS: tuple[tuple[str, Callable[[JointMetrics], float], str], ...] = (
-    ("position error", lambda m: 1e6 * m.position_error_m, "µm"),
-    ("speed error", lambda m: 1e3 * m.velocity_error_m_s, "mm/s"),
-    ("torque effort", lambda m: m.torque_effort_N_m, "N m"),
-    ("torque peak", lambda m: m.torque_peak_N_m, "N m"),
-    ("convergence time", lambda m: 1e3 * m.convergence_time_s, "ms"),
-    ("observer position error", lambda m: 1e6 * m.observer_position_error_m, "µm"),
-    ("time at a limit", lambda m: 100.0 * m.saturated_fraction, "%"),
-)
-
-
-def _show(scenario: str, result: RunResult) -> None:
-    """The results as a table, and where everything is."""
-    if result.metrics:
-        table = Table(
-            title=f"{scenario}, {result.steps * result.times.step:g} s simulated", title_justify="left"
-        )
-        table.add_column("")
-        for joint in result.metrics:
-            table.add_column(joint, justify="right")
-        table.add_column("")
-        for label, value, unit in _ROWS:
-            table.add_row(label, *(_number(value(m)) for m in result.metrics.values()), unit)
-        _out.print(table)
-    if result.wall_s > 0 and result.steps:
-        rate, factor = result.steps / result.wall_s, result.steps * result.times.step / result.wall_s
-        _out.print(
-            f"{result.steps} steps in {result.wall_s:.1f} s: {rate:,.0f} steps/s, {factor:.2g} x real time",
-            highlight=False,
-        )
-    pictures = ", ".join(path.name for path in result.pictures)
-    _out.print(
-        f"Wrote {result.folder}/: results.csv, metrics.json, run.json", highlight=False, soft_wrap=True
-    )
-    if pictures:
-        _out.print(f"Pictures: {pictures}", highlight=False, soft_wrap=True)
-
-
-def _number(value: float) -> str:
-    return "-" if value != value else f"{value:.4g}"
 
 
 def main() -> None:

@@ -70,6 +70,13 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
     assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
 
 
+def test_a_run_too_short_to_converge_says_so(emla: Emla) -> None:
+    assert (
+        "Not converged by the end: lift." in emla("run", "lift", "--stop-time", "0.01", "--no-plots").stdout
+    )
+    assert "Not converged" not in emla("run", "lift", "--stop-time", "0.2", "--no-plots").stdout
+
+
 def test_a_run_can_be_repeated_to_the_last_bit(emla: Emla, tmp_path: Path) -> None:
     for name in ("a", "b"):
         assert emla("run", "tilt", "--stop-time", "0.05", "--no-plots", "--output", name).exit_code == 0

@@ -7,6 +7,12 @@ import pytest
 from toy_fmu import build_toy
 
 
+@pytest.fixture(scope="session")
+def native_toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The toy as a native FMU."""
+    return build_toy("native", tmp_path_factory.mktemp("native") / "Toy.fmu")
+
+
 @pytest.fixture(scope="session", params=["native", "python"])
 def toy_fmu(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The toy as an FMU, once per flavour."""

@@ -1,0 +1,84 @@
+"""What a person sees of a run in the terminal: progress bars and the table of results."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as RichProgress
+from rich.table import Table
+
+from .results.metrics import JointMetrics
+from .run import Progress, RunResult
+
+OUT, ERR = Console(), Console(stderr=True)
+"""Results go to standard output, progress and errors to standard error."""
+
+
+class BarProgress(Progress):
+    """Progress as bars on the terminal, one per task."""
+
+    def __init__(self) -> None:
+        self._bars = RichProgress(
+            TextColumn("{task.description:<16}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(elapsed_when_finished=True),
+            console=ERR,
+        )
+        self._task: Any = None
+
+    def __enter__(self) -> "BarProgress":
+        self._bars.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bars.stop()
+
+    def begin(self, task: str, total: int) -> None:
+        """A task of `total` units begins."""
+        self._task = self._bars.add_task(task, total=total)
+
+    def advance(self, count: int) -> None:
+        """So many units more are done."""
+        self._bars.advance(self._task, count)
+
+
+_ROWS: tuple[tuple[str, Callable[[JointMetrics], float], str], ...] = (
+    ("position error", lambda m: 1e6 * m.position_error_m, "µm"),
+    ("speed error", lambda m: 1e3 * m.velocity_error_m_s, "mm/s"),
+    ("torque effort", lambda m: m.torque_effort_N_m, "N m"),
+    ("torque peak", lambda m: m.torque_peak_N_m, "N m"),
+    ("convergence time", lambda m: 1e3 * m.convergence_time_s, "ms"),
+    ("observer position error", lambda m: 1e6 * m.observer_position_error_m, "µm"),
+    ("time at a limit", lambda m: 100.0 * m.saturated_fraction, "%"),
+)
+
+
+def show_result(scenario: str, result: RunResult) -> None:
+    """The results as a table, and where everything is."""
+    span = result.steps * result.times.step
+    if result.metrics:
+        table = Table(title=f"{scenario}, {span:g} s simulated", title_justify="left")
+        table.add_column("")
+        for joint in result.metrics:
+            table.add_column(joint, justify="right")
+        table.add_column("")
+        for label, value, unit in _ROWS:
+            table.add_row(label, *(_number(value(m)) for m in result.metrics.values()), unit)
+        OUT.print(table)
+        late = [j for j, m in result.metrics.items() if m.convergence_time_s > span - 0.5 * result.times.step]
+        if late:
+            OUT.print(f"Not converged by the end: {', '.join(late)}.", highlight=False)
+    if result.wall_s > 0 and result.steps:
+        rate, factor = result.steps / result.wall_s, span / result.wall_s
+        speed = f"{rate:,.0f} steps/s, {factor:.2g} x real time"
+        OUT.print(f"{result.steps} steps in {result.wall_s:.1f} s: {speed}", highlight=False)
+    OUT.print(f"Wrote {result.folder}/: results.csv, metrics.json, run.json", highlight=False, soft_wrap=True)
+    if result.pictures:
+        pictures = ", ".join(path.name for path in result.pictures)
+        OUT.print(f"Pictures: {pictures}", highlight=False, soft_wrap=True)
+
+
+def _number(value: float) -> str:
+    return "-" if value != value else f"{value:.4g}"
