@@ -12,7 +12,7 @@ from .interruption import interruption
 from .master.assembly import assembled
 from .master.network import Network
 from .master.simulation import ALGORITHMS, Timing, simulate, timing
-from .master.slave import SlaveError, Vector
+from .master.slave import Vector
 from .models import FMU_FOLDER, build, check_choice
 from .results.csv_file import CsvFile
 from .results.metrics import JointMetrics, MetricsSink, as_json
@@ -84,7 +84,7 @@ def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress
 
     A run that fails or is interrupted (Ctrl-C) leaves what was computed there and says so in
     `RunResult.problem`. Raises CommandError for a command that makes no sense, before anything
-    is run, and RunError where FMUs cannot be built.
+    is run, and RunError where FMUs cannot be built or refuse their start values.
     """
     algorithm = settings.algorithm or scenario.algorithm
     check_choice("algorithm", algorithm, ALGORITHMS)
@@ -195,7 +195,7 @@ def _stepped(
     """Step to the end; returns why it ended early, if it did. Raises OSError from the recorder."""
     try:
         done = simulate(network, ALGORITHMS[algorithm](), times, recorder.record, interrupted)
-    except (SlaveError, RunError) as error:
+    except RunError as error:
         t = times.start + max(recorder.rows - 1, 0) * times.step
         return f"the run ended at t = {t:.6g} s: {error}"
     if done < times.steps:

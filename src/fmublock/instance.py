@@ -11,6 +11,7 @@ from enum import IntEnum
 from typing import Any
 
 from .block import Block, Values
+from .variables import Output
 
 STEP_TOLERANCE = 1e-3
 """By how much of a step the time that a tool passes may differ from the instance's own."""
@@ -53,20 +54,14 @@ class Instance:
         self._v.time = 0.0
         # where each scalar lives, as (container, key): an attribute dict or an array's list
         self._slots: list[tuple[Any, Any]] = []
-        for variables, values in (
-            (self.layout.inputs, self._v),
-            (self.layout.parameters, self._v),
-            (self.layout.states, self._v),
-            (self.layout.discrete_states, self._v),
-            (self.layout.outputs, self._y),
-        ):
-            for variable in variables:
-                if variable.size is None:
-                    self._slots.append((values.__dict__, variable.attribute))
-                else:
-                    array = [0.0] * variable.size
-                    values.__dict__[variable.attribute] = array
-                    self._slots.extend((array, i) for i in range(variable.size))
+        for scalar in self.layout.scalars:
+            variable = scalar.variable
+            values = self._y if isinstance(variable, Output) else self._v
+            if scalar.index is None:
+                self._slots.append((values.__dict__, variable.attribute))
+            else:
+                array = values.__dict__.setdefault(variable.attribute, [0.0] * (variable.size or 0))
+                self._slots.append((array, scalar.index))
         references = self.layout.references
         self._parameters = references(self.layout.parameters)
         self._states = references(self.layout.states)

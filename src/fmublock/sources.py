@@ -35,7 +35,7 @@ def move_into_package(sources: dict[str, str], package: str) -> dict[str, str]:
 
     Two FMUs in one process then never run each other's modules, nor the installed ones.
     """
-    roots = sorted({path.split("/")[0] for path in sources})
+    roots = sorted({path.split("/")[0].removesuffix(".py") for path in sources})
     absolute = re.compile(rf"^(\s*from )({'|'.join(roots)})(?=[. ])", re.MULTILINE)
     moved = {f"{package}/{path}": absolute.sub(rf"\1{package}.\2", text) for path, text in sources.items()}
     return {f"{package}/__init__.py": "", **moved}

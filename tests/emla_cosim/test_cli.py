@@ -185,6 +185,14 @@ def test_build_writes_the_fmus_asked_for(emla: Emla, tmp_path: Path) -> None:
         (["run", "lift", "--set", "lift.plant.gearbox.eta_GB=2"], ["eta_GB = 2", "at most 1"]),
         (["run", "lift", "--set", "lift.plant.tau_m=1"], ["lift.plant.tau_m is computed"]),
         (
+            ["run", "lift", "--set", "lift.plant.u_q=1"],
+            ["lift.plant.u_q cannot be set", "lift.controller.u_q"],
+        ),
+        (
+            ["run", "lift", "--set", "lift.plant.sensor.seed=99999999999"],
+            ["sensor.seed", "at most 2.14748e+09"],
+        ),
+        (
             ["run", "lift", "--set", "lift.plant.torque_source=luck"],
             ["= luck is not one of current, command"],
         ),

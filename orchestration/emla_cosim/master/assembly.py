@@ -31,7 +31,7 @@ def assembled(system: System, fmus: Mapping[str, Path]) -> Iterator[Assembly]:
     """Instantiate and wire the system, and free it afterwards.
 
     `fmus` gives the FMU file of every component by name. Raises CommandError for anything in
-    the system or its files that does not fit.
+    the system or its files that does not fit, SlaveError where an FMU refuses a start value.
     """
     with TemporaryDirectory(prefix="emla-") as folder, contextlib.ExitStack() as instances:
         files = _open_files(fmus, Path(folder))
@@ -77,6 +77,11 @@ def _check_connections(system: System, files: Mapping[str, FmuFile]) -> None:
         other = driven.setdefault((connection.target, connection.input), connection)
         if other is not connection:
             raise CommandError(f"{connection.target}.{connection.input} is driven by two outputs.")
+        if connection.input in system.component(connection.target).parameters:
+            raise CommandError(
+                f"{connection.target}.{connection.input} cannot be set: it is driven by "
+                f"{connection.source}.{connection.output}."
+            )
 
 
 def _end(component: Component, files: Mapping[str, FmuFile], name: str, causality: str) -> ModelVariable:

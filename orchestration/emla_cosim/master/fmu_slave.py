@@ -71,7 +71,10 @@ class FmuSlave:
             self.inputs[i] = float(start) if start is not None else 0.0
 
     def set_start_values(self, values: Mapping[str, Any]) -> None:
-        """Set variables by name before initialization. Raises CommandError for what cannot be set."""
+        """Set variables by name before initialization.
+
+        Raises CommandError for what cannot be set, SlaveError where the FMU itself refuses.
+        """
         for name, value in values.items():
             variable = find_variable(self.name, self.file.variables, name)
             reference, start = [variable.valueReference], [_converted(self.name, variable, value)]
@@ -169,8 +172,9 @@ def _converted(component: str, variable: ModelVariable, value: Any) -> Any:
         kind = "number" if variable.type == "Real" else "whole number"
         raise CommandError(f"{name} = {value} is not a {kind}.") from error
     unit = f" {variable.unit}" if variable.unit else ""
-    low = float(variable.min) if variable.min is not None else -np.inf
-    high = float(variable.max) if variable.max is not None else np.inf
+    widest = np.inf if variable.type == "Real" else 2**31 - 1
+    low = float(variable.min) if variable.min is not None else -widest
+    high = float(variable.max) if variable.max is not None else widest
     if not (low <= number <= high and np.isfinite(number)):
         limits = [f"at least {low:g}"] if low > -np.inf else []
         limits += [f"at most {high:g}"] if high < np.inf else []

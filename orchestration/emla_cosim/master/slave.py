@@ -5,10 +5,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import RunError
+
 Vector = NDArray[np.float64]
 
 
-class SlaveError(Exception):
+class SlaveError(RunError):
     """A call that the slave refused or failed: which one, and what the slave said."""
 
     def __init__(self, slave: str, call: str, status: str, log: list[str]) -> None:

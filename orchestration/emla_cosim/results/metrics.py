@@ -1,7 +1,7 @@
 """Tracking metrics of a joint, from the plant's true states at every communication point."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class _JointAccumulator:
     def __init__(self, channels: Mapping[str, int]) -> None:
         self._channels = channels
         self._initial_error: float | None = None
-        self._last_outside = 0.0
+        self._start = self._last_outside = 0.0
         self._largest = np.full(4, np.nan)
         self._peak = 0.0
         self._rows = self._limited = 0
@@ -94,7 +94,7 @@ class _JointAccumulator:
         error = np.abs(c["x_L"] - c["x_d"])
         if self._initial_error is None:
             self._initial_error = float(error[0])
-            self._last_outside = self._start = float(t[0])
+            self._start = self._last_outside = float(t[0])
         torque = np.abs(c["tau_m"])
         counted = np.stack([error, np.abs(c["v_L"] - c["v_d"]), torque, np.abs(c["x_L"] - c["x_hat"])])
         settled = t >= self._start + SETTLED_AFTER
@@ -118,12 +118,10 @@ class _JointAccumulator:
             velocity_error_m_s=velocity,
             torque_effort_N_m=torque,
             torque_peak_N_m=self._peak,
-            convergence_time_s=self._last_outside - self._start if self._rows else 0.0,
+            convergence_time_s=self._last_outside - self._start,
             observer_position_error_m=observer,
             saturated_fraction=self._limited / max(self._rows, 1),
         )
-
-    _start = 0.0
 
 
 def as_json(metrics: Mapping[str, JointMetrics]) -> dict[str, dict[str, float | None]]:
@@ -132,7 +130,3 @@ def as_json(metrics: Mapping[str, JointMetrics]) -> dict[str, dict[str, float | 
         joint: {name: value if np.isfinite(value) else None for name, value in asdict(m).items()}
         for joint, m in metrics.items()
     }
-
-
-METRIC_NAMES = tuple(f.name for f in fields(JointMetrics))
-"""Names of the metrics in their order."""

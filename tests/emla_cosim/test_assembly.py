@@ -1,0 +1,91 @@
+"""Systems put together from FMU files, and what does not fit."""
+
+from pathlib import Path
+
+import pytest
+
+from emla_cosim.errors import CommandError
+from emla_cosim.master.assembly import assembled
+from emla_cosim.master.slave import SlaveError
+from emla_cosim.models import fmu_path
+from emla_cosim.system.model import Component, Connection, System
+from emla_cosim.system.scenarios import load_scenario
+
+
+def files(system: System, folder: Path) -> dict[str, Path]:
+    return {c.name: fmu_path(c.model, "native", folder) for c in system.components}
+
+
+def pair(connections: list[tuple[str, str]], folder: Path) -> tuple[System, dict[str, Path]]:
+    """A plant, an observer and a reference with these connections, as 'component.variable' pairs."""
+    components = (
+        Component("j.plant", "EmlaPlant"),
+        Component("j.observer", "EmlaObserver"),
+        Component("j.reference", "Reference"),
+    )
+    links = []
+    for source, target in connections:
+        (a, output), (b, input_) = source.split(".", 1), target.split(".", 1)
+        links.append(Connection(f"j.{a}", output, f"j.{b}", input_))
+    system = System(components, tuple(links))
+    return system, files(system, folder)
+
+
+def test_signals_are_all_outputs_by_their_full_names(fmu_folder: Path) -> None:
+    system = load_scenario("study").system
+    with assembled(system, files(system, fmu_folder)) as assembly:
+        names = assembly.signal_names
+        assert len(names) == len(set(names)) == len(assembly.network.signals)
+        assert {"lift.plant.x_L", "tilt.controller.theta[3]", "telescope.plant.inverter.u_q"} <= set(names)
+        assert [s.name for s in assembly.network.slaves] == [c.name for c in system.components]
+
+
+def test_a_joint_is_stepped_plant_before_controller(fmu_folder: Path) -> None:
+    system = load_scenario("lift").system
+    with assembled(system, files(system, fmu_folder)) as assembly:
+        order = [assembly.network.slaves[i].name.split(".")[1] for i in assembly.network.order]
+    assert order == ["reference", "plant", "disturbance", "observer", "controller"]
+
+
+@pytest.mark.parametrize(
+    ("connections", "message"),
+    [
+        (
+            [("plant.x_measured", "observer.y"), ("reference.x_d", "observer.y")],
+            "observer.y is driven by two",
+        ),
+        ([("plant.v_L", "observer.y")], "plant.v_L -> j.observer.y joins the units m/s and m"),
+        ([("plant.motor.R_s", "observer.y")], "plant.motor.R_s must be a Real output"),
+        ([("plant.x_measured", "observer.x_hat")], "observer.x_hat must be a Real input"),
+        ([("plant.x_masured", "observer.y")], "plant has no variable 'x_masured'; did you mean x_measured"),
+    ],
+)
+def test_connections_that_make_no_sense(
+    connections: list[tuple[str, str]], message: str, fmu_folder: Path
+) -> None:
+    with pytest.raises(CommandError, match=message), assembled(*pair(connections, fmu_folder)):
+        pass
+
+
+def test_a_value_that_the_fmu_itself_refuses_is_reported_with_its_words(fmu_folder: Path) -> None:
+    """The plant says so when initialization ends; the master asks it to before it runs anything."""
+    system, paths = pair([], fmu_folder)
+    with assembled(system, paths) as assembly:
+        plant = assembly.network.slaves[0]
+        plant.enter_initialization(0.0, 1.0)
+        plant._fmu.setReal([assembly.files["j.plant"].variables["motor.R_s"].valueReference], [-1.0])
+        with pytest.raises(
+            SlaveError, match=r"exitInitializationMode with fmi2Error.*motor.R_s = -1 is outside"
+        ):
+            plant.exit_initialization()
+
+
+def test_logs_are_kept_per_instance(fmu_folder: Path) -> None:
+    """fmpy knows one logger for the whole process; lines must still reach their own instance."""
+    system, paths = pair([], fmu_folder)
+    with assembled(system, paths) as assembly:
+        plant, observer, _ = assembly.network.slaves
+        for slave in (plant, observer):
+            with pytest.raises(SlaveError) as failure:
+                slave.do_step(0.0, 1.0)
+            assert failure.value.log == [f"{slave.name}: cannot do a step in phase instantiated."]
