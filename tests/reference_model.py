@@ -148,7 +148,16 @@ def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
         "inverter.saturated": float(saturated),
         "P_el": 1.5 * ((u_q + u.d_3) * i_q + (u_d + u.d_4) * i_d),
         "P_L": u.F_L * v_L,
+        **dict(zip(("phase.i_a", "phase.i_b", "phase.i_c"), phase_currents(p, x), strict=True)),
     }
+
+
+def phase_currents(p: Actuator, x: Vector) -> list[float]:
+    """The currents that equation:abc_to_dq turns into i_d, i_q and 0."""
+    angle, third = p.N_p * p.known.alpha_RL * float(x[0]), 2.0 * math.pi / 3.0
+    shifted = np.array([angle, angle - third, angle + third])
+    T = np.array([np.cos(shifted), -np.sin(shifted), np.full(3, 0.5)])
+    return np.linalg.solve(2.0 * T / 3.0, [x[3], x[2], 0.0]).tolist()
 
 
 # ---- observer ------------------------------------------------------------------------------

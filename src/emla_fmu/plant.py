@@ -1,5 +1,6 @@
 """The PMSM-driven electromechanical linear actuator."""
 
+import math
 from enum import IntEnum
 from typing import Any
 
@@ -11,8 +12,10 @@ from fmublock import (
     Output,
     Parameter,
     State,
+    cos,
     floor,
     limit_magnitude,
+    sin,
     where,
 )
 from fmublock.noise import lehmer, normal
@@ -135,6 +138,9 @@ class EmlaPlant(Block):
     )
     P_el = Output(unit="W", description="Electrical power into the motor")
     P_L = Output(unit="W", description="Mechanical power into the load")
+    i_a = Output(unit="A", name="phase.i_a", description="Current of phase a (magnet axis at x_L = 0)")
+    i_b = Output(unit="A", name="phase.i_b", description="Current of phase b")
+    i_c = Output(unit="A", name="phase.i_c", description="Current of phase c")
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """equation:StateSpace3 with the disturbances of (26) and the uncertainties of (100)."""
@@ -156,8 +162,9 @@ class EmlaPlant(Block):
         return {"random": second, "noise": normal(first, second)}
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Sensor, torque, voltages after the limit, and powers."""
+        """Sensor, torque, voltages after the limit, powers, and phase currents."""
         u_q, u_d, saturated = self.terminal_voltage(v)
+        i_a, i_b, i_c = self.phase_currents(v)
         return {
             "x_measured": self.quantized(v, v.x_L + v.sigma * v.noise),
             "a_L": self.acceleration(v),
@@ -168,6 +175,9 @@ class EmlaPlant(Block):
             "saturated": saturated,
             "P_el": 1.5 * (u_q * v.i_q + u_d * v.i_d),
             "P_L": v.F_L * v.v_L,
+            "i_a": i_a,
+            "i_b": i_b,
+            "i_c": i_c,
         }
 
     def terminal_voltage(self, v: Any) -> tuple[Any, Any, Any]:
@@ -187,6 +197,15 @@ class EmlaPlant(Block):
         g_2 = (reluctance - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
         magnet = (self.torque(v) - reluctance) / A_eq
         return magnet + (1.0 + v.F_2) * g_2 + v.d_2 - motion_law.D_eq(v) * v.F_L / A_eq
+
+    def phase_currents(self, v: Any) -> tuple[Any, Any, Any]:
+        """i_a, i_b, i_c in A: equation:Park_Transformation backwards, without zero sequence."""
+        angle = v.N_p * motion_law.alpha_RL(v) * v.x_L
+        a, b, c = (
+            v.i_d * cos(angle + shift) - v.i_q * sin(angle + shift)
+            for shift in (0.0, -2.0 * math.pi / 3.0, 2.0 * math.pi / 3.0)
+        )
+        return a, b, c
 
     def quantized(self, v: Any, x: Any) -> Any:
         """X rounded to the sensor's resolution."""
