@@ -151,7 +151,7 @@ def test_calls_in_the_wrong_phase_are_refused() -> None:
         running().enter_initialization()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     before=st.lists(st.floats(1e-3, 0.05), min_size=1, max_size=5),
     after=st.lists(st.floats(1e-3, 0.05), min_size=1, max_size=5),
