@@ -10,9 +10,9 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .errors import CommandError, CosimError
+from .errors import CommandError, CosimError, check_choice
 from .master.simulation import ALGORITHMS
-from .models import FLAVOURS, FMU_FOLDER, MODELS, build, check_choice
+from .models import FLAVOURS, FMU_FOLDER, MODELS, build
 from .run import Settings, run
 from .system.scenarios import CONTROLLERS, describe_scenario, load_scenario, scenario_names
 from .terminal import ERR, OUT, BarProgress, show_result

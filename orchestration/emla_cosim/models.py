@@ -1,7 +1,6 @@
 """Our own models: which there are, where their FMUs lie, and how they are built."""
 
 import zipfile
-from collections.abc import Iterable
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -16,8 +15,7 @@ from fmublock.export import BuildError, Documents, Draft
 from fmublock.native import TARGETS, build_native, host_platform, native_draft
 from fmublock.python_flavour import build_python, python_draft
 
-from .errors import CommandError, RunError
-from .system.model import listed
+from .errors import RunError, check_choice
 
 MODELS: dict[str, type[Block]] = {b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS)}
 """Blocks by the name of their model."""
@@ -62,13 +60,6 @@ def build(model: str, flavour: str, platforms: list[str], folder: Path) -> Path:
     except OSError as error:
         raise RunError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
     return path
-
-
-def check_choice(kind: str, name: str, choices: Iterable[str]) -> None:
-    """Raise CommandError unless `name` is one of the choices."""
-    names = list(choices)
-    if name not in names:
-        raise CommandError(f"there is no {kind} '{name}'; choose from {listed(names)}.")
 
 
 def _is_current(path: Path, draft: Draft, platforms: list[str]) -> bool:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryFile
 
-from .errors import CommandError, RunError
+from .errors import CommandError, RunError, check_choice
 from .interruption import interruption
 from .master.assembly import assembled
 from .master.network import Network
 from .master.simulation import ALGORITHMS, Timing, simulate, timing
 from .master.slave import Vector
-from .models import FMU_FOLDER, build, check_choice
+from .models import FMU_FOLDER, build
 from .results.csv_file import CsvFile
 from .results.metrics import JointMetrics, MetricsSink, as_json
 from .results.plots import FIGURES, plot_run

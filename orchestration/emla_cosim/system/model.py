@@ -1,10 +1,10 @@
 """A system of components that are FMUs, and the connections between them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ..errors import CommandError
+from ..errors import CommandError, listed
 
 Value = float | int | bool | str
 
@@ -88,9 +88,3 @@ class System:
             return f"there is no joint '{joint}'; the system has {listed(self.joints)}."
         inside = [c.name for c in self.components if c.name.startswith(f"{joint}.")]
         return f"there is no component '{name}'; the joint has {listed(inside)}."
-
-
-def listed(names: Iterable[str]) -> str:
-    """Names as a phrase: a, b and c."""
-    *front, last = names
-    return f"{', '.join(front)} and {last}" if front else last

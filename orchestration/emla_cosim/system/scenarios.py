@@ -11,9 +11,9 @@ from emla_fmu.parameters import EMLAS
 from emla_fmu.reference import rest_to_rest
 from rsba_fmu import gains
 
-from ..errors import CommandError
+from ..errors import check_choice
 from .joint import joint
-from .model import System, listed
+from .model import System
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class Scenario:
     name: str
     description: str
     system: System
-    stop_time: float = 10.0
-    step_size: float = 1e-4
+    stop_time: float
+    step_size: float
     algorithm: str = "gauss-seidel"
 
 
@@ -98,7 +98,6 @@ UNCERTAINTIES = {"F_2": 0.01, "F_3": 0.002, "F_4": 0.001}
 
 CONTROLLERS = ("robust", "published")
 """Names of the gain sets of controller and observer."""
-
 
 ENCODER_STEPS = 2**20
 """Steps per motor turn of the position sensor: a 20-bit encoder (assumed)."""
@@ -190,10 +189,9 @@ def load_scenario(name: str, controller: str | None = None) -> Scenario:
 
     Raises CommandError for a name that does not exist.
     """
-    if name not in _RECIPES:
-        raise CommandError(f"there is no scenario '{name}'; choose from {listed(_RECIPES)}.")
-    if controller is not None and controller not in CONTROLLERS:
-        raise CommandError(f"there is no controller '{controller}'; choose from {listed(CONTROLLERS)}.")
+    check_choice("scenario", name, _RECIPES)
     recipe = _RECIPES[name]
-    system = recipe.build(controller or recipe.controller)
+    controller = recipe.controller if controller is None else controller
+    check_choice("controller", controller, CONTROLLERS)
+    system = recipe.build(controller)
     return Scenario(name, recipe.description, system, recipe.stop_time, recipe.step_size)
