@@ -53,6 +53,11 @@ class Layout:
                 return i
         raise KeyError(name)
 
+    def start_reference(self, reference: int) -> int:
+        """Value reference of what a variable starts from: a parameter, or the variable itself."""
+        parameter = self.scalars[reference].variable.start_parameter
+        return reference if parameter is None else self.references((parameter,))[0]
+
 
 class Block:
     """Base of all blocks; subclasses declare variables and define the equations.

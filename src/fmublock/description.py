@@ -172,19 +172,13 @@ def _add_structure(root: Element, block: Block, symbolic: SymbolicBlock) -> None
         if isinstance(scalar.variable, (State, Output)):
             _add_unknown(outputs, reference, [d for d in known if d in inputs])
         if isinstance(scalar.variable, Output):
-            _add_unknown(initial, reference, sorted({_known_start(layout, d) for d in known}))
+            _add_unknown(initial, reference, sorted({layout.start_reference(d) for d in known}))
         elif isinstance(scalar.variable, State) and scalar.variable.start_parameter is not None:
-            _add_unknown(initial, reference, [_known_start(layout, reference)])
+            _add_unknown(initial, reference, [layout.start_reference(reference)])
     if len(outputs) == 0:
         structure.remove(outputs)
     if len(initial) == 0:
         structure.remove(initial)
-
-
-def _known_start(layout: Layout, reference: int) -> int:
-    """The variable whose start value decides this one's: itself, or the parameter it starts from."""
-    parameter = layout.scalars[reference].variable.start_parameter
-    return reference if parameter is None else layout.references((parameter,))[0]
 
 
 def _add_unknown(parent: Element, reference: int, dependencies: list[int]) -> None:

@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import Any
 
 from .block import Block, Values
-from .variables import Output
+from .variables import Input, Output
 
 STEP_TOLERANCE = 1e-3
 """By how much of a step the time that a tool passes may differ from the instance's own."""
@@ -179,18 +179,18 @@ class Instance:
     def _check_settable(self, reference: int) -> None:
         scalar = self.layout.scalars[reference]
         variable = scalar.variable
-        if variable in self.layout.inputs:
+        if isinstance(variable, Input):
             return
-        if variable in self.layout.outputs or variable.start_parameter is not None:
+        if isinstance(variable, Output) or variable.start_parameter is not None:
             raise BlockError(f"{self.name}: {scalar.name} is computed by the block and cannot be set.")
         if self.phase > Phase.INITIALIZATION:
             raise BlockError(f"{self.name}: {scalar.name} cannot be set after initialization.")
 
     def _check_range(self, reference: int) -> None:
         scalar = self.layout.scalars[reference]
-        low = -math.inf if scalar.variable.minimum is None else scalar.variable.minimum
-        high = math.inf if scalar.variable.maximum is None else scalar.variable.maximum
-        value = self.get((reference,))[0]
+        low, high = scalar.variable.range
+        container, key = self._slots[reference]
+        value = container[key]
         if not (low <= value <= high and math.isfinite(value)):
             raise BlockError(
                 f"{self.name}: {scalar.name} = {value:.9g} is outside its range, {low:.9g} to {high:.9g}."

@@ -116,14 +116,12 @@ def _model_header(block: Block) -> str:
         "static const Variable variables[] = {",
     ]
     letters = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
-    for scalar in layout.scalars:
-        variable = scalar.variable
-        parameter = variable.start_parameter
-        reference = -1 if parameter is None else layout.references((parameter,))[0]
-        low = -math.inf if variable.minimum is None else variable.minimum
-        high = math.inf if variable.maximum is None else variable.maximum
-        values = ", ".join(_c_number(x) for x in (scalar.start, low, high))
-        lines.append(f"    {{\"{scalar.name}\", '{letters[variable.fmi_type]}', {values}, {reference}}},")
+    for reference, scalar in enumerate(layout.scalars):
+        source = layout.start_reference(reference)
+        start_reference = -1 if source == reference else source
+        values = ", ".join(_c_number(x) for x in (scalar.start, *scalar.variable.range))
+        letter = letters[scalar.variable.fmi_type]
+        lines.append(f"    {{\"{scalar.name}\", '{letter}', {values}, {start_reference}}},")
     return "\n".join([*lines, "};", ""])
 
 

@@ -1,11 +1,10 @@
 """The variables of a block, declared as class attributes beside the equations."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
-
-Scalar = float | int | bool
 
 
 class Variable:
@@ -56,6 +55,12 @@ class Variable:
     def start_parameter(self) -> "Parameter | None":
         """The parameter that the start value is taken from, if it is not a value itself."""
         return self.start if isinstance(self.start, Parameter) else None
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lowest and highest value allowed, infinite where none is declared."""
+        low = -math.inf if self.minimum is None else self.minimum
+        return low, math.inf if self.maximum is None else self.maximum
 
     @property
     def fmi_type(self) -> str:
