@@ -84,7 +84,7 @@ class EmlaObserver(Block):
         return {"y_bar": v.y - v.x_hat, "f": self.robust_term(v)}
 
     def robust_term(self, v: Any) -> Any:
-        """F of (21): bounded by eta_hat H, linear in the innovation where that is small."""
+        """Robust term f of (21): bounded by eta_hat H, linear in the innovation where that is small."""
         y_bar = v.y - v.x_hat
         bound = v.eta_hat * self.H(v)
         return bound * bound * y_bar / (bound * abs(y_bar) + self.m(v))

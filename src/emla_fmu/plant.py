@@ -208,6 +208,6 @@ class EmlaPlant(Block):
         return a, b, c
 
     def quantized(self, v: Any, x: Any) -> Any:
-        """X rounded to the sensor's resolution."""
+        """Position x rounded to the sensor's resolution."""
         step = where(v.resolution > 0.0, v.resolution, 1.0)
         return where(v.resolution > 0.0, step * floor(x / step + 0.5), x)

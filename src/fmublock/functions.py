@@ -95,7 +95,7 @@ def sign(x: Any) -> Any:
 
 
 def where(condition: Any, x: Any, y: Any) -> Any:
-    """X where the condition holds, else y. Both are evaluated; the one not chosen may be NaN.
+    """Choose x where the condition holds, else y. Both are evaluated; the one not chosen may be NaN.
 
     Written as the sum that CasADi generates, so that signed zeros agree as well.
     """

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from emla_fmu import Disturbance, EmlaObserver, EmlaPlant, Reference
-from fmublock import Block, State
-from fmublock.variables import Input, Parameter, Variable
+from fmublock import Block
+from fmublock.variables import Variable
 from rsba_fmu import RsbaController
 
 from .model import Component, Connection, System, Value
@@ -71,11 +71,7 @@ def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
     key of a mapping that the block does not have.
     """
     layout = block.layout()
-    settable = {
-        s.variable.attribute: s.variable
-        for s in layout.scalars
-        if isinstance(s.variable, (Input, Parameter, State))
-    }
+    settable = {x.attribute: x for x in (*layout.inputs, *layout.parameters, *layout.states)}
     values: dict[str, Value] = {}
     for source in sources:
         if isinstance(source, Mapping):
