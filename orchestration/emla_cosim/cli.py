@@ -1,6 +1,5 @@
 """The `emla` command."""
 
-import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -149,10 +148,5 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
     return pairs
 
 
-def main() -> None:
-    """Entry point of the `emla` command."""
-    app()
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    app()

@@ -9,7 +9,7 @@ from tempfile import TemporaryFile
 
 from .errors import CommandError, RunError, check_choice
 from .interruption import interruption
-from .master.assembly import assembled
+from .master.assembly import Assembly, assembled
 from .master.network import Network
 from .master.simulation import ALGORITHMS, Timing, simulate, timing
 from .master.slave import Vector
@@ -96,9 +96,7 @@ def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress
     _create_folder(folder)
     fmus = _fmu_files(system, settings, progress)
     with assembled(system, fmus) as assembly:
-        result = _simulated(
-            assembly.network, assembly.signal_names, system, algorithm, times, every, folder, progress
-        )
+        result = _simulated(assembly, system, algorithm, times, every, folder, progress)
         effective = {
             "algorithm": algorithm,
             "start_time_s": times.start,
@@ -160,8 +158,7 @@ def _fmu_files(system: System, settings: Settings, progress: Progress) -> dict[s
 
 
 def _simulated(
-    network: Network,
-    names: list[str],
+    assembly: Assembly,
     system: System,
     algorithm: str,
     times: Timing,
@@ -169,7 +166,8 @@ def _simulated(
     folder: Path,
     progress: Progress,
 ) -> RunResult:
-    """Step the network to the end, or as far as it goes, recording to results.csv."""
+    """Step the assembly to the end, or as far as it goes, recording to results.csv."""
+    network, names = assembly.network, assembly.signal_names
     metrics = MetricsSink(system.joints, names)
     progress.begin("simulating", times.steps + 1)
     started, rows, problem = time.perf_counter(), 0, None

@@ -64,9 +64,8 @@ class MetricsSink:
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
-        if len(rows):
-            for accumulator in self._joints.values():
-                accumulator.add(rows)
+        for accumulator in self._joints.values():
+            accumulator.add(rows)
 
     def close(self) -> None:
         """Nothing is pending."""

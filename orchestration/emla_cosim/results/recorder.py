@@ -11,7 +11,7 @@ class Sink(Protocol):
     """Takes the rows of a run block by block."""
 
     def write(self, rows: Vector) -> None:
-        """Take rows (time, then all signals); the array is reused afterwards. May raise OSError."""
+        """Take one row or more (time, then all signals); the array is reused. May raise OSError."""
         ...
 
     def close(self) -> None:
@@ -55,5 +55,6 @@ class Recorder:
 
     def _flush(self) -> None:
         rows, self._filled = self._block[: self._filled], 0
-        for sink in self._sinks:
-            sink.write(rows)
+        if len(rows):
+            for sink in self._sinks:
+                sink.write(rows)
