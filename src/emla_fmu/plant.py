@@ -187,16 +187,21 @@ class EmlaPlant(Block):
 
     def torque(self, v: Any) -> Any:
         """tau_m of equation:PMSM in N m, with the magnet's current chosen by torque_source."""
-        magnet_current = where(v.torque_source == TorqueSource.COMMAND, v.i_q_ref, v.i_q)
-        return 1.5 * v.N_p * (magnet_current * v.Phi_PM + v.i_q * v.i_d * (v.L_d - v.L_q))
+        return self.magnet_torque(v) + self.reluctance_torque(v)
+
+    def magnet_torque(self, v: Any) -> Any:
+        """Part of tau_m in N m that the permanent magnet makes with i_q or i_q*."""
+        return 1.5 * v.N_p * v.Phi_PM * where(v.torque_source == TorqueSource.COMMAND, v.i_q_ref, v.i_q)
+
+    def reluctance_torque(self, v: Any) -> Any:
+        """Part of tau_m in N m that comes of L_d and L_q being different."""
+        return 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
 
     def acceleration(self, v: Any) -> Any:
         """Second line of equation:StateSpace3 in m/s2, with the uncertainty F_2 and the disturbance d_2."""
         A_eq = motion_law.A_eq(v)
-        reluctance = 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
-        g_2 = (reluctance - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
-        magnet = (self.torque(v) - reluctance) / A_eq
-        return magnet + (1.0 + v.F_2) * g_2 + v.d_2 - motion_law.D_eq(v) * v.F_L / A_eq
+        g_2 = (self.reluctance_torque(v) - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
+        return self.magnet_torque(v) / A_eq + (1.0 + v.F_2) * g_2 + v.d_2 - motion_law.D_eq(v) * v.F_L / A_eq
 
     def phase_currents(self, v: Any) -> tuple[Any, Any, Any]:
         """i_a, i_b, i_c in A: equation:Park_Transformation backwards, without zero sequence."""
