@@ -4,15 +4,19 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar
 
-from .variables import DiscreteState, Input, Output, Parameter, ScalarVariable, State, Variable
+from .variables import Derivative, DiscreteState, Input, Output, Parameter, ScalarVariable, State, Variable
 
 
 @dataclass(frozen=True)
 class DefaultExperiment:
-    """Stop time and communication step in s that suit a block, for its model description."""
+    """Stop time and communication step in s that suit a block, for its model description.
+
+    `tolerance` is the relative tolerance for whoever integrates the block through Model Exchange.
+    """
 
     stop_time: float = 1.0
     step_size: float = 1e-3
+    tolerance: float = 1e-6
 
 
 class Values:
@@ -52,6 +56,11 @@ class Layout:
             if scalar.name == name:
                 return i
         raise KeyError(name)
+
+    @property
+    def derivatives(self) -> tuple[ScalarVariable, ...]:
+        """Time derivatives of the continuous states; their value references follow those of `scalars`."""
+        return tuple(Derivative.of(self.scalars[r]) for r in self.references(self.states))
 
     def start_reference(self, reference: int) -> int:
         """Value reference of what a variable starts from: a parameter, or the variable itself."""

@@ -1,23 +1,27 @@
 """modelDescription.xml of a block (FMI 2.0.4, section 2.2)."""
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from .block import Block, Layout
-from .symbolic import SymbolicBlock, output_dependencies
-from .units import parse_unit
-from .variables import DiscreteState, Input, Output, Parameter, ScalarVariable, State
+from .block import Block
+from .symbolic import SymbolicBlock, find_dependencies
+from .units import QUANTITIES, parse_unit
+from .variables import Derivative, DiscreteState, Input, Output, Parameter, ScalarVariable, State
 
 BUILD_TIME = "1980-01-01T00:00:00Z"
 """Fixed, because an FMU's bytes depend on its content alone; also the time of its zip entries."""
 
 LOG_CATEGORIES = {
+    "logEvents": "What the instance does: initialized, terminated",
     "logStatusWarning": "Messages with status fmi2Warning",
     "logStatusDiscard": "Messages with status fmi2Discard",
     "logStatusError": "Messages with status fmi2Error",
     "logStatusFatal": "Messages with status fmi2Fatal",
     "logAll": "All messages",
 }
+
+_DERIVATIVE_CAPABILITIES = {"canInterpolateInputs": "true", "maxOutputDerivativeOrder": "1"}
 
 
 @dataclass(frozen=True)
@@ -29,15 +33,31 @@ class Producer:
     license: str
 
 
-def model_description(
-    block: Block, symbolic: SymbolicBlock, producer: Producer, guid: str, source_files: list[str]
-) -> bytes:
-    """The model description as UTF-8 XML.
+@dataclass(frozen=True)
+class Offers:
+    """What an FMU offers beyond plain co-simulation.
 
-    `source_files` are the C files under sources/ that a C compiler needs; none for an FMU that
-    is not C.
+    `derivatives` are those in a direction, of inputs and of outputs, and of the states as
+    variables; `source_files` are what a C compiler needs of sources/, if the FMU is C.
     """
+
+    derivatives: bool = False
+    model_exchange: bool = False
+    source_files: tuple[str, ...] = ()
+
+
+def offers_model_exchange(block: Block) -> bool:
+    """Whether a block makes sense without communication steps: it is not sampled only."""
     layout = block.layout()
+    return bool(layout.states) or not layout.discrete_states
+
+
+def model_description(
+    block: Block, symbolic: SymbolicBlock, producer: Producer, guid: str, offers: Offers
+) -> bytes:
+    """The model description as UTF-8 XML."""
+    layout = block.layout()
+    scalars = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
     name = type(block).__name__
     root = Element(
         "fmiModelDescription",
@@ -51,22 +71,19 @@ def model_description(
         generationDateAndTime=BUILD_TIME,
         variableNamingConvention="structured",
     )
-    co_simulation = SubElement(
+    if offers.model_exchange:
+        root.set("numberOfEventIndicators", "0")
+        _add_interface(root, "ModelExchange", name, offers, completedIntegratorStepNotNeeded="true")
+    _add_interface(
         root,
         "CoSimulation",
-        modelIdentifier=name,
-        needsExecutionTool="false",
+        name,
+        offers,
         canHandleVariableCommunicationStepSize="true",
-        canGetAndSetFMUstate="true",
-        canSerializeFMUstate="true",
-        canNotUseMemoryManagementFunctions="true",
+        **(_DERIVATIVE_CAPABILITIES if offers.derivatives else {}),
     )
-    if source_files:
-        files = SubElement(co_simulation, "SourceFiles")
-        for file in source_files:
-            SubElement(files, "File", name=file)
-    _add_units(root, layout)
-    _add_enumerations(root, layout)
+    _add_units(root, scalars)
+    _add_types(root, scalars)
     categories = SubElement(root, "LogCategories")
     for category, description in LOG_CATEGORIES.items():
         SubElement(categories, "Category", name=category, description=description)
@@ -76,34 +93,70 @@ def model_description(
         "DefaultExperiment",
         startTime="0",
         stopTime=repr(experiment.stop_time),
+        tolerance=repr(experiment.tolerance),
         stepSize=repr(experiment.step_size),
     )
     variables = SubElement(root, "ModelVariables")
-    for reference, scalar in enumerate(layout.scalars):
-        _add_variable(variables, reference, scalar)
-    _add_structure(root, block, symbolic)
+    states = layout.references(layout.states)
+    for reference, scalar in enumerate(scalars):
+        element = _add_variable(variables, reference, scalar)
+        if reference >= len(layout.scalars):
+            element.set("derivative", str(states[reference - len(layout.scalars)] + 1))
+    _add_structure(root, block, symbolic, offers)
     indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
 
 
-def _add_units(root: Element, layout: Layout) -> None:
-    names = sorted({s.variable.unit for s in layout.scalars if s.variable.unit is not None})
+def _add_interface(root: Element, kind: str, name: str, offers: Offers, **capabilities: str) -> None:
+    element = SubElement(
+        root,
+        kind,
+        capabilities,
+        modelIdentifier=name,
+        needsExecutionTool="false",
+        canGetAndSetFMUstate="true",
+        canSerializeFMUstate="true",
+        canNotUseMemoryManagementFunctions="true",
+    )
+    if offers.derivatives:
+        element.set("providesDirectionalDerivative", "true")
+    if offers.source_files:
+        files = SubElement(element, "SourceFiles")
+        for file in offers.source_files:
+            SubElement(files, "File", name=file)
+
+
+def _add_units(root: Element, scalars: Sequence[ScalarVariable]) -> None:
+    names = sorted({s.variable.unit for s in scalars if s.variable.unit is not None})
     if names:
         definitions = SubElement(root, "UnitDefinitions")
         for name in names:
             exponents = {base: str(e) for base, e in parse_unit(name).exponents.items()}
-            SubElement(SubElement(definitions, "Unit", name=name), "BaseUnit", exponents)
+            unit = SubElement(definitions, "Unit", name=name)
+            SubElement(unit, "BaseUnit", exponents)
+            quantity = QUANTITIES.get(name)
+            if quantity is not None and quantity.display_unit is not None:
+                SubElement(unit, "DisplayUnit", name=quantity.display_unit, factor=repr(quantity.factor))
 
 
-def _add_enumerations(root: Element, layout: Layout) -> None:
-    classes = {s.variable.enumeration for s in layout.scalars} - {None}
-    if classes:
-        definitions = SubElement(root, "TypeDefinitions")
-        for enumeration in sorted((c for c in classes if c), key=lambda c: c.__name__):
-            simple_type = SubElement(definitions, "SimpleType", name=enumeration.__name__)
-            items = SubElement(simple_type, "Enumeration")
-            for member in enumeration:
-                SubElement(items, "Item", name=member.name.lower(), value=str(member.value))
+def _add_types(root: Element, scalars: Sequence[ScalarVariable]) -> None:
+    """One type per quantity, with its unit and display unit, and one per enumeration."""
+    units = QUANTITIES.keys() & {s.variable.unit for s in scalars}
+    enumerations = {s.variable.enumeration for s in scalars} - {None}
+    if not units and not enumerations:
+        return
+    definitions = SubElement(root, "TypeDefinitions")
+    for unit in sorted(units, key=lambda u: QUANTITIES[u].name):
+        quantity = QUANTITIES[unit]
+        simple_type = SubElement(definitions, "SimpleType", name=quantity.name)
+        real = SubElement(simple_type, "Real", quantity=quantity.name, unit=unit)
+        if quantity.display_unit is not None:
+            real.set("displayUnit", quantity.display_unit)
+    for enumeration in sorted((c for c in enumerations if c), key=lambda c: c.__name__):
+        simple_type = SubElement(definitions, "SimpleType", name=enumeration.__name__)
+        items = SubElement(simple_type, "Enumeration")
+        for member in enumeration:
+            SubElement(items, "Item", name=member.name.lower(), value=str(member.value))
 
 
 def _interface(scalar: ScalarVariable) -> tuple[str, str, str | None]:
@@ -120,11 +173,14 @@ def _interface(scalar: ScalarVariable) -> tuple[str, str, str | None]:
             return "output", "continuous", "calculated" if calculated else "exact"
         case DiscreteState():
             return "local", "discrete", "calculated" if calculated else "exact"
+        case Derivative():
+            return "local", "continuous", "calculated"
         case _:
             return "output", "continuous" if real else "discrete", "calculated"
 
 
-def _add_variable(variables: Element, reference: int, scalar: ScalarVariable) -> None:
+def _add_variable(variables: Element, reference: int, scalar: ScalarVariable) -> Element:
+    """Add a ScalarVariable; returns the element of its type, which carries the values."""
     causality, variability, initial = _interface(scalar)
     variable = scalar.variable
     attributes = {"name": scalar.name, "valueReference": str(reference)}
@@ -139,6 +195,12 @@ def _add_variable(variables: Element, reference: int, scalar: ScalarVariable) ->
         kind.set("declaredType", variable.enumeration.__name__)
     if variable.unit is not None:
         kind.set("unit", variable.unit)
+    quantity = QUANTITIES.get(variable.unit or "")
+    if quantity is not None:
+        # unit and display unit are repeated, because some tools do not look at the declared type
+        kind.set("declaredType", quantity.name)
+        if quantity.display_unit is not None:
+            kind.set("displayUnit", quantity.display_unit)
     for attribute, value in (("min", variable.minimum), ("max", variable.maximum)):
         if value is not None:
             kind.set(attribute, _number(variable.fmi_type, value))
@@ -146,6 +208,7 @@ def _add_variable(variables: Element, reference: int, scalar: ScalarVariable) ->
         kind.set("nominal", _number("Real", variable.nominal))
     if initial != "calculated":
         kind.set("start", _number(variable.fmi_type, scalar.start))
+    return kind
 
 
 def _number(fmi_type: str, value: float) -> str:
@@ -156,32 +219,31 @@ def _number(fmi_type: str, value: float) -> str:
     return str(int(value))
 
 
-def _add_structure(root: Element, block: Block, symbolic: SymbolicBlock) -> None:
-    """Outputs with their direct dependencies on inputs, and what initialization computes from what.
+def _add_structure(root: Element, block: Block, symbolic: SymbolicBlock, offers: Offers) -> None:
+    """Outputs and derivatives with what they depend on, and what initialization computes from what.
 
-    Dependencies are 1-based positions in ModelVariables, which are the value references plus one.
+    Of an FMU without derivatives the states are no knowns: its outputs depend on inputs only.
     """
     layout = block.layout()
-    dependencies = output_dependencies(block, symbolic)
-    inputs = layout.references(layout.inputs)
+    dependencies = find_dependencies(block, symbolic)
+    states = layout.references(layout.states)
+    knowns = {*layout.references(layout.inputs), *(states if offers.derivatives else ())}
     structure = SubElement(root, "ModelStructure")
-    outputs = SubElement(structure, "Outputs")
-    initial = SubElement(structure, "InitialUnknowns")
-    for reference, scalar in enumerate(layout.scalars):
-        known = dependencies.get(reference, [])
-        if isinstance(scalar.variable, (State, Output)):
-            _add_unknown(outputs, reference, [d for d in known if d in inputs])
-        if isinstance(scalar.variable, Output):
-            _add_unknown(initial, reference, sorted({layout.start_reference(d) for d in known}))
-        elif isinstance(scalar.variable, State) and scalar.variable.start_parameter is not None:
-            _add_unknown(initial, reference, [layout.start_reference(reference)])
-    if len(outputs) == 0:
-        structure.remove(outputs)
-    if len(initial) == 0:
-        structure.remove(initial)
+    outputs = [r for r, s in enumerate(layout.scalars) if isinstance(s.variable, (State, Output))]
+    derivatives = [r for r in dependencies if r >= len(layout.scalars)] if offers.derivatives else []
+    for kind, unknowns in (("Outputs", outputs), ("Derivatives", derivatives)):
+        _add_unknowns(structure, kind, {r: knowns & set(dependencies.get(r, [r])) for r in unknowns})
+    from_parameters = [r for r in states if layout.scalars[r].variable.start_parameter is not None]
+    initial = {r: {layout.start_reference(r)} for r in from_parameters}
+    for r in (*layout.references(layout.outputs), *derivatives):
+        initial[r] = {layout.start_reference(d) for d in dependencies[r]}
+    _add_unknowns(structure, "InitialUnknowns", initial)
 
 
-def _add_unknown(parent: Element, reference: int, dependencies: list[int]) -> None:
-    SubElement(
-        parent, "Unknown", index=str(reference + 1), dependencies=" ".join(str(d + 1) for d in dependencies)
-    )
+def _add_unknowns(structure: Element, kind: str, unknowns: Mapping[int, Iterable[int]]) -> None:
+    """Add unknowns with their dependencies, as positions in ModelVariables: value references plus one."""
+    if unknowns:
+        element = SubElement(structure, kind)
+        for reference, known in sorted(unknowns.items()):
+            dependencies = " ".join(str(d + 1) for d in sorted(known))
+            SubElement(element, "Unknown", index=str(reference + 1), dependencies=dependencies)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from .archive import content_guid, write_archive
 from .block import Block
-from .description import Producer, model_description
+from .description import Offers, Producer, model_description
 from .documentation import html_page, icon, variable_table
 from .symbolic import SymbolicBlock
 
@@ -46,7 +46,7 @@ def draft(
     producer: Producer,
     documents: Documents,
     content: Mapping[str, bytes],
-    source_files: list[str],
+    offers: Offers,
 ) -> Draft:
     """Describe and document a block whose flavour adds `content`.
 
@@ -59,6 +59,6 @@ def draft(
         "documentation/licenses/license.txt": documents.license.encode(),
         "model.png": icon(block),
     }
-    anonymous = model_description(block, symbolic, producer, "", source_files)
+    anonymous = model_description(block, symbolic, producer, "", offers)
     guid = content_guid({**files, "modelDescription.xml": anonymous})
-    return Draft(block, guid, model_description(block, symbolic, producer, guid, source_files), files)
+    return Draft(block, guid, model_description(block, symbolic, producer, guid, offers), files)

@@ -17,6 +17,7 @@ STEP_TOLERANCE = 1e-3
 """By how much of a step the time that a tool passes may differ from the instance's own."""
 
 MAXIMUM_SUBSTEPS = 1e9
+"""A step that needs more internal steps is refused: it would seem to hang."""
 
 
 class Phase(IntEnum):
@@ -52,6 +53,7 @@ class Instance:
         self._v = Values()  # what equations see: inputs, parameters, states, time
         self._y = Values()  # the frozen outputs
         self._v.time = 0.0
+        self._stop_time = math.inf
         # where each scalar lives, as (container, key): an attribute dict or an array's list
         self._slots: list[tuple[Any, Any]] = []
         for scalar in self.layout.scalars:
@@ -90,16 +92,23 @@ class Instance:
 
         Raises BlockError, and sets nothing, where a variable cannot be set now.
         """
+        if self.phase == Phase.TERMINATED:
+            raise BlockError(f"{self.name}: cannot set values in phase terminated.")
         for r in references:
             self._check_settable(r)
         self._write(references, [float(x) for x in values])
 
-    def enter_initialization(self, start_time: float = 0.0) -> None:
-        """Start initialization at this time in s."""
+    def enter_initialization(self, start_time: float = 0.0, stop_time: float | None = None) -> None:
+        """Start initialization at this time in s; steps past the stop time will be refused."""
         self._require(Phase.INSTANTIATED, "enter initialization mode")
         if not math.isfinite(start_time):
             raise BlockError(f"{self.name}: the start time {start_time} is not a finite number of seconds.")
+        if stop_time is not None and not stop_time >= start_time:
+            raise BlockError(
+                f"{self.name}: the stop time {stop_time} s is not after the start time {start_time} s."
+            )
         self._v.time = start_time
+        self._stop_time = math.inf if stop_time is None else stop_time
         self.phase = Phase.INITIALIZATION
 
     def exit_initialization(self) -> None:
@@ -117,17 +126,19 @@ class Instance:
         step makes no sense.
         """
         self._require(Phase.STEP, "do a step")
-        if not (math.isfinite(step) and step > 0.0):
-            raise BlockError(f"{self.name}: the step size {step} s is not a positive number.")
-        if not abs(time - self.time) <= STEP_TOLERANCE * step:
-            raise BlockError(
-                f"{self.name}: the step starts at t = {time} s, but the instance is at t = {self.time} s."
-            )
+        self._check_step(time, step)
         before = self.time, self.get(self._evolving)
-        problem = self._advance(time, step)
+        problem: str | None = "an exception was raised"
+        try:
+            self._advance(time, step)
+            problem = self._find_not_finite()
+        except ArithmeticError as error:
+            problem = f"an equation failed ({error})"
+        finally:
+            if problem is not None:
+                self._v.time = before[0]
+                self._write(self._evolving, before[1])
         if problem is not None:
-            self._v.time = before[0]
-            self._write(self._evolving, before[1])
             raise StepDiscardedError(
                 f"{self.name}: step from t = {time:.9g} s with h = {step:.9g} s discarded: {problem}."
             )
@@ -140,7 +151,7 @@ class Instance:
     def get_state(self) -> dict[str, Any]:
         """Everything that evolves or was set, as plain values."""
         values = [container[key] for container, key in self._slots]
-        return {"phase": int(self.phase), "time": self.time, "values": values}
+        return {"phase": int(self.phase), "time": self.time, "stop_time": self._stop_time, "values": values}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Return to a state taken from an instance of the same block."""
@@ -149,18 +160,33 @@ class Instance:
             raise BlockError(f"{self.name}: the state has {len(values)} values, not {len(self._slots)}.")
         for (container, key), value in zip(self._slots, values, strict=True):
             container[key] = value
-        self._v.time = state["time"]
+        self._v.time, self._stop_time = state["time"], state["stop_time"]
         self.phase = Phase(state["phase"])
 
-    def _advance(self, time: float, step: float) -> str | None:
-        """Do the step; returns what is not finite afterwards, if anything."""
-        try:
-            self._integrate(time, step)
-            self._v.time = time + step
-            self._update_discrete_states()
-            self._evaluate_outputs()
-        except ArithmeticError as error:
-            return f"an equation failed ({error})"
+    def _check_step(self, time: float, step: float) -> None:
+        if not (math.isfinite(step) and step > 0.0):
+            raise BlockError(f"{self.name}: the step size {step} s is not a positive number.")
+        if not abs(time - self.time) <= STEP_TOLERANCE * step:
+            raise BlockError(
+                f"{self.name}: the step starts at t = {time} s, but the instance is at t = {self.time} s."
+            )
+        if time + step > self._stop_time + STEP_TOLERANCE * step:
+            raise BlockError(
+                f"{self.name}: the step to t = {time + step} s goes past the stop time {self._stop_time} s."
+            )
+        if self._states and not step / self._v.internal_step <= MAXIMUM_SUBSTEPS:
+            raise BlockError(
+                f"{self.name}: the step of {step} s needs more than {MAXIMUM_SUBSTEPS:g} internal steps."
+            )
+
+    def _advance(self, time: float, step: float) -> None:
+        self._integrate(time, step)
+        self._v.time = time + step
+        self._update_discrete_states()
+        self._evaluate_outputs()
+
+    def _find_not_finite(self) -> str | None:
+        """What says which state or output is not finite, if any is."""
         for r in self._evolving:
             container, key = self._slots[r]
             if not math.isfinite(container[key]):
@@ -210,7 +236,7 @@ class Instance:
         if not slots:
             return
         v = self._v
-        count = max(math.ceil(min(step / v.internal_step, MAXIMUM_SUBSTEPS) - 1e-9), 1)
+        count = max(math.ceil(step / v.internal_step - 1e-9), 1)
         dt = step / count
         for i in range(count):
             t = time + i * dt

@@ -12,7 +12,7 @@ from pathlib import Path
 import casadi
 
 from .block import Block
-from .description import Producer
+from .description import Offers, Producer, offers_model_exchange
 from .export import BuildError, Documents, Draft, draft
 from .symbolic import SymbolicBlock, evaluate_symbolically
 
@@ -24,7 +24,7 @@ TARGETS = {
     "aarch64-linux": ("aarch64-linux-gnu.2.17", ".so"),
     "aarch64-darwin": ("aarch64-macos", ".dylib"),
 }
-_SHIM = "fmi2_block.c"
+_SHIM = "fmi2_block.c"  # the only file to compile; it includes all others
 _FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"]
 
 
@@ -32,11 +32,12 @@ def native_draft(block: Block, producer: Producer, documents: Documents) -> Draf
     """The FMU without binaries: description, documents and C sources."""
     symbolic = evaluate_symbolically(block)
     content = {
-        "sources/equations.c": _equations(symbolic).encode(),
+        "sources/generated.h": _equations(symbolic).encode(),
         "sources/model.h": _model_header(block).encode(),
-        f"sources/{_SHIM}": files("fmublock").joinpath("shim", _SHIM).read_bytes(),
+        **_shim(),
     }
-    anonymous = draft(block, symbolic, producer, documents, content, [_SHIM])
+    offers = Offers(derivatives=True, model_exchange=offers_model_exchange(block), source_files=(_SHIM,))
+    anonymous = draft(block, symbolic, producer, documents, content, offers)
     guid_header = {"sources/guid.h": f'#define MODEL_GUID "{anonymous.guid}"\n'.encode()}
     return replace(anonymous, files={**anonymous.files, **guid_header})
 
@@ -63,6 +64,11 @@ def host_platform() -> str:
     return f"aarch64-{system}" if arm else f"{system}64"
 
 
+def _shim() -> dict[str, bytes]:
+    folder = files("fmublock").joinpath("shim")
+    return {f"sources/{f.name}": f.read_bytes() for f in folder.iterdir() if f.name.endswith((".c", ".h"))}
+
+
 def _compile(draft: Draft, fmi_platform: str) -> bytes:
     name = type(draft.block).__name__
     target, suffix = TARGETS[fmi_platform]
@@ -82,14 +88,14 @@ def _compile(draft: Draft, fmi_platform: str) -> bytes:
 
 
 def _equations(symbolic: SymbolicBlock) -> str:
-    generator = casadi.CodeGenerator("equations.c", {"with_header": False})
+    generator = casadi.CodeGenerator("generated.h", {"with_header": False})
     for function in symbolic.functions():
         generator.add(function)
     return generator.dump()
 
 
 def _model_header(block: Block) -> str:
-    """Names, types, ranges and start values as C; everything the shim knows of the block."""
+    """Names, types, ranges, start and nominal values as C; everything the shim knows of the block."""
     layout = block.layout()
     name = type(block).__name__
     lines = [
@@ -100,6 +106,8 @@ def _model_header(block: Block) -> str:
         f"#define N_DISCRETE_STATES {len(layout.references(layout.discrete_states))}",
         f"#define N_OUTPUTS {len(layout.references(layout.outputs))}",
     ]
+    if offers_model_exchange(block):
+        lines.append("#define MODEL_EXCHANGE")
     if layout.states:
         lines.append(f"#define INTERNAL_STEP {layout.references((type(block).internal_step,))[0]}")
     lines += [
@@ -109,18 +117,21 @@ def _model_header(block: Block) -> str:
         "typedef struct {",
         "    const char *name;",
         "    char type;",
-        "    double start, minimum, maximum;",
+        "    double start, minimum, maximum, nominal;",
         "    int start_reference;",
         "} Variable;",
         "",
         "static const Variable variables[] = {",
     ]
     letters = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
-    for reference, scalar in enumerate(layout.scalars):
-        source = layout.start_reference(reference)
-        start_reference = -1 if source == reference else source
-        values = ", ".join(_c_number(x) for x in (scalar.start, *scalar.variable.range))
-        letter = letters[scalar.variable.fmi_type]
+    for reference, scalar in enumerate((*layout.scalars, *layout.derivatives)):
+        variable = scalar.variable
+        start_reference = -1
+        if variable.start_parameter is not None:
+            start_reference = layout.start_reference(reference)
+        nominal = 1.0 if variable.nominal is None else variable.nominal
+        values = ", ".join(_c_number(x) for x in (scalar.start, *variable.range, nominal))
+        letter = letters[variable.fmi_type]
         lines.append(f"    {{\"{scalar.name}\", '{letter}', {values}, {start_reference}}},")
     return "\n".join([*lines, "};", ""])
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from .archive import content_hash
 from .block import Block
-from .description import Producer
+from .description import Offers, Producer
 from .export import BuildError, Documents, Draft, draft
 from .sources import block_modules, gather_sources, move_into_package
 from .symbolic import evaluate_symbolically
@@ -64,7 +64,7 @@ def python_draft(block: Block, producer: Producer, documents: Documents) -> Draf
         documents,
         {f"resources/{path}": text.encode() for path, text in resources.items()}
         | {"documentation/externalDependencies.txt": host.encode()},
-        source_files=[],
+        Offers(),
     )
 
 

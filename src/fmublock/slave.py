@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import zlib
 from collections.abc import Callable
 from functools import wraps
 from typing import Any
@@ -10,7 +11,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from .block import Block
-from .instance import BlockError, Instance, Phase, StepDiscardedError
+from .instance import BlockError, Instance, Phase
 
 _TYPES = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}
 
@@ -43,8 +44,8 @@ def _survivable(method: Callable[..., Any]) -> Callable[..., Any]:
 class BlockSlave(Fmi2Slave):
     """Base of the slave class in an FMU's main module, which names the block and the content's hash.
 
-    Value references are the block's own. PythonFMU turns an exception into fmi2Fatal and logs
-    its text; a discarded step is reported as such.
+    Value references are the block's own. A step that fails is discarded. In other calls PythonFMU
+    knows one way to report an exception: it logs the text and returns fmi2Fatal.
     """
 
     block: type[Block]
@@ -59,22 +60,28 @@ class BlockSlave(Fmi2Slave):
     def setup_experiment(
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
-        """Take the start time in s; the block needs neither stop time nor tolerance."""
+        """Take start and stop time in s; the tolerance is not needed, `solver.internal_step` decides."""
         if self.instance.phase == Phase.INSTANTIATED:
-            self.instance.enter_initialization(start_time)
+            self.instance.enter_initialization(start_time, stop_time)
 
     @_survivable
     def exit_initialization_mode(self) -> None:
         """Check what was set; raises BlockError if a value is outside its range."""
         self.instance.exit_initialization()
 
-    @_survivable
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Advance by a step; False, with a log message, if it was discarded."""
+        """Advance by a step; False, with a log message, if anything at all prevents it.
+
+        The instance is then as it was before the step.
+        """
         try:
             self.instance.do_step(current_time, step_size)
-        except StepDiscardedError as discarded:
-            self.log(str(discarded), Fmi2Status.discard)
+        except BlockError as refused:
+            self.log(str(refused), Fmi2Status.discard)
+            return False
+        except Exception as error:
+            cause = f"{type(error).__name__}: {error}"
+            self.log(f"{self.instance_name}: step at t = {current_time:.9g} s: {cause}", Fmi2Status.discard)
             return False
         return True
 
@@ -135,10 +142,12 @@ class BlockSlave(Fmi2Slave):
         self.instance.set_state(state)
 
     @staticmethod
+    def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
+        text = json.dumps(state).encode()
+        return b"%08x" % zlib.crc32(text) + text
+
+    @staticmethod
     def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
         """Read a serialized state; what is none becomes a state that `_set_fmu_state` refuses."""
-        try:
-            read = json.loads(state)
-        except ValueError:
-            read = None
-        return read if isinstance(read, dict) else {}
+        checksum, text = bytes(state[:8]), bytes(state[8:])
+        return json.loads(text) if checksum == b"%08x" % zlib.crc32(text) else {}

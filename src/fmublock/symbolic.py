@@ -1,4 +1,4 @@
-"""A block's equations as CasADi functions: for C code, and for who depends on whom."""
+"""A block's equations as CasADi functions: for C code, and for what depends on what."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +7,7 @@ import casadi
 
 from .block import Block, Values
 from .instance import flatten
+from .tangents import tangent
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,9 @@ class SymbolicBlock:
     outputs: casadi.Function
 
     def functions(self) -> tuple[casadi.Function, ...]:
-        """All three, in the order in which a step uses them."""
-        return self.derivatives, self.update, self.outputs
+        """All three, in the order in which a step uses them, and the tangents of the continuous ones."""
+        tangents = tangent(self.derivatives), tangent(self.outputs)
+        return self.derivatives, self.update, self.outputs, *tangents
 
 
 def evaluate_symbolically(block: Block) -> SymbolicBlock:
@@ -70,12 +72,21 @@ def _evaluate(block: Block) -> SymbolicBlock:
     )
 
 
-def output_dependencies(block: Block, symbolic: SymbolicBlock) -> dict[int, list[int]]:
-    """Value references that each `Output` depends on directly, by the output's value reference."""
-    references = block.layout().references(block.layout().outputs)
-    sparsity = symbolic.outputs.jac_sparsity(0, 1)
-    dependencies: dict[int, list[int]] = {r: [] for r in references}
-    rows, columns = sparsity.get_triplet()
-    for row, column in zip(rows, columns, strict=True):
-        dependencies[references[row]].append(column)
-    return {r: sorted(d) for r, d in dependencies.items()}
+def find_dependencies(block: Block, symbolic: SymbolicBlock) -> dict[int, list[int]]:
+    """Value references that each `Output` and each state's derivative depends on directly.
+
+    The keys are value references, too.
+    """
+    layout = block.layout()
+    first_derivative = len(layout.scalars)
+    derivatives = range(first_derivative, first_derivative + len(layout.derivatives))
+    found: dict[int, list[int]] = {}
+    for function, references in (
+        (symbolic.outputs, layout.references(layout.outputs)),
+        (symbolic.derivatives, derivatives),
+    ):
+        found |= {r: [] for r in references}
+        rows, columns = function.jac_sparsity(0, 1).get_triplet()
+        for row, column in zip(rows, columns, strict=True):
+            found[references[row]].append(column)
+    return {r: sorted(d) for r, d in found.items()}

@@ -1,5 +1,6 @@
 """Units as FMI wants them: a name with its exponents of the SI base units."""
 
+import math
 import re
 from dataclasses import dataclass, field
 
@@ -28,6 +29,49 @@ class Unit:
 
     name: str
     exponents: dict[str, int] = field(hash=False)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a unit measures: its name in ISO 80000, and the unit that people like to read.
+
+    A value in SI units times `factor` is the value in the display unit.
+    """
+
+    name: str
+    display_unit: str | None = None
+    factor: float = 1.0
+
+
+QUANTITIES = {
+    "m": Quantity("Length", "mm", 1e3),
+    "m/s": Quantity("Velocity", "mm/s", 1e3),
+    "m/s2": Quantity("Acceleration"),
+    "rad": Quantity("Angle", "deg", 180.0 / math.pi),
+    "rad/s": Quantity("AngularVelocity", "rpm", 30.0 / math.pi),
+    "s": Quantity("Time"),
+    "kg": Quantity("Mass"),
+    "kg.m2": Quantity("MomentOfInertia"),
+    "N": Quantity("Force", "kN", 1e-3),
+    "N.m": Quantity("Torque"),
+    "W": Quantity("Power", "kW", 1e-3),
+    "V": Quantity("ElectricPotential"),
+    "A": Quantity("ElectricCurrent"),
+    "Ohm": Quantity("Resistance"),
+    "H": Quantity("Inductance", "mH", 1e3),
+    "Wb": Quantity("MagneticFlux", "mWb", 1e3),
+}
+"""Units that measure one thing only; of the others (1/s, kg.m) the variable's description tells."""
+
+
+def per_second(name: str) -> str:
+    """The unit of a time derivative: "m" gives "m/s", "m/s" gives "m/s2", "V" gives "V/s"."""
+    numerator, _, denominator = name.partition("/")
+    terms = denominator.strip("()").split(".") if denominator else []
+    powers = {term.rstrip("0123456789"): int(re.sub(r"\D", "", term) or 1) for term in terms}
+    powers["s"] = powers.get("s", 0) + 1
+    divisor = ".".join(term if power == 1 else f"{term}{power}" for term, power in powers.items())
+    return f"{numerator}/{divisor}" if len(powers) == 1 else f"{numerator}/({divisor})"
 
 
 def parse_unit(name: str) -> Unit:

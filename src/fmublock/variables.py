@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
+from .units import per_second
+
 
 class Variable:
     """What every variable of a block has.
@@ -108,6 +110,19 @@ class Parameter(Variable):
 
 class State(Variable):
     """A continuous state, integrated inside the communication step; also an output."""
+
+
+class Derivative(Variable):
+    """The time derivative of a continuous state; declared by nobody, offered by native FMUs."""
+
+    @classmethod
+    def of(cls, state: "ScalarVariable") -> "ScalarVariable":
+        """The derivative of one scalar state, named der(...) with the unit per second."""
+        unit = state.variable.unit
+        name = f"der({state.name})"
+        description = f"Time derivative of {state.name}"
+        variable = cls(unit=None if unit is None else per_second(unit), description=description, name=name)
+        return ScalarVariable(variable, None, name, 0.0)
 
 
 class DiscreteState(Variable):

@@ -13,7 +13,13 @@ def native_toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_toy("native", tmp_path_factory.mktemp("native") / "Toy.fmu")
 
 
+@pytest.fixture(scope="session")
+def python_toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The toy as a PythonFMU FMU."""
+    return build_toy("python", tmp_path_factory.mktemp("python") / "Toy.fmu")
+
+
 @pytest.fixture(scope="session", params=["native", "python"])
-def toy_fmu(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def toy_fmu(request: pytest.FixtureRequest) -> Path:
     """The toy as an FMU, once per flavour."""
-    return build_toy(request.param, tmp_path_factory.mktemp(request.param) / "Toy.fmu")
+    return request.getfixturevalue(f"{request.param}_toy_fmu")

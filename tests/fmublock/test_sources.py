@@ -20,7 +20,7 @@ def test_everything_a_block_imports_is_gathered() -> None:
     sources = gather_sources(["toy", "fmublock.block", "fmublock.instance"])
     assert set(sources) == {
         "toy.py", "fmublock/__init__.py", "fmublock/block.py", "fmublock/functions.py",
-        "fmublock/instance.py", "fmublock/noise.py", "fmublock/variables.py",
+        "fmublock/instance.py", "fmublock/noise.py", "fmublock/units.py", "fmublock/variables.py",
     }  # fmt: skip
 
 

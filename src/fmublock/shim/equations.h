@@ -1,0 +1,127 @@
+/* What the block computes. The arithmetic repeats fmublock/instance.py operation by operation, so
+ * that both give the same bits; compile without floating-point contraction.
+ */
+
+#define MAXIMUM_SUBSTEPS 1e9
+
+typedef int Equations(const casadi_real **, casadi_real **, casadi_int *, casadi_real *, int);
+
+static void evaluate(Equations *equations, double time, const double *values, double *result) {
+    const double *arguments[2] = {&time, values};
+    double *results[1] = {result};
+    equations(arguments, results, NULL, NULL, 0);
+}
+
+/* Derivative of derivatives or outputs in a direction. */
+static void evaluate_tangent(Equations *tangent, double time, const double *values, double time_direction,
+                             const double *direction, double *result) {
+    const double *arguments[4] = {&time, values, &time_direction, direction};
+    double *results[1] = {result};
+    tangent(arguments, results, NULL, NULL, 0);
+}
+
+/* In co-simulation outputs are frozen between communication points, and derivatives with them: they
+ * belong to the inputs of the last step, whatever has been set since.
+ */
+static void evaluate_derivatives(State *now) {
+    double set[ROOM(N_INPUTS)];
+    const int frozen = now->type == fmi2CoSimulation && now->phase & (STEP | TERMINATED);
+    memcpy(set, now->values, N_INPUTS * sizeof(double));
+    if (frozen) memcpy(now->values, now->held, N_INPUTS * sizeof(double));
+    evaluate(derivatives, now->time, now->values, now->values + FIRST_DERIVATIVE);
+    memcpy(now->values, set, N_INPUTS * sizeof(double));
+}
+
+static void evaluate_outputs(State *now) {
+    evaluate(outputs, now->time, now->values, now->values + FIRST_OUTPUT);
+}
+
+static void update_discrete_states(State *now) {
+    double next[ROOM(N_DISCRETE_STATES)];
+    evaluate(update, now->time, now->values, next);
+    memcpy(now->values + FIRST_DISCRETE_STATE, next, N_DISCRETE_STATES * sizeof(double));
+}
+
+/* ---- inputs within a step -------------------------------------------------------------- */
+
+/* Inputs at `elapsed` seconds into a step that began with u0 and the input derivatives. */
+static void move_inputs(State *now, const double *u0, double elapsed) {
+    for (int i = 0; i < N_INPUTS; i++) {
+        const double *d = now->input_derivatives[i];
+        now->values[i] = u0[i] + elapsed * (d[0] + elapsed * (d[1] / 2.0 + elapsed * d[2] / 6.0));
+    }
+}
+
+/* Note with which inputs the outputs were computed, `elapsed` seconds into a step. */
+static void hold_inputs(State *now, double elapsed) {
+    for (int i = 0; i < N_INPUTS; i++) {
+        const double *d = now->input_derivatives[i];
+        now->held[i] = now->values[i];
+        now->held_rates[i] = d[0] + elapsed * (d[1] + elapsed * d[2] / 2.0);
+    }
+}
+
+/* ---- integration ----------------------------------------------------------------------- */
+
+static double substeps(const State *now, double step) {
+#if N_STATES > 0
+    const double count = ceil(step / now->values[INTERNAL_STEP] - 1e-9);
+    return count >= 1.0 ? count : 1.0;
+#else
+    (void)now, (void)step;
+    return 1.0;
+#endif
+}
+
+#if N_STATES > 0
+static void slope(State *now, const double *u0, double start, double time, double *k) {
+    if (now->inputs_move) move_inputs(now, u0, time - start);
+    evaluate(derivatives, time, now->values, k);
+}
+
+static void set_states(double *x, const double *x0, double factor, const double *k) {
+    for (int i = 0; i < N_STATES; i++) x[i] = x0[i] + factor * k[i];
+}
+
+/* Classical Runge-Kutta substeps no longer than the internal step. */
+static void integrate(State *now, const double *u0, double time, double step) {
+    double x0[N_STATES], k1[N_STATES], k2[N_STATES], k3[N_STATES], k4[N_STATES];
+    double *x = now->values + FIRST_STATE;
+    const double count = substeps(now, step), dt = step / count;
+    for (long i = 0; i < (long)count; i++) {
+        const double t = time + (double)i * dt;
+        memcpy(x0, x, sizeof x0);
+        slope(now, u0, time, t, k1);
+        set_states(x, x0, 0.5 * dt, k1);
+        slope(now, u0, time, t + 0.5 * dt, k2);
+        set_states(x, x0, 0.5 * dt, k2);
+        slope(now, u0, time, t + 0.5 * dt, k3);
+        set_states(x, x0, dt, k3);
+        slope(now, u0, time, t + dt, k4);
+        for (int j = 0; j < N_STATES; j++) k1[j] = k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j];
+        set_states(x, x0, dt / 6.0, k1);
+    }
+}
+#else
+static void integrate(State *now, const double *u0, double time, double step) {
+    (void)now, (void)u0, (void)time, (void)step;
+}
+#endif
+
+/* ---- start values ---------------------------------------------------------------------- */
+
+static void set_start_values(State *now, int type) {
+    memset(now, 0, sizeof *now);
+    memcpy(now->guid, MODEL_GUID, sizeof now->guid);
+    now->type = type;
+    now->phase = INSTANTIATED;
+    now->stop_time = HUGE_VAL;
+    for (int r = 0; r < N_VALUES; r++) now->values[r] = variables[r].start;
+}
+
+/* Start values that come from parameters, and the outputs that follow from everything set. */
+static void initialize_values(State *now) {
+    for (int r = FIRST_STATE; r < FIRST_OUTPUT; r++)
+        if (variables[r].start_reference >= 0) now->values[r] = now->values[variables[r].start_reference];
+    evaluate_outputs(now);
+}

@@ -1,0 +1,96 @@
+/* Co-simulation: the communication step and its status. */
+
+#define STEP_TOLERANCE 1e-3 /* how far the host's times may be off, as a part of the step */
+
+static fmi2Status check_step(const Instance *instance, double time, double step) {
+    const State *now = &instance->now;
+    if (!(isfinite(step) && step > 0.0))
+        return report(instance, fmi2Error, "the step size %g s is not a positive number.", step);
+    if (!(fabs(time - now->time) <= STEP_TOLERANCE * step))
+        return report(instance, fmi2Error,
+                      "the step starts at t = %.9g s, but the instance is at t = %.9g s.", time, now->time);
+    if (time + step > now->stop_time + STEP_TOLERANCE * step)
+        return report(instance, fmi2Error, "the step to t = %.9g s goes past the stop time %.9g s.",
+                      time + step, now->stop_time);
+    if (!(substeps(now, step) <= MAXIMUM_SUBSTEPS))
+        return report(instance, fmi2Error, "the step of %g s needs more than %g internal steps.", step,
+                      MAXIMUM_SUBSTEPS);
+    return fmi2OK;
+}
+
+/* Value reference of a state or output that is not finite, or -1. */
+static int find_not_finite(const State *now) {
+    for (int r = FIRST_STATE; r < FIRST_DERIVATIVE; r++)
+        if (!isfinite(now->values[r])) return r;
+    return -1;
+}
+
+static void advance(State *now, const double *u0, double time, double step) {
+    integrate(now, u0, time, step);
+    if (now->inputs_move) move_inputs(now, u0, step);
+    now->time = time + step;
+    update_discrete_states(now);
+    evaluate_outputs(now);
+}
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
+                      fmi2Boolean noSetFMUStatePriorToCurrentPoint) {
+    Instance *instance = c;
+    State *now = &instance->now;
+    const double time = currentCommunicationPoint, step = communicationStepSize, start = now->time;
+    double u0[ROOM(N_INPUTS)], before[ROOM(N_EVOLVING)];
+    if (require(instance, STEP, "do a step") != fmi2OK) return fmi2Error;
+    if (check_step(instance, time, step) != fmi2OK) return fmi2Error;
+    memcpy(u0, now->values, N_INPUTS * sizeof(double));
+    memcpy(before, now->values + FIRST_STATE, N_EVOLVING * sizeof(double));
+    advance(now, u0, time, step);
+    const int bad = find_not_finite(now);
+    if (bad >= 0) {
+        const double value = now->values[bad];
+        now->time = start;
+        memcpy(now->values, u0, N_INPUTS * sizeof(double));
+        memcpy(now->values + FIRST_STATE, before, N_EVOLVING * sizeof(double));
+        return report(instance, fmi2Discard,
+                      "step from t = %.9g s with h = %.9g s discarded: %s became %g.", time, step,
+                      variables[bad].name, value);
+    }
+    hold_inputs(now, step);
+    memset(now->input_derivatives, 0, sizeof now->input_derivatives);
+    now->inputs_move = 0;
+    if (noSetFMUStatePriorToCurrentPoint) instance->no_return_before = time;
+    return fmi2OK;
+}
+
+/* Steps are never asynchronous, so there is nothing to cancel and no pending status. */
+fmi2Status fmi2CancelStep(fmi2Component c) { return report(c, fmi2Error, "no step is pending."); }
+
+static fmi2Status no_status(fmi2Component c) {
+    return report(c, fmi2Discard, "this status is not available.");
+}
+
+fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value) {
+    (void)s, (void)value;
+    return no_status(c);
+}
+
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value) {
+    if (s != fmi2LastSuccessfulTime) return no_status(c);
+    *value = ((Instance *)c)->now.time;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value) {
+    (void)s, (void)value;
+    return no_status(c);
+}
+
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value) {
+    if (s != fmi2Terminated) return no_status(c);
+    *value = fmi2False; /* the block never ends a run by itself */
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value) {
+    (void)s, (void)value;
+    return no_status(c);
+}

@@ -1,0 +1,125 @@
+/* One instance of the block: its memory, and what it says to the host. */
+
+#define FIRST_STATE (N_INPUTS + N_PARAMETERS)
+#define FIRST_DISCRETE_STATE (FIRST_STATE + N_STATES)
+#define FIRST_OUTPUT (FIRST_DISCRETE_STATE + N_DISCRETE_STATES)
+#define FIRST_DERIVATIVE (FIRST_OUTPUT + N_OUTPUTS)
+#define N_VALUES (FIRST_DERIVATIVE + N_STATES)
+#define N_EVOLVING (FIRST_DERIVATIVE - FIRST_STATE)
+#define ROOM(n) ((n) > 0 ? (n) : 1) /* C has no empty arrays */
+
+#define INPUT_ORDERS 3 /* polynomials that the internal Runge-Kutta steps integrate exactly */
+#define MESSAGE_LENGTH 512
+
+/* Phases of the FMI state machine, as bits, so that a call can name several. */
+enum {
+    INSTANTIATED = 1,
+    INITIALIZATION = 2,
+    STEP = 4,
+    EVENT = 8,
+    CONTINUOUS_TIME = 16,
+    TERMINATED = 32
+};
+#define MODEL_EXCHANGE_RUNNING (EVENT | CONTINUOUS_TIME)
+#define RUNNING (STEP | MODEL_EXCHANGE_RUNNING)
+
+/* Everything that evolves or was set; begins with the GUID so that a foreign one is recognized. */
+typedef struct {
+    char guid[sizeof MODEL_GUID];
+    int type; /* fmi2CoSimulation or fmi2ModelExchange */
+    int phase;
+    int inputs_move; /* whether any input derivative is not zero */
+    double time, stop_time;
+    double values[ROOM(N_VALUES)];
+    double input_derivatives[ROOM(N_INPUTS)][INPUT_ORDERS]; /* for the next step */
+    double held[ROOM(N_INPUTS)];       /* inputs that the present outputs were computed with */
+    double held_rates[ROOM(N_INPUTS)]; /* and their time derivatives then */
+} State;
+
+typedef struct {
+    State now;
+    char *name;
+    fmi2CallbackLogger logger;
+    fmi2ComponentEnvironment environment;
+    unsigned logged;         /* categories that are switched on, as bits */
+    double no_return_before; /* the host said that it will not go back to earlier times */
+} Instance;
+
+/* ---- messages -------------------------------------------------------------------------- */
+
+enum { LOG_EVENTS, LOG_WARNING, LOG_DISCARD, LOG_ERROR, LOG_FATAL, LOG_ALL, N_CATEGORIES };
+
+static const char *const categories[N_CATEGORIES] = {
+    "logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll"};
+
+#define CATEGORY(category) (1u << (category))
+#define EVERYTHING (CATEGORY(N_CATEGORIES) - 1u)
+#define FAILURES (CATEGORY(LOG_DISCARD) | CATEGORY(LOG_ERROR) | CATEGORY(LOG_FATAL))
+
+static int category_of(fmi2Status status) {
+    switch (status) {
+        case fmi2OK: return LOG_EVENTS;
+        case fmi2Warning: return LOG_WARNING;
+        case fmi2Discard: return LOG_DISCARD;
+        case fmi2Error: return LOG_ERROR;
+        default: return LOG_FATAL;
+    }
+}
+
+/* Log a message that begins with the instance's name, if its category is on; returns the status. */
+static fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...) {
+    char message[MESSAGE_LENGTH];
+    const int category = category_of(status);
+    if (instance->logger == NULL || !(instance->logged & CATEGORY(category))) return status;
+    const int begun = snprintf(message, sizeof message, "%.100s: ", instance->name);
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(message + begun, sizeof message - (size_t)begun, format, arguments);
+    va_end(arguments);
+    for (char *c = message; *c; c++)
+        if (*c == '%') *c = '#'; /* hosts take the message as a printf format */
+    instance->logger(instance->environment, instance->name, status, categories[category], message);
+    return status;
+}
+
+/* ---- checks ---------------------------------------------------------------------------- */
+
+static const char *phase_name(int phase) {
+    switch (phase) {
+        case INSTANTIATED: return "instantiated";
+        case INITIALIZATION: return "initialization";
+        case STEP: return "step";
+        case EVENT: return "event";
+        case CONTINUOUS_TIME: return "continuous-time";
+        default: return "terminated";
+    }
+}
+
+static fmi2Status require(const Instance *instance, int phases, const char *action) {
+    if (instance->now.phase & phases) return fmi2OK;
+    return report(instance, fmi2Error, "cannot %s in phase %s.", action, phase_name(instance->now.phase));
+}
+
+static fmi2Status check_range(const Instance *instance, int reference) {
+    const Variable *variable = &variables[reference];
+    const double value = instance->now.values[reference];
+    if (variable->minimum <= value && value <= variable->maximum && isfinite(value)) return fmi2OK;
+    return report(instance, fmi2Error, "%s = %.9g is outside its range, %.9g to %.9g.", variable->name,
+                  value, variable->minimum, variable->maximum);
+}
+
+static fmi2Status check_type(const Instance *instance, fmi2ValueReference reference, char type) {
+    if (reference >= N_VALUES)
+        return report(instance, fmi2Error, "there is no variable with value reference %u.", reference);
+    const Variable *variable = &variables[reference];
+    if (variable->type == type) return fmi2OK;
+    return report(instance, fmi2Error, "%s is of type %s.", variable->name,
+                  variable->type == 'R'   ? "Real"
+                  : variable->type == 'I' ? "Integer"
+                                          : "Boolean");
+}
+
+static fmi2Status check_arrays(const Instance *instance, size_t n, const void *a, const void *b) {
+    if (n == 0 || (a != NULL && b != NULL)) return fmi2OK;
+    return report(instance, fmi2Error, "%u values were announced, but the array is NULL.", (unsigned)n);
+}

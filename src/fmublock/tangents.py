@@ -1,0 +1,63 @@
+"""Directional derivatives of a block's equations, from CasADi's automatic differentiation."""
+
+import casadi
+
+_COMPARISONS = {
+    casadi.OP_LT,
+    casadi.OP_LE,
+    casadi.OP_EQ,
+    casadi.OP_NE,
+    casadi.OP_NOT,
+    casadi.OP_AND,
+    casadi.OP_OR,
+}
+
+
+def tangent(function: casadi.Function) -> casadi.Function:
+    """The derivative of function(time, values) in a direction.
+
+    Takes (time, values, direction of time, direction of values); returns one derivative per
+    result. Where the function has a kink, it is one between the derivatives of both sides.
+    """
+    at = casadi.SX.sym("time"), casadi.SX.sym("values", function.size1_in(1))
+    direction = casadi.SX.sym("d_time"), casadi.SX.sym("d_values", function.size1_in(1))
+    derivative = casadi.jtimes(function(*at), casadi.vertcat(*at), casadi.vertcat(*direction))
+    name = f"{function.name()}_tangent"
+    arguments = [*at, *direction]
+    return casadi.Function(name, arguments, [_gated(casadi.Function(name, arguments, [derivative]))])
+
+
+def _gated(function: casadi.Function) -> casadi.SX:
+    """The function's result with every product `comparison * x` turned into a choice.
+
+    Minimum and maximum differentiate to such products. Where the side not taken has no finite
+    derivative (the square root at zero), 0 * inf would spoil the side that is taken.
+    """
+    arguments = function.sx_in()
+    result = casadi.SX(function.sparsity_out(0))
+    work: dict[int, casadi.SX] = {}
+    gates: set[int] = set()  # places in `work` that are zero where a comparison does not hold
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        inputs, outputs = function.instruction_input(k), function.instruction_output(k)
+        if operation == casadi.OP_OUTPUT:
+            result.nz[outputs[1]] = work[inputs[0]]
+            continue
+        place = outputs[0]
+        is_gate = operation in _COMPARISONS or (operation == casadi.OP_DIV and inputs[0] in gates)
+        if operation == casadi.OP_INPUT:
+            value = arguments[inputs[0]].nz[inputs[1]]
+        elif operation == casadi.OP_CONST:
+            value = casadi.SX(function.instruction_constant(k))
+        elif len(inputs) == 1:
+            value = casadi.SX.unary(operation, work[inputs[0]])
+        else:
+            a, b = (work[i] for i in inputs)
+            value = casadi.SX.binary(operation, a, b)
+            for gate in [i for i in inputs if operation == casadi.OP_MUL and i in gates]:
+                value = casadi.SX.binary(casadi.OP_IF_ELSE_ZERO, work[gate], value)
+        work[place] = value
+        gates.discard(place)
+        if is_gate:
+            gates.add(place)
+    return result
