@@ -11,7 +11,7 @@ from rich.table import Table
 
 from .errors import CommandError, CosimError, check_choice
 from .master.simulation import ALGORITHMS
-from .models import FLAVOURS, FMU_FOLDER, MODELS, build
+from .models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
 from .run import Settings, run
 from .system.scenarios import CONTROLLERS, describe_scenario, load_scenario, scenario_names
 from .terminal import ERR, OUT, BarProgress, show_result
@@ -51,20 +51,26 @@ def build_command(
     flavour: Flavour = "native",
     platform: Annotated[
         list[str] | None,
-        typer.Option(help="FMI platform of the binary (repeatable); this machine's without."),
+        typer.Option(
+            help=f"FMI platform of a native FMU's binaries (repeatable); all without: {', '.join(PLATFORMS)}."
+        ),
     ] = None,
     output: Annotated[Path, typer.Option(help="Folder to build to.")] = FMU_FOLDER,
 ) -> None:
     """Build the FMUs of our models."""
     chosen = models or list(MODELS)
+    check_choice("flavour", flavour, FLAVOURS)
+    if platform and flavour != "native":
+        raise CommandError("PythonFMU FMUs bring PythonFMU's own binaries; leave --platform out.")
+    platforms = platform or list(PLATFORMS)
     for model in chosen:
         check_choice("model", model, MODELS)
     with BarProgress() as progress:
-        progress.begin(f"building {flavour} FMUs", len(chosen))
         paths = []
         for model in chosen:
-            paths.append(build(model, flavour, platform or [], output))
-            progress.advance(1)
+            progress.begin(model, len(platforms) if flavour == "native" else 1)
+            paths.append(build(model, flavour, platforms, output, lambda: progress.advance(1)))
+            progress.finish()
     for path in paths:
         OUT.print(f"{path}  [dim]{path.stat().st_size / 1024:.0f} KiB[/]", highlight=False, soft_wrap=True)
 

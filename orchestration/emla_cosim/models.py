@@ -1,6 +1,7 @@
 """Our own models: which there are, where their FMUs lie, and how they are built."""
 
 import zipfile
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -20,11 +21,18 @@ from .errors import RunError, check_choice
 MODELS: dict[str, type[Block]] = {b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS)}
 """Blocks by the name of their model."""
 
+PLATFORMS = tuple(TARGETS)
+"""FMI platforms that native FMUs are built for, from any machine."""
+
 FLAVOURS = ("native", "python")
 """Native FMUs run anywhere; PythonFMU FMUs need a Python host and are readable inside."""
 
 FMU_FOLDER = Path("fmus")
 """Where FMUs are built to and looked for unless told otherwise."""
+
+
+def _silent() -> None:
+    """What is called for progress that nobody looks at."""
 
 
 def fmu_path(model: str, flavour: str, folder: Path) -> Path:
@@ -33,27 +41,31 @@ def fmu_path(model: str, flavour: str, folder: Path) -> Path:
     return inside / f"{model}.fmu"
 
 
-def build(model: str, flavour: str, platforms: list[str], folder: Path) -> Path:
+def build(
+    model: str, flavour: str, platforms: Sequence[str], folder: Path, advance: Callable[[], None] = _silent
+) -> Path:
     """Build the FMU of a model, unless the very same is there already; returns its file.
 
-    `platforms` are FMI platforms for native FMUs; none is this machine's. Raises CommandError
+    `platforms` are FMI platforms for native FMUs; none is this machine's and those that the
+    file has already. `advance` is called for each binary as it is compiled. Raises CommandError
     for an unknown name, RunError where building or writing fails.
     """
     check_choice("model", model, MODELS)
     check_choice("flavour", flavour, FLAVOURS)
-    platforms = platforms or [host_platform()]
     for platform in platforms:
-        check_choice("platform", platform, TARGETS)
+        check_choice("platform", platform, PLATFORMS)
     block, documents = MODELS[model](), _documents(model)
     path = fmu_path(model, flavour, folder)
+    present = _platforms_of(path)
     try:
         if flavour == "native":
+            wanted = platforms or sorted({host_platform(), *(present & set(PLATFORMS))})
             draft = native_draft(block, _producer(), documents)
-            if not _is_current(path, draft, platforms):
-                build_native(draft, platforms, path)
+            if not (_is_current(path, draft) and present.issuperset(wanted)):
+                build_native(draft, wanted, path, advance)
         else:
             draft = python_draft(block, _producer(), documents)
-            if not _is_current(path, draft, []):
+            if not _is_current(path, draft):
                 build_python(draft, path)
     except BuildError as error:
         raise RunError(f"{model} could not be built: {error}") from error
@@ -62,12 +74,19 @@ def build(model: str, flavour: str, platforms: list[str], folder: Path) -> Path:
     return path
 
 
-def _is_current(path: Path, draft: Draft, platforms: list[str]) -> bool:
-    """Whether the file is what would be built: same GUID, and binaries for these platforms."""
+def _platforms_of(path: Path) -> set[str]:
+    """FMI platforms that an FMU has binaries for; none if there is no such FMU."""
     try:
         with zipfile.ZipFile(path) as archive:
-            present = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
-        return set(platforms) <= present and read_model_description(str(path)).guid == draft.guid
+            return {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
+    except (OSError, zipfile.BadZipFile):
+        return set()
+
+
+def _is_current(path: Path, draft: Draft) -> bool:
+    """Whether the file has the GUID of what would be built."""
+    try:
+        return read_model_description(str(path)).guid == draft.guid
     except Exception:  # missing, cut off or not an FMU: build it
         return False
 

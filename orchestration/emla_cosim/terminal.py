@@ -43,6 +43,11 @@ class BarProgress(Progress):
         """So many units more are done."""
         self._bars.advance(self._task, count)
 
+    def finish(self) -> None:
+        """The task is done, if with fewer units than expected."""
+        task = next(t for t in self._bars.tasks if t.id == self._task)
+        self._bars.update(self._task, completed=task.total)
+
 
 _ROWS: tuple[tuple[str, Callable[[JointMetrics], float], str], ...] = (
     ("position error", lambda m: 1e6 * m.position_error_m, "µm"),

@@ -1,11 +1,15 @@
 """Native FMUs: the block's equations as C inside a generic FMI 2.0 shim, compiled by zig."""
 
 import math
+import os
 import platform
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 
@@ -42,18 +46,24 @@ def native_draft(block: Block, producer: Producer, documents: Documents) -> Draf
     return replace(anonymous, files={**anonymous.files, **guid_header})
 
 
-def build_native(draft: Draft, platforms: list[str], path: Path) -> None:
-    """Compile for these FMI platforms and write the FMU.
+def build_native(
+    draft: Draft, platforms: Sequence[str], path: Path, advance: Callable[[], None] = lambda: None
+) -> None:
+    """Compile for these FMI platforms and write the FMU; `advance` is called once per binary.
 
     Raises BuildError where the compiler fails or does not know a platform, OSError where the
     FMU cannot be written.
     """
     name = type(draft.block).__name__
     binaries = {}
-    for target in platforms:
-        if target not in TARGETS:
-            raise BuildError(f"there is no platform '{target}'; choose from {', '.join(TARGETS)}.")
-        binaries[f"binaries/{target}/{name}{TARGETS[target][1]}"] = _compile(draft, target)
+    for platform_ in platforms:
+        if platform_ not in TARGETS:
+            raise BuildError(f"there is no platform '{platform_}'; choose from {', '.join(TARGETS)}.")
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        compiled = pool.map(partial(_compile, draft), platforms)
+        for platform_, binary in zip(platforms, compiled, strict=True):
+            binaries[f"binaries/{platform_}/{name}{TARGETS[platform_][1]}"] = binary
+            advance()
     draft.write(path, binaries)
 
 

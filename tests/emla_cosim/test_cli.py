@@ -17,6 +17,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from emla_cosim.cli import app
+from emla_cosim.models import PLATFORMS
 from emla_cosim.results.plots import FIGURES
 from emla_cosim.system.scenarios import scenario_names
 
@@ -163,6 +164,14 @@ def test_build_writes_the_fmus_asked_for(emla: Emla, tmp_path: Path) -> None:
     assert "Reference.fmu" in result.stdout
 
 
+def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Emla, tmp_path: Path) -> None:
+    for options, expected in (([], set(PLATFORMS)), (["--platform", "win64"], {"win64"})):
+        result = emla("build", "Reference", "--output", f"out{len(options)}", *options)
+        assert result.exit_code == 0, result.output
+        with zipfile.ZipFile(tmp_path / f"out{len(options)}/Reference/Reference.fmu") as archive:
+            assert {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")} == expected
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -216,6 +225,7 @@ def test_build_writes_the_fmus_asked_for(emla: Emla, tmp_path: Path) -> None:
         (["build", "Engine"], ["no model 'Engine'", "EmlaPlant"]),
         (["build", "Reference", "--platform", "amiga"], ["no platform 'amiga'", "linux64"]),
         (["build", "Reference", "--flavour", "java"], ["no flavour 'java'"]),
+        (["build", "--flavour", "python", "--platform", "win64"], ["leave --platform out"]),
     ],
     ids=lambda x: " ".join(x[1:]) if x and x[0] in ("run", "build") else "",
 )

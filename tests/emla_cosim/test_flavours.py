@@ -1,5 +1,6 @@
 """Every block of ours gives the same bits natively, through PythonFMU and in process."""
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from emla_cosim.models import FLAVOURS, MODELS, build, fmu_path
 from emla_cosim.system.joint import start_values
 from emla_fmu import observer_gains
 from emla_fmu.parameters import TILT
+from fmublock.native import host_platform
 from rsba_fmu import gains
 from slaves import BlockSlave, fmu_slave, interface
 
@@ -111,3 +113,17 @@ def test_an_fmu_that_is_current_is_left_alone_and_others_are_rebuilt(tmp_path: P
     build("Reference", "native", [], tmp_path)
     assert path.read_bytes() == good
     assert [p.name for p in path.parent.iterdir()] == ["Reference.fmu"]
+
+
+def test_an_fmu_out_of_date_keeps_its_platforms_when_it_is_rebuilt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = build("Reference", "native", [host_platform(), "win64"], tmp_path)
+    before = path.read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(MODELS["Reference"], "__doc__", "Another description.")
+        build("Reference", "native", [], tmp_path)
+    assert path.read_bytes() != before
+    with zipfile.ZipFile(path) as archive:
+        platforms = {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")}
+    assert platforms == {host_platform(), "win64"}
