@@ -45,7 +45,7 @@ class Disturbance(Block):
 
     default_experiment = DefaultExperiment(stop_time=10.0, step_size=1e-4)
 
-    v_L = Input(unit="m/s", description="Screw speed, for the arctan term")
+    v_L = Input(unit="m/s", nominal=0.1, description="Screw speed, for the arctan term", terminal="load")
 
     level = Parameter(0.0, size=LEVELS, unit="N", name="load.level", description="Load force level")
     level_start = Parameter(
@@ -104,10 +104,10 @@ class Disturbance(Block):
     random = DiscreteState(seed, name="d_2.random", description="State of the random generator")
     sample = DiscreteState(0.0, name="d_2.sample", description="Number of the present random value")
 
-    F_L = Output(unit="N", description="Load force, positive against extension")
-    d_2 = Output(unit="m/s2", description="Disturbance of the screw's acceleration")
-    d_3 = Output(unit="V", description="Disturbance of the q-axis voltage")
-    d_4 = Output(unit="V", description="Disturbance of the d-axis voltage")
+    F_L = Output(unit="N", nominal=1e4, description="Load force, positive against extension", terminal="load")
+    d_2 = Output(unit="m/s2", description="Disturbance of the screw's acceleration", terminal="load")
+    d_3 = Output(unit="V", nominal=10.0, description="Disturbance of the q-axis voltage", terminal="load")
+    d_4 = Output(unit="V", nominal=10.0, description="Disturbance of the d-axis voltage", terminal="load")
 
     def update(self, v: Any) -> dict[str, Any]:
         """A new random value once a sample time has passed (at most one per communication step)."""

@@ -21,8 +21,13 @@ class EmlaObserver(Block):
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
 
-    y = Input(unit="m", description="Measured screw position")
-    i_q_ref = Input(unit="A", description="Commanded q-axis current i_q*, used with use_model")
+    y = Input(unit="m", nominal=0.1, description="Measured screw position", terminal="sensor.x_measured")
+    i_q_ref = Input(
+        unit="A",
+        nominal=10.0,
+        description="Commanded q-axis current i_q*, used with use_model",
+        terminal="drive",
+    )
 
     alpha_1 = Parameter(0.3192, unit="1/s", minimum=1e-9, description="Gain on the position estimate")
     alpha_2 = Parameter(0.3129, unit="1/s2", minimum=1e-9, description="Gain on the speed estimate")
@@ -58,8 +63,8 @@ class EmlaObserver(Block):
         description="Equivalent friction, as the observer knows it",
     )
 
-    x_hat = State(0.24, unit="m", nominal=0.1, description="Estimated screw position")
-    v_hat = State(0.0, unit="m/s", nominal=0.1, description="Estimated screw speed")
+    x_hat = State(0.24, unit="m", nominal=0.1, description="Estimated screw position", terminal="estimate")
+    v_hat = State(0.0, unit="m/s", nominal=0.1, description="Estimated screw speed", terminal="estimate")
     eta_hat = State(1.0, minimum=0.0, description="Estimated bound of the uncertainty")
 
     y_bar = Output(unit="m", description="Innovation y - x_hat")

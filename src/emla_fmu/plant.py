@@ -41,13 +41,28 @@ class EmlaPlant(Block):
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
 
-    u_q = Input(unit="V", description="q-axis stator voltage demanded from the inverter")
-    u_d = Input(unit="V", description="d-axis stator voltage demanded from the inverter")
-    i_q_ref = Input(unit="A", description="Commanded q-axis current i_q*, used for torque_source = command")
-    F_L = Input(unit="N", description="Load force, positive against extension")
-    d_2 = Input(unit="m/s2", description="Disturbance of the screw's acceleration")
-    d_3 = Input(unit="V", description="Disturbance of the q-axis voltage")
-    d_4 = Input(unit="V", description="Disturbance of the d-axis voltage")
+    u_q = Input(
+        unit="V",
+        nominal=100.0,
+        description="q-axis stator voltage demanded from the inverter",
+        terminal="drive",
+    )
+    u_d = Input(
+        unit="V",
+        nominal=100.0,
+        description="d-axis stator voltage demanded from the inverter",
+        terminal="drive",
+    )
+    i_q_ref = Input(
+        unit="A",
+        nominal=10.0,
+        description="Commanded q-axis current i_q*, used for torque_source = command",
+        terminal="drive",
+    )
+    F_L = Input(unit="N", nominal=1e4, description="Load force, positive against extension", terminal="load")
+    d_2 = Input(unit="m/s2", description="Disturbance of the screw's acceleration", terminal="load")
+    d_3 = Input(unit="V", nominal=10.0, description="Disturbance of the q-axis voltage", terminal="load")
+    d_4 = Input(unit="V", nominal=10.0, description="Disturbance of the d-axis voltage", terminal="load")
 
     R_s = Parameter(
         0.14, unit="Ohm", minimum=0.0, name="motor.R_s", description="Stator resistance per phase"
@@ -120,24 +135,30 @@ class EmlaPlant(Block):
     )
 
     x_L = State(0.24, unit="m", nominal=0.1, description="Screw position")
-    v_L = State(0.0, unit="m/s", nominal=0.1, description="Screw speed")
-    i_q = State(0.0, unit="A", nominal=10.0, description="q-axis stator current")
-    i_d = State(0.0, unit="A", nominal=10.0, description="d-axis stator current")
+    v_L = State(0.0, unit="m/s", nominal=0.1, description="Screw speed", terminal="load")
+    i_q = State(0.0, unit="A", nominal=10.0, description="q-axis stator current", terminal="drive")
+    i_d = State(0.0, unit="A", nominal=10.0, description="d-axis stator current", terminal="drive")
 
     random = DiscreteState(seed, name="sensor.random", description="State of the noise generator")
     noise = DiscreteState(0.0, name="sensor.noise", description="Present draw from N(0, 1)")
 
-    x_measured = Output(unit="m", description="Position as the sensor gives it")
+    x_measured = Output(
+        unit="m", nominal=0.1, description="Position as the sensor gives it", terminal="sensor"
+    )
     a_L = Output(unit="m/s2", description="Screw acceleration")
-    tau_m = Output(unit="N.m", description="Motor torque that drives the screw")
-    omega_m = Output(unit="rad/s", description="Motor speed")
-    v_q = Output(unit="V", name="inverter.u_q", description="q-axis voltage after the inverter's limit")
-    v_d = Output(unit="V", name="inverter.u_d", description="d-axis voltage after the inverter's limit")
+    tau_m = Output(unit="N.m", nominal=10.0, description="Motor torque that drives the screw")
+    omega_m = Output(unit="rad/s", nominal=100.0, description="Motor speed")
+    v_q = Output(
+        unit="V", nominal=100.0, name="inverter.u_q", description="q-axis voltage after the inverter's limit"
+    )
+    v_d = Output(
+        unit="V", nominal=100.0, name="inverter.u_d", description="d-axis voltage after the inverter's limit"
+    )
     saturated = Output(
         name="inverter.saturated", description="1 while the demanded voltage exceeds the limit"
     )
-    P_el = Output(unit="W", description="Electrical power into the motor")
-    P_L = Output(unit="W", description="Mechanical power into the load")
+    P_el = Output(unit="W", nominal=1e3, description="Electrical power into the motor")
+    P_L = Output(unit="W", nominal=1e3, description="Mechanical power into the load")
     i_a = Output(unit="A", name="phase.i_a", description="Current of phase a (magnet axis at x_L = 0)")
     i_b = Output(unit="A", name="phase.i_b", description="Current of phase b")
     i_c = Output(unit="A", name="phase.i_c", description="Current of phase c")

@@ -31,9 +31,9 @@ class Reference(Block):
     )
     period = Parameter(0.0, unit="s", minimum=0.0, description="Time after which all repeats; 0 is never")
 
-    x_d = Output(unit="m", description="Reference position")
-    v_d = Output(unit="m/s", description="Reference speed")
-    a_d = Output(unit="m/s2", description="Reference acceleration")
+    x_d = Output(unit="m", nominal=0.1, description="Reference position", terminal="reference")
+    v_d = Output(unit="m/s", nominal=0.1, description="Reference speed", terminal="reference")
+    a_d = Output(unit="m/s2", description="Reference acceleration", terminal="reference")
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Sum of all moves, each at its own progress r between 0 and 1."""

@@ -9,6 +9,7 @@ from .block import Block
 from .description import Offers, Producer, model_description
 from .documentation import html_page, icon, variable_table
 from .symbolic import SymbolicBlock
+from .terminals import terminals_and_icons
 
 
 class BuildError(Exception):
@@ -53,11 +54,14 @@ def draft(
     The GUID is the hash of all of this: the same block, documents and tool give the same GUID.
     """
     name = type(block).__name__
+    picture = icon(block)
     files = {
         **content,
         "documentation/index.html": html_page(documents.readme + variable_table(block), name).encode(),
         "documentation/licenses/license.txt": documents.license.encode(),
-        "model.png": icon(block),
+        "model.png": picture,
+        "terminalsAndIcons/icon.png": picture,
+        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(block),
     }
     anonymous = model_description(block, symbolic, producer, "", offers)
     guid = content_guid({**files, "modelDescription.xml": anonymous})

@@ -17,7 +17,9 @@ class Variable:
     variable's: float is Real, int Integer, bool Boolean, an `IntEnum` member Enumeration.
     `unit` is written as in Modelica ("N.m/rad", "m/s2"). `name` is the FMI name, the
     attribute's own unless given. `size` makes an array: start may then be a sequence, the
-    equations see a list, and the FMI names are name[1] to name[size].
+    equations see a list, and the FMI names are name[1] to name[size]. `terminal` bundles inputs
+    and outputs that are connected together ("drive"); where the partner has another name for the
+    variable, that follows after a dot ("sensor.x_measured").
     """
 
     def __init__(
@@ -31,6 +33,7 @@ class Variable:
         minimum: float | None = None,
         maximum: float | None = None,
         nominal: float | None = None,
+        terminal: str | None = None,
     ) -> None:
         self.start = start
         self.unit = unit
@@ -40,6 +43,7 @@ class Variable:
         self.minimum = minimum
         self.maximum = maximum
         self.nominal = nominal
+        self.terminal = terminal
         self.attribute = ""
         if isinstance(start, IntEnum):
             self.minimum, self.maximum = min(type(start)), max(type(start))

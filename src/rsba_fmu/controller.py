@@ -44,13 +44,15 @@ class RsbaController(Block):
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
 
-    x_hat = Input(unit="m", description="Estimated screw position x_1")
-    v_hat = Input(unit="m/s", description="Estimated screw speed x_2")
-    i_q = Input(unit="A", description="Measured q-axis current x_3")
-    i_d = Input(unit="A", description="Measured d-axis current x_4")
-    x_d = Input(unit="m", description="Reference position x_1d")
-    v_d = Input(unit="m/s", description="Reference speed x_2d")
-    a_d = Input(unit="m/s2", description="Reference acceleration, used with feed_acceleration")
+    x_hat = Input(unit="m", nominal=0.1, description="Estimated screw position x_1", terminal="estimate")
+    v_hat = Input(unit="m/s", nominal=0.1, description="Estimated screw speed x_2", terminal="estimate")
+    i_q = Input(unit="A", nominal=10.0, description="Measured q-axis current x_3", terminal="drive")
+    i_d = Input(unit="A", nominal=10.0, description="Measured d-axis current x_4", terminal="drive")
+    x_d = Input(unit="m", nominal=0.1, description="Reference position x_1d", terminal="reference")
+    v_d = Input(unit="m/s", nominal=0.1, description="Reference speed x_2d", terminal="reference")
+    a_d = Input(
+        unit="m/s2", description="Reference acceleration, used with feed_acceleration", terminal="reference"
+    )
 
     beta = Parameter(
         [3000.0, 3000.0, 1000.0, 1000.0], size=4, unit="1/s", minimum=1e-9, description="Feedback gain"
@@ -104,9 +106,11 @@ class RsbaController(Block):
 
     theta = State(0.0, size=4, minimum=0.0, description="Adaptation parameter theta_hat")
 
-    u_q = Output(unit="V", description="q-axis voltage u_3")
-    u_d = Output(unit="V", description="d-axis voltage u_4")
-    i_q_ref = Output(unit="A", description="Commanded q-axis current i_q* = u_2")
+    u_q = Output(unit="V", nominal=100.0, description="q-axis voltage u_3", terminal="drive")
+    u_d = Output(unit="V", nominal=100.0, description="d-axis voltage u_4", terminal="drive")
+    i_q_ref = Output(
+        unit="A", nominal=10.0, description="Commanded q-axis current i_q* = u_2", terminal="drive"
+    )
     saturated = Output(description="1 while current or voltage is at its limit")
     P_1 = Output(unit="m", name="P[1]", description="Tracking form of the position (30)")
     P_2 = Output(unit="m/s", name="P[2]", description="Tracking form of the speed (30)")

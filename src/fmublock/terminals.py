@@ -1,0 +1,37 @@
+"""terminalsAndIcons.xml: inputs and outputs that belong together, connected in one go.
+
+FMI 2.0.4 takes this file over from FMI 3.0 (section 2.4.9 there).
+"""
+
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from .block import Block
+from .variables import ScalarVariable
+
+
+def terminals_and_icons(block: Block) -> bytes:
+    """The file as UTF-8 XML; two terminals of the same name connect by the names of their members."""
+    root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    graphics = SubElement(root, "GraphicalRepresentation")
+    square = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+    SubElement(graphics, "CoordinateSystem", square, suggestedScalingFactorTo_mm="0.1")
+    SubElement(graphics, "Icon", square)
+    groups: dict[str, list[tuple[str, ScalarVariable]]] = {}
+    for scalar in block.layout().scalars:
+        if scalar.variable.terminal is not None:
+            terminal, _, member = scalar.variable.terminal.partition(".")
+            groups.setdefault(terminal, []).append((member or scalar.name, scalar))
+    if groups:
+        terminals = SubElement(root, "Terminals")
+        for name, members in groups.items():
+            terminal = SubElement(terminals, "Terminal", name=name, matchingRule="bus")
+            for member, scalar in members:
+                SubElement(
+                    terminal,
+                    "TerminalMemberVariable",
+                    variableName=scalar.name,
+                    memberName=member,
+                    variableKind="signal",
+                )
+    indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"

@@ -1,0 +1,59 @@
+"""Terminals of the FMUs: what belongs together connects in one go."""
+
+import zipfile
+from importlib.resources import files
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import pytest
+from fmpy import read_model_description
+from lxml import etree
+
+from emla_cosim.models import MODELS, fmu_path
+from emla_cosim.system.model import Connection
+from emla_cosim.system.scenarios import load_scenario
+
+FILE = "terminalsAndIcons/terminalsAndIcons.xml"
+Terminals = dict[tuple[str, str], str]
+
+
+def terminals(fmu: Path) -> Terminals:
+    """Names of variables by terminal and member."""
+    with zipfile.ZipFile(fmu) as archive:
+        root = fromstring(archive.read(FILE))
+    return {
+        (terminal.attrib["name"], member.attrib["memberName"]): member.attrib["variableName"]
+        for terminal in root.iter("Terminal")
+        for member in terminal.iter("TerminalMemberVariable")
+    }
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("flavour", ["native", "python"])
+def test_the_file_follows_the_schema_and_has_its_icon(
+    model: str, flavour: str, python_fmu_folder: Path
+) -> None:
+    schema = etree.XMLSchema(
+        etree.parse(str(files("fmpy") / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"))
+    )
+    with zipfile.ZipFile(fmu_path(model, flavour, python_fmu_folder)) as archive:
+        schema.assertValid(etree.fromstring(archive.read(FILE)))
+        assert archive.read("terminalsAndIcons/icon.png") == archive.read("model.png")
+
+
+def test_connecting_terminals_of_the_same_name_wires_a_joint(fmu_folder: Path) -> None:
+    """As in a tool that knows terminals: every input finds the one output of its terminal and member."""
+    system = load_scenario("lift").system
+    fmus = {c.name: fmu_path(c.model, "native", fmu_folder) for c in system.components}
+    outputs: dict[tuple[str, str], tuple[str, str]] = {}
+    inputs: list[tuple[tuple[str, str], str, str]] = []
+    for component, fmu in fmus.items():
+        causality = {v.name: v.causality for v in read_model_description(str(fmu)).modelVariables}
+        for member, variable in terminals(fmu).items():
+            if causality[variable] == "input":
+                inputs.append((member, component, variable))
+            else:
+                assert member not in outputs, "two sources for one member"
+                outputs[member] = component, variable
+    wired = {Connection(*outputs[member], component, variable) for member, component, variable in inputs}
+    assert wired == set(system.connections)
