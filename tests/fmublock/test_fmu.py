@@ -90,8 +90,13 @@ def test_the_model_description_says_what_the_block_says(toy_fmu: Path) -> None:
     assert not description.coSimulation.needsExecutionTool
     assert (description.defaultExperiment.stopTime, description.defaultExperiment.stepSize) == ("2.0", "0.01")
     assert [v.valueReference for v in description.modelVariables] == list(range(len(variables)))
+    assert (description.modelExchange is not None) == description.coSimulation.canInterpolateInputs
     mass = variables["body.mass"]
     assert (mass.unit, mass.min, mass.max, mass.start) == ("kg", "0.1", "10.0", "2.0")
+    assert (mass.declaredType.name, mass.declaredType.quantity) == ("Mass", "Mass")
+    assert (variables["x"].displayUnit, variables["power"].displayUnit) == ("mm", "kW")
+    metre = next(u for u in description.unitDefinitions if u.name == "m")
+    assert [(d.name, float(d.factor)) for d in metre.displayUnits] == [("mm", 1000.0)]
     newton = next(u for u in description.unitDefinitions if u.name == "N/m")
     assert (newton.baseUnit.kg, newton.baseUnit.m, newton.baseUnit.s) == (1, 0, -2)
     assert [i.name for i in variables["shape"].declaredType.items] == ["linear", "cubic"]
