@@ -164,8 +164,8 @@ class Instance:
         self.phase = Phase(state["phase"])
 
     def _check_step(self, time: float, step: float) -> None:
-        if not (math.isfinite(step) and step > 0.0):
-            raise BlockError(f"{self.name}: the step size {step} s is not a positive number.")
+        if not (math.isfinite(time + step) and step > 0.0):
+            raise BlockError(f"{self.name}: the step size {step} s is not a positive, finite number.")
         if not abs(time - self.time) <= STEP_TOLERANCE * step:
             raise BlockError(
                 f"{self.name}: the step starts at t = {time} s, but the instance is at t = {self.time} s."

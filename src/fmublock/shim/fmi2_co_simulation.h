@@ -4,8 +4,8 @@
 
 static fmi2Status check_step(const Instance *instance, double time, double step) {
     const State *now = &instance->now;
-    if (!(isfinite(step) && step > 0.0))
-        return report(instance, fmi2Error, "the step size %g s is not a positive number.", step);
+    if (!(isfinite(time + step) && step > 0.0))
+        return report(instance, fmi2Error, "the step size %g s is not a positive, finite number.", step);
     if (!(fabs(time - now->time) <= STEP_TOLERANCE * step))
         return report(instance, fmi2Error,
                       "the step starts at t = %.9g s, but the instance is at t = %.9g s.", time, now->time);

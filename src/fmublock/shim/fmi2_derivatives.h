@@ -79,10 +79,12 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
             return report(instance, fmi2Error, "%s: the order %d of the derivative is not 1 to %d.",
                           variables[vr[i]].name, (int)order[i], INPUT_ORDERS);
     }
+#if N_INPUTS > 0
     for (size_t i = 0; i < nvr; i++) {
         instance->now.input_derivatives[vr[i]][order[i] - 1] = value[i];
         instance->now.inputs_move |= value[i] != 0.0;
     }
+#endif
     return fmi2OK;
 }
 
@@ -107,7 +109,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
     evaluate_derivatives(&point);
     memcpy(point.values, point.held, N_INPUTS * sizeof(double));
     memcpy(direction, point.held_rates, N_INPUTS * sizeof(double));
-    memcpy(direction + FIRST_STATE, point.values + FIRST_DERIVATIVE, N_STATES * sizeof(double));
+    for (int i = 0; i < N_STATES; i++) direction[FIRST_STATE + i] = point.values[FIRST_DERIVATIVE + i];
     all_tangents(&point, 1.0, direction, tangents);
     for (size_t i = 0; i < nvr; i++) value[i] = tangents[vr[i]];
     return fmi2OK;

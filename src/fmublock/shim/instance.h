@@ -66,16 +66,18 @@ static int category_of(fmi2Status status) {
     }
 }
 
-/* Log a message that begins with the instance's name, if its category is on; returns the status. */
+/* Log a message, if its category is on; returns the status. */
 static fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...) {
-    char message[MESSAGE_LENGTH];
+    char text[MESSAGE_LENGTH], message[2 * MESSAGE_LENGTH];
     const int category = category_of(status);
     if (instance->logger == NULL || !(instance->logged & CATEGORY(category))) return status;
-    const int begun = snprintf(message, sizeof message, "%.100s: ", instance->name);
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(message + begun, sizeof message - (size_t)begun, format, arguments);
+    vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
+    /* a name that is too long is left out whole, so that no UTF-8 character is cut */
+    const int fits = strlen(instance->name) < MESSAGE_LENGTH;
+    snprintf(message, sizeof message, "%s: %s", fits ? instance->name : MODEL_IDENTIFIER, text);
     for (char *c = message; *c; c++)
         if (*c == '%') *c = '#'; /* hosts take the message as a printf format */
     instance->logger(instance->environment, instance->name, status, categories[category], message);
