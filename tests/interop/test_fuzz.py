@@ -1,0 +1,42 @@
+"""Random calls with random arguments, right and wrong, on every model, watched by the sanitizers.
+
+What is called and checked stands in fuzz.c. Every call depends on a fixed seed; a failure says how to
+repeat its burst of calls alone. To fuzz every model for 60 s, with other seeds than those of CI:
+
+    EMLA_FUZZ_SECONDS=60 EMLA_FUZZ_SEED=2 pytest -s tests/interop/test_fuzz.py
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from emla_cosim.master.fmu_file import FmuFile
+from emla_cosim.models import MODELS
+from interop.c_programs import Build, fuzz_plan, needs_cc, run_program
+
+pytestmark = needs_cc
+
+SECONDS = float(os.environ.get("EMLA_FUZZ_SECONDS", "1"))
+SEED = int(os.environ.get("EMLA_FUZZ_SEED", "1"))
+FOREIGN = {model: list(MODELS)[i - 1] for i, model in enumerate(MODELS)}
+"""The model whose states are given to each."""
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_random_calls_do_no_harm(
+    model: str, address_build: Build, unpacked_fmus: dict[str, FmuFile], tmp_path: Path
+) -> None:
+    plan, foreign, libraries = tmp_path / "plan", FOREIGN[model], address_build.libraries
+    plan.write_text(
+        fuzz_plan(unpacked_fmus[model], libraries[model], unpacked_fmus[foreign], libraries[foreign])
+    )
+    said = run_program(address_build.programs["fuzz"], "-s", str(SEED), "-t", str(SECONDS), plan)
+    print(f"{model}\n{said}")
+    _, *lines = said.splitlines()
+    counts = {name: [int(n) for n in numbers] for name, *numbers in map(str.split, lines)}
+    # random calls that were all refused, or never made, would prove nothing
+    assert [function for function, count in counts.items() if sum(count) == 0] == []
+    for function in ("DoStep", "SetReal", "SetFMUstate", "DeSerializeFMUstate", "GetDirectionalDerivative"):
+        ok, _, _, error = counts[f"fmi2{function}"]
+        assert ok > 0 and error > 0, function
