@@ -16,23 +16,32 @@ class FmuLog:
     """The last warnings and errors of every instance, by its name.
 
     One log serves all instances of a process: fmpy's proxy, which formats the messages, knows a
-    single logger.
+    single logger. The log made last is the one that hears them.
     """
+
+    _listening: "FmuLog | None" = None
 
     def __init__(self) -> None:
         self._lines: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=LINES))
-        self.callbacks = fmi2.fmi2CallbackFunctions()
-        self.callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(self._log)
-        self.callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        self.callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        self.callbacks = _CALLBACKS
+        self.callbacks.logger = _LOGGER  # the proxy puts itself in here and calls what was here before
         addLoggerProxy(ctypes.byref(self.callbacks))
+        FmuLog._listening = self
 
     def lines(self, instance: str) -> list[str]:
         """The last lines of an instance, oldest first."""
         return list(self._lines[instance])
 
-    def _log(self, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
-        if status >= fmi2.fmi2Warning and message:
-            self._lines[(instance or b"").decode(errors="replace")].append(
-                message.decode(errors="replace").strip()
-            )
+    @classmethod
+    def hear(cls, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
+        """Take a message; called through the FMI."""
+        if status >= fmi2.fmi2Warning and message and cls._listening is not None:
+            name, text = ((x or b"").decode(errors="replace").strip() for x in (instance, message))
+            cls._listening._lines[name].append(text)
+
+
+# kept for ever: fmpy's proxy does not let go of what it was given last, whoever logs next
+_LOGGER = fmi2.fmi2CallbackLoggerTYPE(FmuLog.hear)
+_CALLBACKS = fmi2.fmi2CallbackFunctions()
+_CALLBACKS.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+_CALLBACKS.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
