@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fmpy.validation import validate_fmu
 
 from emla_cosim.models import FLAVOURS, MODELS, build, fmu_path
 from emla_cosim.system.joint import start_values
@@ -89,12 +88,6 @@ def test_both_flavours_agree_bit_for_bit_with_the_block(model: str, python_fmu_f
             found = drive(slave, walks)
         same = (found.view("i8") == expected.view("i8")).all(axis=0)
         assert [o for o, s in zip(outputs, same, strict=True) if not s] == [], flavour
-
-
-@pytest.mark.parametrize("flavour", FLAVOURS)
-@pytest.mark.parametrize("model", MODELS)
-def test_fmpy_validate_reports_nothing(model: str, flavour: str, python_fmu_folder: Path) -> None:
-    assert validate_fmu(str(fmu_path(model, flavour, python_fmu_folder))) == []
 
 
 @pytest.mark.parametrize("flavour", FLAVOURS)

@@ -1,5 +1,7 @@
-"""The FMUs unpacked, and everything compiled, once."""
+"""The joint in the variants that every tool runs; the FMUs unpacked, and our C programs compiled, once."""
 
+import ctypes
+import sys
 from pathlib import Path
 
 import pytest
@@ -7,6 +9,27 @@ import pytest
 from emla_cosim.master.fmu_file import FmuFile, open_fmu
 from emla_cosim.models import MODELS, fmu_path
 from interop.c_programs import Build, build
+from interop.joint_run import Case, moving_joint, study_joint
+
+VARIANTS = {
+    "study-native": (study_joint, "native", 2000),
+    "study-python": (study_joint, "python", 300),
+    "moving-native": (moving_joint, "native", 300),
+}
+"""Joint, flavour and number of steps; the python FMUs run in the test's own process."""
+
+if sys.platform == "linux":
+    # Ecos needs this library and does not find it in the package tbb by itself
+    ctypes.CDLL(str(Path(sys.prefix, "lib", "libtbb.so.12")), ctypes.RTLD_GLOBAL)
+else:  # for which libcosim and Ecos have no packages
+    collect_ignore = ["test_libcosim.py", "test_ecos.py"]
+
+
+@pytest.fixture(params=VARIANTS)
+def case(request: pytest.FixtureRequest, python_fmu_folder: Path) -> Case:
+    """Each variant of the joint in turn."""
+    joint, flavour, steps = VARIANTS[request.param]
+    return Case(joint(), python_fmu_folder, flavour, steps)
 
 
 @pytest.fixture(scope="session")

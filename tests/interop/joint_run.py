@@ -1,0 +1,102 @@
+"""The joint that other tools run, our own master's run of it, and the comparison of both."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from fmpy import read_model_description
+from fmpy.model_description import ModelVariable
+from numpy.typing import NDArray
+
+from emla_cosim.master.assembly import assembled
+from emla_cosim.master.simulation import ALGORITHMS
+from emla_cosim.models import fmu_path
+from emla_cosim.system.model import System
+from emla_cosim.system.scenarios import load_scenario
+
+STEP = 1e-4
+"""Communication step in s: the study's."""
+
+Array = NDArray[np.float64]
+Steps = Sequence[tuple[float, float]]
+"""Time and length in s of every step, as a tool passes them to fmi2DoStep. The last digits differ
+between tools, and the closed loop makes 1e-11 to 1e-10 of them in 0.2 s."""
+
+
+def study_joint() -> System:
+    """The lift joint of the study with all its start values."""
+    return load_scenario("lift").system
+
+
+def moving_joint() -> System:
+    """The same, already moving and near its reference, so that all initial values depend on each other.
+
+    In the study itself the controller begins at its limits, whatever the observer tells it.
+    """
+    start = {
+        "plant.x_L": 0.244 + 3.0e-6,
+        "plant.v_L": 1e-3,
+        "plant.i_q": 5.0,
+        "plant.i_d": 2.0,
+        "observer.x_hat": 0.244 + 3.5e-6,
+        "observer.v_hat": 2e-3,
+    }
+    return study_joint().with_parameters({f"lift.{name}": value for name, value in start.items()})
+
+
+@dataclass(frozen=True)
+class Case:
+    """A joint, the folder and the flavour of its FMUs, and how many steps to run."""
+
+    system: System
+    folder: Path
+    flavour: str
+    steps: int
+
+    @property
+    def fmus(self) -> dict[str, Path]:
+        """The FMU file of every component."""
+        return {c.name: fmu_path(c.model, self.flavour, self.folder) for c in self.system.components}
+
+    @property
+    def signals(self) -> list[tuple[str, str]]:
+        """Component and output of every connected signal."""
+        return list(dict.fromkeys((c.source, c.output) for c in self.system.connections))
+
+    def variables(self) -> dict[str, dict[str, ModelVariable]]:
+        """The variables of every component by name."""
+        return {
+            name: {v.name: v for v in read_model_description(str(path)).modelVariables}
+            for name, path in self.fmus.items()
+        }
+
+
+def even_steps(count: int) -> Steps:
+    """Steps at k STEP: those of our master's `simulate`."""
+    return [(k * STEP, STEP) for k in range(count)]
+
+
+def our_run(case: Case, algorithm: str, steps: Steps) -> Array:
+    """Our master's run: a column per signal, a row per communication point, the initial one included."""
+    with assembled(case.system, case.fmus) as assembly:
+        columns = [assembly.signal_names.index(f"{c}.{output}") for c, output in case.signals]
+        network, master = assembly.network, ALGORITHMS[algorithm]()
+        master.setup(network)
+        master.initialize(0.0, len(steps) * STEP)
+        rows = [network.signals[columns]]
+        for time, step in steps:
+            master.step(time, step)
+            rows.append(network.signals[columns])
+    return np.array(rows)
+
+
+def differences(case: Case, found: Array, expected: Array) -> dict[str, float]:
+    """Largest difference of every signal that is not the same bit for bit, per its largest value."""
+    assert found.shape == expected.shape == (case.steps + 1, len(case.signals))
+    assert np.isfinite(expected).all()
+    same = (found.view("i8") == expected.view("i8")).all(axis=0)
+    largest = np.abs(expected).max(axis=0)
+    relative = np.abs(found - expected).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
+    names = [f"{c}.{output}" for c, output in case.signals]
+    return {n: float(r) for n, r, s in zip(names, relative, same, strict=True) if not s}

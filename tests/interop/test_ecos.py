@@ -1,0 +1,49 @@
+"""Ecos runs the joint as our master does with Jacobi.
+
+It exchanges values in initialization mode until they have gone all the way round, and once more after
+it. In a step all FMUs step, then all outputs are read and passed on; what it returns at a time are the
+outputs at that time. Time is summed up step by step.
+"""
+
+from itertools import accumulate, repeat
+
+import numpy as np
+import pytest
+from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
+
+from interop.joint_run import STEP, Array, Case, Steps, differences, our_run
+
+
+def steps_of_ecos(count: int) -> Steps:
+    return [(t, STEP) for t in accumulate(repeat(STEP, count - 1), initial=0.0)]
+
+
+def ecos_run(case: Case) -> Array:
+    # Ecos names variables component::variable
+    start = {f"{c.name}::{n}": v for c in case.system.components for n, v in c.parameters.items()}
+    with EcosSimulationStructure() as structure:
+        for name, path in case.fmus.items():
+            structure.add_model(name, path)
+        for x in case.system.connections:
+            structure.make_real_connection(f"{x.source}::{x.output}", f"{x.target}::{x.input}")
+        structure.add_parameter_set("joint", start)
+        with EcosSimulation(STEP, structure=structure) as simulation:
+            assert simulation.init(parameter_set="joint")
+            rows = []
+            for k in range(case.steps + 1):
+                if k > 0:
+                    simulation.step()
+                rows.append([simulation.get_real(f"{c}::{output}") for c, output in case.signals])
+            simulation.terminate()
+    return np.array(rows)
+
+
+def test_closed_loop_is_bit_for_bit_that_of_our_master(case: Case) -> None:
+    expected = our_run(case, "jacobi", steps_of_ecos(case.steps))
+    assert differences(case, ecos_run(case), expected) == {}
+
+
+def test_it_complains_of_nothing(case: Case, capfd: pytest.CaptureFixture[str]) -> None:
+    EcosLib.set_log_level("warn")
+    ecos_run(case)
+    assert "".join(capfd.readouterr()) == ""

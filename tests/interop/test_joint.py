@@ -1,0 +1,48 @@
+"""The joint is such that running it shows what the other tests of this folder claim."""
+
+import numpy as np
+
+from emla_cosim.master.assembly import assembled
+from emla_cosim.master.jacobi import Jacobi
+from emla_cosim.master.simulation import simulate, timing
+from interop.joint_run import STEP, Case, differences, even_steps, our_run, study_joint
+
+
+def test_it_sets_no_enumeration(case: Case) -> None:
+    """libcosim and ecos cannot: they warn, and the FMU keeps its default."""
+    variables = case.variables()
+    types = {f"{c.name}.{n}": variables[c.name][n].type for c in case.system.components for n in c.parameters}
+    assert set(types.values()) == {"Real", "Integer", "Boolean"}
+
+
+def test_every_signal_but_the_constant_load_moves(case: Case) -> None:
+    """What rests would agree with anything."""
+    still = np.ptp(our_run(case, "jacobi", even_steps(case.steps)), axis=0) == 0.0
+    assert [s for s, at_rest in zip(case.signals, still, strict=True) if at_rest] == [
+        ("lift.disturbance", "F_L")
+    ]
+
+
+def test_the_order_of_exchange_shows(case: Case) -> None:
+    steps = even_steps(case.steps)
+    found = differences(case, our_run(case, "gauss-seidel", steps), our_run(case, "jacobi", steps))
+    assert max(found.values()) > 0.1
+
+
+def test_the_moving_joint_begins_within_the_limits_and_the_study_at_them(case: Case) -> None:
+    with assembled(case.system, case.fmus) as assembly:
+        master = Jacobi()
+        master.setup(assembly.network)
+        master.initialize(0.0, STEP)
+        saturated = assembly.network.signals[assembly.signal_names.index("lift.controller.saturated")]
+    assert saturated == (1.0 if case.system == study_joint() else 0.0)
+
+
+def test_our_run_is_what_simulate_does(case: Case) -> None:
+    rows = []
+    with assembled(case.system, case.fmus) as assembly:
+        columns = [assembly.signal_names.index(f"{c}.{output}") for c, output in case.signals]
+        signals = assembly.network.signals
+        times = timing(case.steps * STEP, STEP)
+        simulate(assembly.network, Jacobi(), times, lambda t: rows.append(signals[columns]), lambda: False)
+    assert differences(case, np.array(rows), our_run(case, "jacobi", even_steps(case.steps))) == {}
