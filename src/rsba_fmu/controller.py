@@ -174,7 +174,7 @@ class RsbaController(Block):
         # here the braking parabola touches the line; beyond it lies below
         linear_range = v.a_max / (k * k)
         braking = sqrt(2.0 * v.a_max * (e - 0.5 * linear_range))
-        limited = sign(P_1) * where(e > linear_range, braking, k * e)
+        limited = where(e > linear_range, sign(P_1) * braking, k * P_1)
         return where(v.limit_acceleration, limited, k * P_1)
 
     def adaptation(self, v: Any, i: int, P_i: Any, frozen: Any) -> Any:
