@@ -53,7 +53,8 @@ class BlockSlave:
             self.instance.set([layout.reference(variable)], [value])
 
     def enter_initialization(self, start_time: float, stop_time: float) -> None:
-        self.instance.enter_initialization(start_time)
+        self.instance.setup_experiment(start_time)
+        self.instance.enter_initialization()
 
     def exit_initialization(self) -> None:
         self.instance.exit_initialization()

@@ -98,9 +98,9 @@ class Instance:
             self._check_settable(r)
         self._write(references, [float(x) for x in values])
 
-    def enter_initialization(self, start_time: float = 0.0, stop_time: float | None = None) -> None:
-        """Start initialization at this time in s; steps past the stop time will be refused."""
-        self._require(Phase.INSTANTIATED, "enter initialization mode")
+    def setup_experiment(self, start_time: float = 0.0, stop_time: float | None = None) -> None:
+        """Set start and stop time in s; steps past the stop time will be refused."""
+        self._require(Phase.INSTANTIATED, "set up the experiment")
         if not math.isfinite(start_time):
             raise BlockError(f"{self.name}: the start time {start_time} is not a finite number of seconds.")
         if stop_time is not None and not stop_time >= start_time:
@@ -109,6 +109,10 @@ class Instance:
             )
         self._v.time = start_time
         self._stop_time = math.inf if stop_time is None else stop_time
+
+    def enter_initialization(self) -> None:
+        """Start initialization."""
+        self._require(Phase.INSTANTIATED, "enter initialization mode")
         self.phase = Phase.INITIALIZATION
 
     def exit_initialization(self) -> None:

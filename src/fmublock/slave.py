@@ -11,7 +11,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from .block import Block
-from .instance import BlockError, Instance, Phase
+from .instance import BlockError, Instance
 
 _TYPES = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}
 
@@ -61,8 +61,12 @@ class BlockSlave(Fmi2Slave):
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
         """Take start and stop time in s; the tolerance is not needed, `solver.internal_step` decides."""
-        if self.instance.phase == Phase.INSTANTIATED:
-            self.instance.enter_initialization(start_time, stop_time)
+        self.instance.setup_experiment(start_time, stop_time)
+
+    @_survivable
+    def enter_initialization_mode(self) -> None:
+        """Start initialization."""
+        self.instance.enter_initialization()
 
     @_survivable
     def exit_initialization_mode(self) -> None:

@@ -226,7 +226,8 @@ class Component:
     def __init__(self, block: Block, start: Mapping[str, float] | None = None, time: float = 0.0) -> None:
         self.instance = Instance(block)
         self.set(start or {})
-        self.instance.enter_initialization(time)
+        self.instance.setup_experiment(time)
+        self.instance.enter_initialization()
 
     def begin(self) -> "Component":
         self.instance.exit_initialization()

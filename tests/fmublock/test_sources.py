@@ -64,7 +64,8 @@ def test_the_fmu_runs_without_any_package_installed(tmp_path: Path) -> None:
         f"import sys; sys.path.insert(0, {str(tmp_path / 'resources')!r})\n"
         f"from {slave} import Toy\n"
         "toy = Toy(instance_name='t', resources='', visible=False)\n"
-        "toy.setup_experiment(0.0); toy.exit_initialization_mode(); assert toy.do_step(0.0, 0.1)\n"
+        "toy.setup_experiment(0.0); toy.enter_initialization_mode(); toy.exit_initialization_mode()\n"
+        "assert toy.do_step(0.0, 0.1)\n"
         "print(toy.get_real([0]), 'fmublock' in sys.modules)\n"
     )
     run = subprocess.run(
