@@ -7,7 +7,6 @@ import sys
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import fmpy
 import numpy as np
@@ -17,53 +16,20 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import Unknown
 from fmpy.validation import validate_fmu
 
-from emla_cosim.master.fmu_log import FmuLog
 from fmublock.description import BUILD_TIME
 from fmublock.instance import Instance
+from sessions import DISCARD, ERROR, FATAL, Session, opened
 from toy import Toy
 from toy_fmu import build_toy
 
 REFERENCE = Toy.layout().reference
 OUTPUTS = [REFERENCE(n) for n in ("x", "v[1]", "v[2]", "power", "inverse")]
-DISCARD, ERROR, FATAL = 2, 3, 4
-
-
-class Session:
-    """FMU instances of one file, freed together, and what they logged."""
-
-    def __init__(self, path: Path, folder: Path) -> None:
-        self.description = fmpy.read_model_description(str(path))
-        self.folder = folder
-        fmpy.extract(str(path), folder)
-        self.log = FmuLog()
-        self.slaves: list[FMU2Slave] = []
-
-    def instance(self, name: str = "toy", running: bool = True, **values: Any) -> FMU2Slave:
-        slave = FMU2Slave(
-            guid=self.description.guid,
-            unzipDirectory=str(self.folder),
-            modelIdentifier=self.description.coSimulation.modelIdentifier,
-            instanceName=name,
-        )
-        slave.instantiate(callbacks=self.log.callbacks, loggingOn=True)
-        self.slaves.append(slave)
-        types = {v.name: v.type for v in self.description.modelVariables}
-        for variable, value in values.items():
-            setter = slave.setReal if types[variable] == "Real" else slave.setInteger
-            setter([REFERENCE(variable)], [value])
-        slave.setupExperiment(startTime=0.0)
-        slave.enterInitializationMode()
-        if running:
-            slave.exitInitializationMode()
-        return slave
 
 
 @pytest.fixture
 def session(toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
-    session = Session(toy_fmu, tmp_path / "fmu")
-    yield session
-    for slave in session.slaves:
-        slave.freeInstance()
+    with opened(toy_fmu, tmp_path / "fmu") as session:
+        yield session
 
 
 def states(slave: FMU2Slave) -> list[float]:

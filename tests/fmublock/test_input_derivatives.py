@@ -1,0 +1,244 @@
+"""Inputs that move within a step: fmi2SetRealInputDerivatives of native FMUs."""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Slave
+from numpy.polynomial import Polynomial
+from scipy.integrate import solve_ivp
+
+from sessions import DISCARD, Session, opened, refused
+from toy import Shape
+
+STATES = ("x", "v[1]", "v[2]")
+MASS, GAINS, X_0, V_0 = 2.0, (3.0, 0.25), 0.125, (0.5, -0.5)
+
+FORCES = {1: Polynomial([0.5, 4.0]), 2: Polynomial([0.5, -4.0, 9.0]), 3: Polynomial([0.5, 3.0, -9.0, 5.0])}
+"""Forces over time by their order."""
+
+
+@pytest.fixture(scope="module")
+def session(native_toy_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+    with opened(native_toy_fmu, tmp_path_factory.mktemp("moving")) as session:
+        yield session
+
+
+@pytest.fixture(autouse=True)
+def no_lines(session: Session) -> None:
+    session.log.all.clear()
+
+
+def move(session: Session, slave: FMU2Slave, force: Polynomial, time: float) -> None:
+    """Set the derivatives that the force has at this time."""
+    order = force.degree()
+    slopes = [float(force.deriv(k)(time)) for k in range(1, order + 1)]
+    slave.setRealInputDerivatives(session.references(["force"]) * order, range(1, order + 1), slopes)
+
+
+def run(session: Session, force: Polynomial, times: Sequence[float], **values: Any) -> np.ndarray:
+    """The states at the end of a run in which only the first value of the force is set."""
+    slave = session.instance(force=float(force(times[0])), time=times[0], **values)
+    for start, end in pairwise(times):
+        move(session, slave, force, start)
+        slave.doStep(start, end - start)
+    return np.array(session.get(slave, *STATES))
+
+
+def solution(force: Polynomial, end: float, cubic: bool) -> np.ndarray:
+    """The toy's equations, written again."""
+
+    def rates(t: float, s: np.ndarray) -> list[float]:
+        x, v, w = s
+        spring = GAINS[1] * x**3 if cubic else GAINS[0] * x
+        return [v, (force(t) - spring - 0.1 * v) / MASS, math.cos(t) - w / 3.0]
+
+    found = solve_ivp(rates, (0.0, end), [X_0, *V_0], method="DOP853", rtol=1e-13, atol=1e-14)
+    return found.y[:, -1]
+
+
+@pytest.mark.parametrize("order", FORCES)
+@pytest.mark.parametrize("shape", Shape)
+def test_a_polynomial_force_gives_the_solution_with_that_force(
+    session: Session, order: int, shape: Shape
+) -> None:
+    """Over steps of uneven length; the force follows its derivatives from step to step."""
+    times = [0.0, 0.1, 0.35, 0.4, 0.7, 1.0]
+    found = run(session, FORCES[order], times, shape=shape, **{"solver.internal_step": 1e-3})
+    assert found == pytest.approx(solution(FORCES[order], 1.0, shape == Shape.CUBIC), rel=1e-11)
+
+
+@pytest.mark.parametrize("order", FORCES)
+def test_halving_the_internal_step_divides_the_error_by_sixteen(session: Session, order: int) -> None:
+    expected = solution(FORCES[order], 2.0, cubic=True)
+    errors = []
+    for n in (16, 32, 64, 128):
+        values = {"solver.internal_step": 1.0 / n}
+        found = run(session, FORCES[order], [0.0, 1.0, 2.0], shape=Shape.CUBIC, **values)
+        errors.append(float(np.max(np.abs(found - expected))))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert 3.8 < orders[-1] < 4.2, (errors, orders)
+
+
+@pytest.mark.parametrize("order", FORCES)
+def test_afterwards_the_input_stays_where_its_derivatives_brought_it(session: Session, order: int) -> None:
+    """The second step holds it, as that of an instance which knows no derivatives."""
+    slave = session.instance()
+    move(session, slave, FORCES[order], 0.0)
+    slave.doStep(0.0, 0.25)
+    force, x, *v = session.get(slave, "force", *STATES)
+    assert force == pytest.approx(float(FORCES[order](0.25)), rel=1e-15)
+    held = session.instance("held", time=0.25, force=force, x_0=x, **{"v[1]": v[0], "v[2]": v[1]})
+    for each in (slave, held):
+        each.doStep(0.25, 0.25)
+    assert session.get(slave, "force", *STATES) == session.get(held, "force", *STATES)
+
+
+def test_outputs_see_the_input_at_the_end_of_the_step(session: Session) -> None:
+    slave = session.instance()
+    before = session.get(slave, "force", "v[1]", "power")
+    noise = before[2] - before[0] * before[1]
+    slave.setRealInputDerivatives(session.references(["force"]), [1], [4.0])
+    slave.doStep(0.0, 0.5)
+    force, speed, power, random = session.get(slave, "force", "v[1]", "power", "random")
+    assert force == 2.5
+    assert noise == pytest.approx(3 * 7 / 2147483647)
+    assert power == pytest.approx(2.5 * speed + 3 * random / 2147483647, rel=1e-14)
+
+
+def test_an_input_set_between_steps_starts_from_there(session: Session) -> None:
+    """A value set after the derivatives leaves them as they are."""
+    slave = session.instance()
+    slave.setRealInputDerivatives(session.references(["force"]), [1], [4.0])
+    session.set(slave, force=-1.0)
+    slave.doStep(0.0, 0.5)
+    assert session.get(slave, "force") == [1.0]
+
+
+def test_a_derivative_set_twice_has_its_last_value(session: Session) -> None:
+    slave = session.instance()
+    slave.setRealInputDerivatives(session.references(["force", "force"]), [1, 1], [4.0, 5.0])
+    slave.setRealInputDerivatives(session.references(["force"]), [1], [6.0])
+    slave.doStep(0.0, 0.5)
+    assert session.get(slave, "force") == [3.5]
+
+
+def test_a_derivative_of_zero_changes_no_bit(session: Session) -> None:
+    still, zero = session.instance("still"), session.instance("zero")
+    for k in range(5):
+        zero.setRealInputDerivatives(session.references(["force"]) * 3, [1, 2, 3], [0.0] * 3)
+        for slave in (still, zero):
+            slave.doStep(0.1 * k, 0.1)
+    assert session.get(still, *STATES, "power") == session.get(zero, *STATES, "power")
+
+
+def test_derivatives_set_before_the_first_step_count_for_it(session: Session) -> None:
+    slave = session.new()
+    slave.setRealInputDerivatives(session.references(["force"]), [1], [4.0])
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    slave.setRealInputDerivatives(session.references(["force"]), [2], [16.0])
+    slave.exitInitializationMode()
+    slave.doStep(0.0, 0.5)
+    assert session.get(slave, "force") == [0.5 + 2.0 + 2.0]
+
+
+def test_a_reset_forgets_derivatives(session: Session) -> None:
+    slave = session.instance()
+    slave.setRealInputDerivatives(session.references(["force"]), [1], [4.0])
+    slave.reset()
+    session.initialize(slave)
+    slave.doStep(0.0, 0.5)
+    assert session.get(slave, "force") == [0.5]
+
+
+def test_a_discarded_step_leaves_inputs_and_derivatives_for_a_shorter_one(session: Session) -> None:
+    """A force that grows by 1e154 N/s has a power beyond the numbers after 10 s, but not after 0.1 s."""
+    names = ("force", *STATES, "power", "random")
+    tried, straight = session.instance("tried"), session.instance("straight")
+    for slave in (tried, straight):
+        slave.doStep(0.0, 0.5)
+        slave.setRealInputDerivatives(session.references(["force"]) * 2, [1, 3], [1e154, 1e153])
+    before = session.get(tried, *names)
+    for _ in range(2):
+        with refused(DISCARD):
+            tried.doStep(0.5, 10.0)
+        assert session.get(tried, *names) == before
+    for slave in (tried, straight):
+        slave.doStep(0.5, 0.1)
+    assert session.get(tried, *names) == session.get(straight, *names)
+    assert session.get(tried, "force")[0] > 1e152
+
+
+@pytest.mark.parametrize("order", [0, 4, -1])
+def test_other_orders_are_refused(session: Session, order: int) -> None:
+    """All of the call, of which nothing is set."""
+    slave = session.instance()
+    with refused():
+        slave.setRealInputDerivatives(session.references(["force"]) * 2, [1, order], [4.0, 4.0])
+    assert session.log.lines("toy") == [f"toy: force: the order {order} of the derivative is not 1 to 3."]
+    slave.doStep(0.0, 0.5)
+    assert session.get(slave, "force") == [0.5]
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [
+        ("body.mass", "toy: body.mass is not an input."),
+        ("x", "toy: x is not an input."),
+        ("power", "toy: power is not an input."),
+        ("count", "toy: count is of type Integer."),
+    ],
+)
+def test_what_is_no_real_input_is_refused(session: Session, name: str, complaint: str) -> None:
+    slave = session.instance()
+    with refused():
+        slave.setRealInputDerivatives(session.references(["force", name]), [1, 1], [4.0, 4.0])
+    assert session.log.lines("toy") == [complaint]
+    slave.doStep(0.0, 0.5)
+    assert session.get(slave, "force") == [0.5]
+
+
+def test_after_termination_they_are_refused(session: Session) -> None:
+    slave = session.instance()
+    slave.terminate()
+    with refused():
+        slave.setRealInputDerivatives(session.references(["force"]), [1], [4.0])
+    assert session.log.lines("toy") == ["toy: cannot set input derivatives in phase terminated."]
+
+
+@pytest.mark.parametrize("serialized", [False, True])
+def test_a_saved_state_carries_derivatives_that_were_set(session: Session, serialized: bool) -> None:
+    slave, other = session.instance("slave"), session.instance("other")
+    slave.doStep(0.0, 0.5)
+    move(session, slave, FORCES[3], 0.5)
+    saved = slave.getFMUstate()
+    if serialized:
+        saved = other.deSerializeFMUstate(slave.serializeFMUstate(saved))
+    slave.setRealInputDerivatives(session.references(["force"]), [1], [77.0])  # later than the save
+    slave.doStep(0.5, 0.25)
+    slave.setFMUstate(saved)
+    other.setFMUstate(saved)
+    straight = session.instance("straight")
+    straight.doStep(0.0, 0.5)
+    move(session, straight, FORCES[3], 0.5)
+    results = []
+    for each in (slave, other, straight):
+        each.doStep(0.5, 0.25)
+        results.append(session.get(each, "force", *STATES, "power"))
+    assert results[0] == results[1] == results[2]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_derivative_that_is_no_number_is_found_out_by_the_step(session: Session, value: float) -> None:
+    slave = session.instance()
+    slave.setRealInputDerivatives(session.references(["force"]), [1], [value])
+    with refused(DISCARD):
+        slave.doStep(0.0, 0.1)
+    slave.setRealInputDerivatives(session.references(["force"]), [1], [0.0])
+    slave.doStep(0.0, 0.1)
+    assert session.get(slave, "force") == [0.5]

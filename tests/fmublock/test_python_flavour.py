@@ -1,0 +1,192 @@
+"""PythonFMU FMUs whose equations raise what no arithmetic raises."""
+
+import importlib
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from fmublock.python_flavour import build_python, python_draft
+from sessions import DISCARD, FATAL, Session, opened, refused
+from toy_fmu import DOCUMENTS, PRODUCER
+
+FRAGILE = """
+    from enum import IntEnum
+
+    from fmublock import Block, DiscreteState, Input, Output, Parameter, State
+
+
+    class Mistake(IntEnum):
+        TYPE = 1
+        KEY = 2
+        ATTRIBUTE = 3
+        ASSERTION = 4
+
+
+    class Place(IntEnum):
+        DERIVATIVES = 1
+        UPDATE = 2
+        OUTPUTS = 3
+
+
+    class Fragile(Block):
+        # symbols, on which an FMU is built, never get there
+
+        u = Input(2.0)
+        mistake = Parameter(Mistake.TYPE)
+        place = Parameter(Place.DERIVATIVES)
+        x = State(1.0)
+        count = DiscreteState(0.0)
+        y = Output()
+
+        def derivatives(self, v):
+            self.err(v, Place.DERIVATIVES)
+            return {"x": v.u - 0.5 * v.x}
+
+        def update(self, v):
+            self.err(v, Place.UPDATE)
+            return {"count": v.count + 1.0}
+
+        def outputs(self, v):
+            self.err(v, Place.OUTPUTS)
+            return {"y": v.u * v.x}
+
+        def err(self, v, place):
+            if not isinstance(v.time, float) or v.time <= 0.5 or v.place != place:
+                return
+            if v.mistake == Mistake.TYPE:
+                None + v.x
+            if v.mistake == Mistake.KEY:
+                {}["missing"]
+            if v.mistake == Mistake.ATTRIBUTE:
+                v.undeclared
+            assert False, "50 % wrong"
+"""
+
+CAUSES = {
+    1: "TypeError: unsupported operand type(s) for +: 'NoneType' and 'float'",
+    2: "KeyError: 'missing'",
+    3: "AttributeError: the block's equations have no variable 'undeclared'",
+    4: "AssertionError: 50 % wrong",
+}
+NAMES = ("x", "count", "y", "u")
+
+
+@pytest.fixture(scope="module")
+def fragile_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fragile")
+    (folder / "fragile.py").write_text(dedent(FRAGILE))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        block = importlib.import_module("fragile").Fragile()
+        build_python(python_draft(block, PRODUCER, DOCUMENTS), folder / "Fragile.fmu")
+        del sys.modules["fragile"]
+    return folder / "Fragile.fmu"
+
+
+@pytest.fixture
+def session(fragile_fmu: Path, tmp_path: Path) -> Iterator[Session]:
+    with opened(fragile_fmu, tmp_path / "fmu") as session:
+        yield session
+
+
+@pytest.mark.parametrize("place", [1, 2, 3])
+@pytest.mark.parametrize("mistake", CAUSES)
+def test_a_step_whose_equations_raise_is_discarded_and_the_log_names_the_exception(
+    session: Session, mistake: int, place: int
+) -> None:
+    slave = session.instance("fragile", mistake=mistake, place=place)
+    slave.doStep(0.0, 0.25)
+    with refused(DISCARD):
+        slave.doStep(0.25, 0.5)
+    assert session.log.lines("fragile") == [f"fragile: step at t = 0.25 s: {CAUSES[mistake]}"]
+
+
+@pytest.mark.parametrize("place", [1, 2, 3])
+def test_a_step_whose_equations_raise_is_undone(session: Session, place: int) -> None:
+    """As if nobody had tried: shorter steps from there give the same bits."""
+    tried, straight = session.instance("tried", place=place), session.instance("straight", place=place)
+    for slave in (tried, straight):
+        slave.doStep(0.0, 0.25)
+        session.set(slave, u=3.0)
+    before = session.get(tried, *NAMES)
+    for step in (0.5, 0.25 + 1e-9, 1.0):
+        with refused(DISCARD):
+            tried.doStep(0.25, step)
+        assert session.get(tried, *NAMES) == before
+    for slave in (tried, straight):
+        slave.doStep(0.25, 0.125)
+        slave.doStep(0.375, 0.125)
+    assert session.get(tried, *NAMES) == session.get(straight, *NAMES)
+    assert session.get(tried, "count") == [3.0]
+
+
+def test_other_instances_do_not_notice(session: Session) -> None:
+    sound, other = session.instance("sound", place=3), session.instance("other", place=3)
+    alone = session.instance("alone", place=3)
+    for slave in (sound, alone):
+        slave.doStep(0.0, 0.25)
+    with refused(DISCARD):
+        other.doStep(0.0, 1.0)
+    for slave in (sound, alone):
+        slave.doStep(0.25, 0.125)
+    assert session.get(sound, *NAMES) == session.get(alone, *NAMES)
+
+
+def test_a_saved_state_survives_a_step_whose_equations_raise(session: Session) -> None:
+    slave = session.instance("fragile")
+    slave.doStep(0.0, 0.25)
+    saved, before = slave.getFMUstate(), session.get(slave, *NAMES)
+    slave.doStep(0.25, 0.125)
+    with refused(DISCARD):
+        slave.doStep(0.375, 1.0)
+    slave.setFMUstate(saved)
+    slave.freeFMUstate(saved)
+    assert session.get(slave, *NAMES) == before
+
+
+def test_outputs_that_raise_in_initialization_are_an_error_with_a_text(session: Session) -> None:
+    """PythonFMU knows fmi2Fatal only; the process lives."""
+    slave = session.instance("fragile", running=False, time=0.75, place=3, mistake=2)
+    with refused(FATAL):
+        session.get(slave, "y")
+    with refused(FATAL):
+        slave.exitInitializationMode()
+    assert all("missing" in line for line in session.log.lines("fragile"))
+    assert session.log.lines("fragile")
+
+
+@pytest.mark.parametrize("failure", ["slave.doStep(0.0, 1.0)", "slave.getReal([99])"])
+def test_a_thousand_failures_do_not_end_the_process(
+    session: Session, fragile_fmu: Path, failure: str
+) -> None:
+    """Of steps whose equations raise, and of calls that PythonFMU itself sees fail; in two instances."""
+    (internal_step,) = session.references(["solver.internal_step"])
+    code = f"""
+        import fmpy
+        from fmpy.fmi1 import FMICallException
+        from fmpy.fmi2 import FMU2Slave
+        folder = fmpy.extract({str(fragile_fmu)!r})
+        description = fmpy.read_model_description(folder)
+        for instance in range(2):
+            slave = FMU2Slave(
+                guid=description.guid, unzipDirectory=folder, modelIdentifier="Fragile"
+            )
+            slave.instantiate(); slave.setupExperiment()
+            slave.setReal([{internal_step}], [0.25])
+            slave.enterInitializationMode(); slave.exitInitializationMode()
+            failures = 0
+            for i in range(1000):
+                try:
+                    {failure}
+                except FMICallException:
+                    failures += 1
+            slave.doStep(0.0, 0.25); slave.terminate(); slave.freeInstance()
+        print(failures)
+    """
+    run = subprocess.run([sys.executable, "-c", dedent(code)], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split()[-1] == "1000"

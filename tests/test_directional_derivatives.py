@@ -1,0 +1,558 @@
+"""Directional derivatives of every native FMU against differences of what the FMU itself computes."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Model, FMU2Slave
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from emla_cosim.models import MODELS, fmu_path
+from emla_fmu.disturbance import LEVELS
+from emla_fmu.reference import MOVES
+from fmublock import Block
+from fmublock.instance import Instance
+from sessions import Session, continuous_states, refused, set_continuous_states
+from toy import Toy
+from toy_fmu import build_toy
+
+Draw = Callable[..., Any]
+
+
+@dataclass
+class Point:
+    """Values at which to differentiate; no known is zero."""
+
+    values: dict[str, Any]
+    time: float = 0.0
+    kinks: set[str] = field(default_factory=set)
+    """Parameters whose value 0 means none: nothing is continuous there."""
+    reach: dict[str, float] = field(default_factory=dict)
+    """Distance over which a known matters, where that is not its own magnitude."""
+
+
+# ---- points, away from the kinks ---------------------------------------------------------------
+
+
+def magnitude(draw: Draw, low: float, high: float) -> float:
+    """Between low and high, every order of magnitude alike."""
+    return math.exp(draw(st.floats(math.log(low), math.log(high))))
+
+
+def signed(draw: Draw, low: float, high: float) -> float:
+    return magnitude(draw, low, high) * draw(st.sampled_from([-1.0, 1.0]))
+
+
+def beside(draw: Draw, limit: float) -> float:
+    """Clearly less than the limit, or clearly more."""
+    return limit * draw(st.one_of(st.floats(0.2, 0.7), st.floats(1.4, 4.0)))
+
+
+@st.composite
+def plant_points(draw: Draw) -> Point:
+    u_q, u_d = signed(draw, 10.0, 400.0), signed(draw, 10.0, 400.0)
+    x_L, sigma, noise = magnitude(draw, 0.01, 0.4), magnitude(draw, 1e-5, 1e-4), signed(draw, 0.1, 2.0)
+    quantized = draw(st.booleans())
+    steps = draw(st.integers(1, 5)) + draw(st.floats(-0.3, 0.3))
+    values = {
+        "u_q": u_q,
+        "u_d": u_d,
+        "i_q_ref": signed(draw, 1.0, 100.0),
+        "F_L": signed(draw, 100.0, 6e4),
+        "d_2": signed(draw, 0.01, 1.0),
+        "d_3": signed(draw, 0.1, 10.0),
+        "d_4": signed(draw, 0.1, 10.0),
+        "motor.R_s": magnitude(draw, 0.05, 0.5),
+        "motor.L_d": magnitude(draw, 1e-3, 5e-3),
+        "motor.L_q": magnitude(draw, 1e-3, 5e-3),
+        "motor.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "motor.N_p": draw(st.integers(2, 10)),
+        "motor.J_m": magnitude(draw, 0.005, 0.05),
+        "motor.B_m": magnitude(draw, 1e-3, 1e-2),
+        "coupling.J_c": magnitude(draw, 1e-3, 1e-2),
+        "gearbox.rho": magnitude(draw, 0.1, 1.0),
+        "gearbox.J_GB": magnitude(draw, 1e-3, 1e-2),
+        "gearbox.eta_GB": draw(st.floats(0.7, 0.95)),
+        "screw.lead": magnitude(draw, 0.005, 0.03),
+        "screw.M_BS": magnitude(draw, 50.0, 500.0),
+        "screw.B_BS": magnitude(draw, 1.0, 100.0),
+        "screw.C_eq": magnitude(draw, 0.1, 10.0),
+        "inverter.u_max": math.hypot(u_q, u_d) / beside(draw, 1.0),
+        "torque_source": draw(st.integers(1, 2)),
+        "uncertainty.F_2": signed(draw, 0.01, 0.2),
+        "uncertainty.F_3": signed(draw, 0.01, 0.2),
+        "uncertainty.F_4": signed(draw, 0.01, 0.2),
+        "sensor.sigma": sigma,
+        "sensor.noise": noise,
+        "sensor.resolution": (x_L + sigma * noise) / steps if quantized else 0.0,
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+        "x_L": x_L,
+        "v_L": signed(draw, 1e-3, 0.3),
+        "i_q": signed(draw, 0.1, 100.0),
+        "i_d": signed(draw, 0.1, 100.0),
+    }
+    return Point(values, kinks=set() if quantized else {"sensor.resolution"})
+
+
+@st.composite
+def observer_points(draw: Draw) -> Point:
+    x_hat, y_bar = signed(draw, 0.05, 0.5), signed(draw, 0.01, 0.04)
+    values = {
+        "y": x_hat + y_bar,
+        "i_q_ref": signed(draw, 1.0, 100.0),
+        "alpha_1": magnitude(draw, 0.1, 10.0),
+        "alpha_2": magnitude(draw, 0.1, 10.0),
+        "Q_11": magnitude(draw, 0.3, 3.0),
+        "Q_12": signed(draw, 0.01, 0.2),
+        "Q_22": magnitude(draw, 0.3, 3.0),
+        "H_0": magnitude(draw, 2.0, 50.0),
+        "m_0": magnitude(draw, 20.0, 500.0),
+        "m_decay": magnitude(draw, 1e-3, 1e-1),
+        "ell": magnitude(draw, 0.1, 3.0),
+        "use_model": draw(st.booleans()),
+        "model.N_p": draw(st.integers(2, 10)),
+        "model.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "model.A_eq": magnitude(draw, 10.0, 100.0),
+        "model.B_eq": magnitude(draw, 1.0, 10.0),
+        "solver.internal_step": 5e-5,
+        "x_hat": x_hat,
+        "v_hat": signed(draw, 1e-3, 0.3),
+        "eta_hat": magnitude(draw, 0.1, 10.0),
+    }
+    return Point(values, draw(st.floats(0.0, 10.0)), reach={"y": abs(y_bar), "x_hat": abs(y_bar)})
+
+
+@st.composite
+def controller_points(draw: Draw) -> Point:
+    """Limits are laid beside what is asked for, which the block says in process."""
+    x_d, P_1 = signed(draw, 0.05, 0.5), signed(draw, 1e-3, 0.04)
+    switches = ("x_2d_in_a_1", "feed_acceleration", "freeze_adaptation", "limit_acceleration")
+    values: dict[str, Any] = {
+        "x_hat": x_d + P_1,
+        "v_hat": signed(draw, 1e-3, 0.3),
+        "i_q": signed(draw, 0.1, 100.0),
+        "i_d": signed(draw, 0.1, 100.0),
+        "x_d": x_d,
+        "v_d": signed(draw, 1e-3, 0.3),
+        "a_d": signed(draw, 1e-2, 1.0),
+        **{name: draw(st.booleans()) for name in switches},
+        "model.R_s": magnitude(draw, 0.05, 0.5),
+        "model.L_d": magnitude(draw, 1e-3, 5e-3),
+        "model.L_q": magnitude(draw, 1e-3, 5e-3),
+        "model.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "model.N_p": draw(st.integers(2, 10)),
+        "model.alpha_RL": magnitude(draw, 500.0, 5000.0),
+        "model.A_eq": magnitude(draw, 10.0, 100.0),
+        "model.B_eq": magnitude(draw, 1.0, 10.0),
+        "model.C_eq": magnitude(draw, 0.1, 10.0),
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+    }
+    for i in range(1, 5):
+        values |= {
+            f"beta[{i}]": magnitude(draw, 10.0, 3000.0),
+            f"zeta[{i}]": magnitude(draw, 1.0, 100.0),
+            f"delta[{i}]": magnitude(draw, 1.0, 100.0),
+            f"sigma[{i}]": magnitude(draw, 1e-3, 1e-1),
+            f"theta[{i}]": magnitude(draw, 0.1, 10.0),
+        }
+    k = 0.5 * (values["beta[1]"] + values["zeta[1]"] * values["theta[1]"])
+    values["limit.a_max"] = abs(P_1) * k**2 / beside(draw, 1.0)
+    found = controller(values, "i_q_ref")
+    values |= {"limit.i_max": abs(found["i_q_ref"]) / beside(draw, 1.0), "limit_current": draw(st.booleans())}
+    found = controller(values, "u_q", "u_d", *(f"P[{i}]" for i in range(1, 5)))
+    values["limit.u_max"] = math.hypot(found["u_q"], found["u_d"]) / beside(draw, 1.0)
+    values["limit_voltage"] = draw(st.booleans())
+    values["limit.theta_max"] = draw(st.sampled_from(bounds_of_adaptation(values, found)))
+    return Point(values, reach={"x_hat": abs(P_1), "x_d": abs(P_1)})
+
+
+def controller(values: dict[str, Any], *outputs: str) -> dict[str, float]:
+    """What a controller with these values gives."""
+    instance = Instance(MODELS["RsbaController"]())
+    reference = instance.layout.reference
+    for name, value in values.items():
+        instance.set([reference(name)], [value])
+    return dict(zip(outputs, instance.get([reference(n) for n in outputs]), strict=True))
+
+
+def bounds_of_adaptation(values: dict[str, Any], found: dict[str, float]) -> list[float]:
+    """Values of theta_max clearly between those at which it begins to slow an adaptation down."""
+    begins = []
+    for i in range(1, 5):
+        gain = 0.5 * values[f"zeta[{i}]"] * values[f"delta[{i}]"]
+        growth = gain * found[f"P[{i}]"] ** 2
+        begins.append(values[f"theta[{i}]"] + values["solver.internal_step"] * growth)
+    begins = sorted(begins)
+    pairs = [(low, high) for low, high in pairwise(begins) if high > 10.0 * low]
+    return [3.0 * begins[-1], *(math.sqrt(low * high) for low, high in pairs)]
+
+
+@st.composite
+def reference_points(draw: Draw) -> Point:
+    """A time within a move, or in a dwell; perhaps some periods later."""
+    values: dict[str, Any] = {f"waypoint[{i + 1}]": signed(draw, 0.05, 0.5) for i in range(MOVES + 1)}
+    moves, time, end = draw(st.integers(1, MOVES)), None, 0.0
+    chosen, where_in_it = draw(st.integers(1, moves)), draw(st.floats(0.05, 0.95))
+    in_a_move = draw(st.booleans())
+    for i in range(1, moves + 1):
+        start, duration = end + draw(st.floats(0.1, 0.5)), draw(st.floats(0.3, 2.0))
+        values |= {f"move.start[{i}]": start, f"move.duration[{i}]": duration}
+        if i == chosen:
+            dwell = end + where_in_it * (start - end)
+            time = start + where_in_it * duration if in_a_move else dwell
+        end = start + duration
+    assert time is not None
+    periodic = draw(st.booleans())
+    period = end * draw(st.floats(1.0, 1.5)) if periodic else 0.0
+    time += period * draw(st.integers(0, 3))
+    return Point({**values, "period": period}, time, set() if periodic else {"period"})
+
+
+@st.composite
+def disturbance_points(draw: Draw) -> Point:
+    """A time on a load level, or within a ramp."""
+    ramp = draw(st.floats(0.1, 0.5))
+    values: dict[str, Any] = {
+        "v_L": signed(draw, 1e-2, 3.0),
+        "load.ramp": ramp,
+        "load.ripple": magnitude(draw, 1.0, 100.0),
+        "load.ripple_omega": magnitude(draw, 1.0, 10.0),
+        "d_2.reading": draw(st.integers(1, 2)),
+        "d_2.arctan": signed(draw, 0.1, 10.0),
+        "d_2.decay": magnitude(draw, 0.01, 1.0),
+        "d_2.low": -magnitude(draw, 0.1, 1.0),
+        "d_2.high": magnitude(draw, 0.1, 1.0),
+        "d_2.sample_time": magnitude(draw, 1e-4, 1e-2),
+        "d_2.seed": draw(st.integers(1, 2147483646)),
+        "d_4.amplitude": signed(draw, 0.1, 10.0),
+        "d_4.omega": magnitude(draw, 1.0, 10.0),
+        "d_4.phase": signed(draw, 0.1, 3.0),
+    }
+    for name in ("d_2", "d_3"):
+        for i in (1, 2):
+            values |= {
+                f"{name}.amplitude[{i}]": signed(draw, 0.1, 10.0),
+                f"{name}.omega[{i}]": magnitude(draw, 1.0, 10.0),
+                f"{name}.phase[{i}]": signed(draw, 0.1, 3.0),
+            }
+    starts = [draw(st.floats(0.3, 0.6))]
+    for _ in range(LEVELS - 1):
+        starts.append(starts[-1] + ramp + draw(st.floats(0.4, 1.0)))
+    for i, start in enumerate(starts, 1):
+        values |= {f"load.level[{i}]": signed(draw, 10.0, 1e4), f"load.start[{i}]": start}
+    time = draw(st.sampled_from(starts)) + ramp * draw(st.sampled_from([-0.4, 0.3, 0.5, 0.8, 1.2]))
+    return Point(values, time)
+
+
+@st.composite
+def toy_points(draw: Draw) -> Point:
+    values = {
+        "force": signed(draw, 0.1, 10.0),
+        "body.mass": magnitude(draw, 0.2, 9.0),
+        "spring.k[1]": magnitude(draw, 0.1, 10.0),
+        "spring.k[2]": magnitude(draw, 0.1, 10.0),
+        "shape": draw(st.integers(1, 2)),
+        "damped": draw(st.booleans()),
+        "count": draw(st.integers(1, 9)),
+        "seed": draw(st.integers(1, 2147483646)),
+        "x_0": signed(draw, 0.05, 0.6),
+        "solver.internal_step": 5e-5,
+        "v[1]": signed(draw, 0.1, 3.0),
+        "v[2]": signed(draw, 0.1, 3.0),
+    }
+    return Point(values, draw(st.floats(0.0, 3.0)))
+
+
+POINTS: dict[str, Callable[[], st.SearchStrategy[Point]]] = {
+    "EmlaPlant": plant_points,
+    "EmlaObserver": observer_points,
+    "RsbaController": controller_points,
+    "Reference": reference_points,
+    "Disturbance": disturbance_points,
+    "Toy": toy_points,
+}
+WITH_STATES = ("EmlaPlant", "EmlaObserver", "RsbaController", "Toy")
+
+
+def test_every_model_has_its_points() -> None:
+    assert POINTS.keys() == MODELS.keys() | {"Toy"}
+
+
+# ---- instances ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def sessions(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Session]]:
+    folder = tmp_path_factory.mktemp("directional")
+    paths = {model: fmu_path(model, "native", fmu_folder) for model in MODELS}
+    paths["Toy"] = build_toy("native", folder / "Toy.fmu")
+    found = {model: Session(path, folder / model) for model, path in paths.items()}
+    yield found
+    for session in found.values():
+        session.close()
+
+
+def layout(model: str) -> Any:
+    block: type[Block] = Toy if model == "Toy" else MODELS[model]
+    return block.layout()
+
+
+class At:
+    """An instance at a point, in initialization or in continuous time."""
+
+    def __init__(self, session: Session, point: Point, kind: Any, running: bool) -> None:
+        self.session, self.point, self.running = session, point, running
+        self.slave = session.new("at", kind)
+        parts = layout(session.description.modelName)
+        self.states = session.states
+        self.unknowns = [*session.names("output"), *(f"der({s})" for s in self.states)]
+        inputs = [s.name for s in parts.scalars if s.variable in parts.inputs]
+        self.parameters = [n for n in session.names("parameter") if n not in point.kinks]
+        if running:  # the start values are behind us, the states anywhere
+            self.knowns = [*inputs, *self.states]
+        else:
+            exact = [v.name for v in session.description.modelVariables if v.initial == "exact"]
+            self.knowns = [*inputs, *self.parameters, *(s for s in self.states if s in exact)]
+        session.initialize(self.slave, running, point.time, **point.values)
+        self.values = self.session.get(self.slave, *self.knowns)
+
+    def __enter__(self) -> "At":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.session.slaves.remove(self.slave)
+        self.slave.freeInstance()
+
+    def outputs(self, known: str, value: float) -> np.ndarray:
+        """The unknowns with one known changed."""
+        before = self.values[self.knowns.index(known)]
+        self._write(known, value)
+        found = np.array(self.session.get(self.slave, *self.unknowns))
+        self._write(known, before)
+        return found
+
+    def _write(self, known: str, value: float) -> None:
+        if self.running and known in self.states:
+            x = continuous_states(self.slave, len(self.states))
+            x[self.states.index(known)] = value
+            set_continuous_states(self.slave, x)
+        else:
+            self.slave.setReal(self.session.references([known]), [value])
+
+    def exact(self, direction: dict[str, float], unknowns: Sequence[str] | None = None) -> np.ndarray:
+        r = self.session.references
+        found = self.slave.getDirectionalDerivative(
+            r(unknowns or self.unknowns), r(list(direction)), list(direction.values())
+        )
+        return np.array(found)
+
+
+def central(f: Callable[[float], np.ndarray], x: float, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """Derivative by central differences of sixth order; and the largest |f| met."""
+    at = {k: f(x + k * h) for k in (-3, -2, -1, 1, 2, 3)}
+    slope = (45.0 * (at[1] - at[-1]) - 9.0 * (at[2] - at[-2]) + (at[3] - at[-3])) / (60.0 * h)
+    return slope, np.max(np.abs(list(at.values())), axis=0)
+
+
+def differences(f: Callable[[float], np.ndarray], x: float, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """The derivatives on which two step sizes agree best, and |f(x)| / reach."""
+    steps = [s * reach for s in (3e-3, 1e-3, 1e-4, 1e-5, 1e-6)]
+    slopes, sizes = (np.array(found) for found in zip(*(central(f, x, h) for h in steps), strict=True))
+    scale = np.min(sizes, axis=0) / reach
+    # relative, because steps longer than the waves of a sine would agree on a slope near zero
+    changes = np.abs(np.diff(slopes, axis=0)) / (np.abs(slopes[1:]) + 1e-9 * scale + 1e-300)
+    best = np.argmin(changes, axis=0)
+    return slopes[best + 1, np.arange(len(best))], scale
+
+
+RELATIVE, OF_SCALE = 1e-8, 1e-9
+"""Of the derivative itself, and of |f(x)| / reach, because sums of large terms round."""
+
+
+def check(at: At) -> None:
+    for known in at.knowns:
+        value = at.values[at.knowns.index(known)]
+        reach = at.point.reach.get(known, abs(value))
+        expected, scale = differences(lambda x, known=known: at.outputs(known, x), value, reach)
+        found = at.exact({known: 1.0})
+        bad = np.flatnonzero(~(np.abs(found - expected) <= RELATIVE * np.abs(expected) + OF_SCALE * scale))
+        assert not bad.size, [(f"d {at.unknowns[i]} / d {known}", found[i], expected[i]) for i in bad]
+
+
+# ---- tests -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", POINTS)
+@given(data=st.data())
+@settings(max_examples=25)
+def test_in_initialization_they_are_the_slopes_of_what_is_computed(
+    sessions: dict[str, Session], model: str, data: st.DataObject
+) -> None:
+    """By inputs, parameters and start values of states."""
+    with At(sessions[model], data.draw(POINTS[model]()), FMU2Slave, running=False) as at:
+        check(at)
+
+
+@pytest.mark.parametrize("model", WITH_STATES)
+@given(data=st.data())
+@settings(max_examples=25)
+def test_in_continuous_time_they_are_the_slopes_of_what_is_computed(
+    sessions: dict[str, Session], model: str, data: st.DataObject
+) -> None:
+    """By inputs and states."""
+    with At(sessions[model], data.draw(POINTS[model]()), FMU2Model, running=True) as at:
+        check(at)
+
+
+@pytest.mark.parametrize("model", WITH_STATES)
+@pytest.mark.parametrize("kind", [FMU2Slave, FMU2Model])
+@given(data=st.data())
+@settings(max_examples=10)
+def test_parameters_count_alike_in_every_phase(
+    sessions: dict[str, Session], model: str, kind: Any, data: st.DataObject
+) -> None:
+    point = data.draw(POINTS[model]())
+    with (
+        At(sessions[model], point, FMU2Slave, running=False) as before,
+        At(sessions[model], point, kind, running=True) as after,
+    ):
+        for parameter in before.parameters:
+            if parameter != "x_0":  # by then its state has a value of its own
+                d = before.exact({parameter: 1.0}), after.exact({parameter: 1.0})
+                assert np.array_equal(*d), parameter
+
+
+@pytest.mark.parametrize("model", POINTS)
+@given(data=st.data())
+@settings(max_examples=10)
+def test_a_sum_of_directions_gives_the_sum(
+    sessions: dict[str, Session], model: str, data: st.DataObject
+) -> None:
+    session = sessions[model]
+    with At(session, data.draw(POINTS[model]()), FMU2Slave, running=False) as at:
+        reach = {k: at.point.reach.get(k, abs(x)) for k, x in zip(at.knowns, at.values, strict=True)}
+        directions = st.fixed_dictionaries({k: st.floats(-r, r) for k, r in reach.items()})
+        a, b = data.draw(directions), data.draw(directions)
+        both = {k: a[k] + b[k] for k in at.knowns}
+        terms = sum(np.abs(at.exact({k: 1.0})) * (abs(a[k]) + abs(b[k])) for k in at.knowns)
+        size = terms + np.abs(session.get(at.slave, *at.unknowns))
+        assert np.all(np.abs(at.exact(both) - at.exact(a) - at.exact(b)) <= 1e-11 * size)
+
+
+def test_a_known_that_a_state_starts_from_moves_the_state(sessions: dict[str, Session]) -> None:
+    session = sessions["Toy"]
+    point = Point({"x_0": 0.5, "body.mass": 2.0, "spring.k[1]": 3.0})
+    with At(session, point, FMU2Slave, running=False) as at:
+        found = at.exact({"x_0": 2.0}, ["x", "inverse", "der(v[1])", "der(x)"])
+        assert found.tolist() == [2.0, 8.0, -3.0, 0.0]
+
+
+def test_unknowns_may_be_asked_in_any_order(sessions: dict[str, Session]) -> None:
+    with At(sessions["Toy"], Point({"x_0": 0.5}), FMU2Slave, running=False) as at:
+        forwards = at.exact({"x_0": 1.0, "v[1]": 3.0})
+        assert at.exact({"v[1]": 3.0, "x_0": 1.0}, at.unknowns[::-1]).tolist() == forwards.tolist()[::-1]
+
+
+# where a formula has 0 / 0 or a sign of zero, but the function is smooth
+
+ZEROS = [
+    ("EmlaPlant", {}, "u_q", {"inverter.u_q": 1.0, "inverter.u_d": 0.0, "der(i_q)": 1.0 / 2.4e-3}),
+    ("EmlaPlant", {}, "u_d", {"inverter.u_q": 0.0, "inverter.u_d": 1.0, "der(i_d)": 1.0 / 2.4e-3}),
+    ("EmlaPlant", {}, "inverter.u_max", {"inverter.u_q": 0.0, "der(i_q)": 0.0, "P_el": 0.0}),
+    # the innovation is zero; H = H_0 at y = 0
+    ("EmlaObserver", {"y": 0.0, "x_hat": 0.0}, "y", {"y_bar": 1.0, "f": 400.0 / 200.0}),
+    # k = 1500 and P_1 = 0; A_2 = 1.5 * 8 * 0.15 / 35.26
+    ("RsbaController", {}, "x_hat", {"P[1]": 1.0, "P[2]": 1500.0}),
+    ("RsbaController", {"limit_acceleration": True}, "x_hat", {"P[1]": 1.0, "P[2]": 1500.0}),
+    ("RsbaController", {"limit_acceleration": True}, "x_d", {"P[1]": -1.0, "P[2]": -1500.0}),
+    # half the linear range of the approach: the square root that is not taken is zero
+    (
+        "RsbaController",
+        {"limit_acceleration": True, "x_hat": 2.0**-10, "limit.a_max": 2.0 * 1500.0**2 * 2.0**-10},
+        "x_hat",
+        {"P[1]": 1.0, "P[2]": 1500.0},
+    ),
+    (
+        "RsbaController",
+        {"limit_current": True, "limit_voltage": True},
+        "i_q",
+        {"P[3]": 1.0, "u_q": -500.0 * 2.4e-3 + 0.14, "saturated": 0.0},
+    ),
+]
+
+
+@pytest.mark.parametrize("kind", [FMU2Slave, FMU2Model])
+@pytest.mark.parametrize(("model", "values", "known", "expected"), ZEROS)
+def test_they_are_finite_and_right_where_everything_is_zero(
+    sessions: dict[str, Session],
+    model: str,
+    values: dict[str, Any],
+    known: str,
+    expected: dict[str, float],
+    kind: Any,
+) -> None:
+    with At(sessions[model], Point(values), kind, running=kind is FMU2Model) as at:
+        assert np.isfinite(at.exact({known: 1.0})).all()
+        found = at.exact({known: 1.0}, list(expected))
+        assert found == pytest.approx(list(expected.values()), rel=1e-12, abs=0.0)
+
+
+@pytest.fixture
+def toy(sessions: dict[str, Session]) -> Session:
+    sessions["Toy"].log.all.clear()
+    return sessions["Toy"]
+
+
+@pytest.mark.parametrize(
+    ("unknown", "known", "complaint"),
+    [
+        ("force", "force", "toy: force is not an output, state or derivative to differentiate."),
+        ("body.mass", "force", "toy: body.mass is not an output, state or derivative to differentiate."),
+        ("random", "force", "toy: random is not an output, state or derivative to differentiate."),
+        ("count", "force", "toy: count is of type Integer."),
+        ("x", "power", "toy: power is not an input, parameter or state to differentiate by."),
+        ("x", "der(x)", "toy: der(x) is not an input, parameter or state to differentiate by."),
+        ("x", "random", "toy: random is not an input, parameter or state to differentiate by."),
+        ("x", "x", "toy: x is not an input, parameter or state to differentiate by."),
+        ("x", "count", "toy: count is of type Integer."),
+        ("x", "damped", "toy: damped is of type Boolean."),
+    ],
+)
+def test_wrong_knowns_and_unknowns_are_refused(
+    toy: Session, unknown: str, known: str, complaint: str
+) -> None:
+    slave = toy.instance(running=False)
+    with refused():
+        slave.getDirectionalDerivative(toy.references([unknown]), toy.references([known]), [1.0])
+    assert toy.log.lines("toy") == [complaint]
+    assert slave.getDirectionalDerivative(toy.references(["x"]), toy.references(["x_0"]), [1.0]) == [1.0]
+
+
+def test_references_of_no_variable_are_refused(toy: Session) -> None:
+    slave = toy.instance()
+    with refused():
+        slave.getDirectionalDerivative([10_000], toy.references(["force"]), [1.0])
+    with refused():
+        slave.getDirectionalDerivative(toy.references(["x"]), [2**32 - 1], [1.0])
+    assert toy.log.lines("toy") == [
+        "toy: there is no variable with value reference 10000.",
+        "toy: there is no variable with value reference 4294967295.",
+    ]
+
+
+def test_a_state_with_a_start_parameter_is_a_known_after_initialization(toy: Session) -> None:
+    slave = toy.instance()
+    assert slave.getDirectionalDerivative(toy.references(["x"]), toy.references(["x"]), [1.0]) == [1.0]
+
+
+def test_before_initialization_they_are_refused(toy: Session) -> None:
+    slave = toy.new()
+    with refused():
+        slave.getDirectionalDerivative(toy.references(["x"]), toy.references(["force"]), [1.0])
+    assert toy.log.lines("toy") == ["toy: cannot get directional derivatives in phase instantiated."]
