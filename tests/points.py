@@ -1,0 +1,267 @@
+"""Points at which the blocks are smooth, drawn by hypothesis."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from hypothesis import strategies as st
+
+from emla_cosim.models import MODELS
+from emla_fmu.disturbance import LEVELS
+from emla_fmu.reference import MOVES
+from fmublock.instance import Instance
+
+Draw = Callable[..., Any]
+
+
+@dataclass
+class Point:
+    """Values at which to differentiate; no known is zero."""
+
+    values: dict[str, Any]
+    time: float = 0.0
+    kinks: set[str] = field(default_factory=set)
+    """Parameters whose value 0 means none: nothing is continuous there."""
+    reach: dict[str, float] = field(default_factory=dict)
+    """Distance over which a known matters, where that is not its own magnitude."""
+
+
+def magnitude(draw: Draw, low: float, high: float) -> float:
+    """Between low and high, every order of magnitude alike."""
+    return math.exp(draw(st.floats(math.log(low), math.log(high))))
+
+
+def signed(draw: Draw, low: float, high: float) -> float:
+    return magnitude(draw, low, high) * draw(st.sampled_from([-1.0, 1.0]))
+
+
+def beside(draw: Draw, limit: float) -> float:
+    """Clearly less than the limit, or clearly more."""
+    return limit * draw(st.one_of(st.floats(0.2, 0.7), st.floats(1.4, 4.0)))
+
+
+@st.composite
+def plant_points(draw: Draw) -> Point:
+    u_q, u_d = signed(draw, 10.0, 400.0), signed(draw, 10.0, 400.0)
+    x_L, sigma, noise = magnitude(draw, 0.01, 0.4), magnitude(draw, 1e-5, 1e-4), signed(draw, 0.1, 2.0)
+    quantized = draw(st.booleans())
+    steps = draw(st.integers(1, 5)) + draw(st.floats(-0.3, 0.3))
+    values = {
+        "u_q": u_q,
+        "u_d": u_d,
+        "i_q_ref": signed(draw, 1.0, 100.0),
+        "F_L": signed(draw, 100.0, 6e4),
+        "d_2": signed(draw, 0.01, 1.0),
+        "d_3": signed(draw, 0.1, 10.0),
+        "d_4": signed(draw, 0.1, 10.0),
+        "motor.R_s": magnitude(draw, 0.05, 0.5),
+        "motor.L_d": magnitude(draw, 1e-3, 5e-3),
+        "motor.L_q": magnitude(draw, 1e-3, 5e-3),
+        "motor.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "motor.N_p": draw(st.integers(2, 10)),
+        "motor.J_m": magnitude(draw, 0.005, 0.05),
+        "motor.B_m": magnitude(draw, 1e-3, 1e-2),
+        "coupling.J_c": magnitude(draw, 1e-3, 1e-2),
+        "gearbox.rho": magnitude(draw, 0.1, 1.0),
+        "gearbox.J_GB": magnitude(draw, 1e-3, 1e-2),
+        "gearbox.eta_GB": draw(st.floats(0.7, 0.95)),
+        "screw.lead": magnitude(draw, 0.005, 0.03),
+        "screw.M_BS": magnitude(draw, 50.0, 500.0),
+        "screw.B_BS": magnitude(draw, 1.0, 100.0),
+        "screw.C_eq": magnitude(draw, 0.1, 10.0),
+        "inverter.u_max": math.hypot(u_q, u_d) / beside(draw, 1.0),
+        "torque_source": draw(st.integers(1, 2)),
+        "uncertainty.F_2": signed(draw, 0.01, 0.2),
+        "uncertainty.F_3": signed(draw, 0.01, 0.2),
+        "uncertainty.F_4": signed(draw, 0.01, 0.2),
+        "sensor.sigma": sigma,
+        "sensor.noise": noise,
+        "sensor.resolution": (x_L + sigma * noise) / steps if quantized else 0.0,
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+        "x_L": x_L,
+        "v_L": signed(draw, 1e-3, 0.3),
+        "i_q": signed(draw, 0.1, 100.0),
+        "i_d": signed(draw, 0.1, 100.0),
+    }
+    return Point(values, kinks=set() if quantized else {"sensor.resolution"})
+
+
+@st.composite
+def observer_points(draw: Draw) -> Point:
+    x_hat, y_bar = signed(draw, 0.05, 0.5), signed(draw, 0.01, 0.04)
+    values = {
+        "y": x_hat + y_bar,
+        "i_q_ref": signed(draw, 1.0, 100.0),
+        "alpha_1": magnitude(draw, 0.1, 10.0),
+        "alpha_2": magnitude(draw, 0.1, 10.0),
+        "Q_11": magnitude(draw, 0.3, 3.0),
+        "Q_12": signed(draw, 0.01, 0.2),
+        "Q_22": magnitude(draw, 0.3, 3.0),
+        "H_0": magnitude(draw, 2.0, 50.0),
+        "m_0": magnitude(draw, 20.0, 500.0),
+        "m_decay": magnitude(draw, 1e-3, 1e-1),
+        "ell": magnitude(draw, 0.1, 3.0),
+        "use_model": draw(st.booleans()),
+        "model.N_p": draw(st.integers(2, 10)),
+        "model.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "model.A_eq": magnitude(draw, 10.0, 100.0),
+        "model.B_eq": magnitude(draw, 1.0, 10.0),
+        "solver.internal_step": 5e-5,
+        "x_hat": x_hat,
+        "v_hat": signed(draw, 1e-3, 0.3),
+        "eta_hat": magnitude(draw, 0.1, 10.0),
+    }
+    return Point(values, draw(st.floats(0.0, 10.0)), reach={"y": abs(y_bar), "x_hat": abs(y_bar)})
+
+
+@st.composite
+def controller_points(draw: Draw) -> Point:
+    """Limits are laid beside what is asked for, which the block says in process."""
+    x_d, P_1 = signed(draw, 0.05, 0.5), signed(draw, 1e-3, 0.04)
+    switches = ("x_2d_in_a_1", "feed_acceleration", "freeze_adaptation", "limit_acceleration")
+    values: dict[str, Any] = {
+        "x_hat": x_d + P_1,
+        "v_hat": signed(draw, 1e-3, 0.3),
+        "i_q": signed(draw, 0.1, 100.0),
+        "i_d": signed(draw, 0.1, 100.0),
+        "x_d": x_d,
+        "v_d": signed(draw, 1e-3, 0.3),
+        "a_d": signed(draw, 1e-2, 1.0),
+        **{name: draw(st.booleans()) for name in switches},
+        "model.R_s": magnitude(draw, 0.05, 0.5),
+        "model.L_d": magnitude(draw, 1e-3, 5e-3),
+        "model.L_q": magnitude(draw, 1e-3, 5e-3),
+        "model.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "model.N_p": draw(st.integers(2, 10)),
+        "model.alpha_RL": magnitude(draw, 500.0, 5000.0),
+        "model.A_eq": magnitude(draw, 10.0, 100.0),
+        "model.B_eq": magnitude(draw, 1.0, 10.0),
+        "model.C_eq": magnitude(draw, 0.1, 10.0),
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+    }
+    for i in range(1, 5):
+        values |= {
+            f"beta[{i}]": magnitude(draw, 10.0, 3000.0),
+            f"zeta[{i}]": magnitude(draw, 1.0, 100.0),
+            f"delta[{i}]": magnitude(draw, 1.0, 100.0),
+            f"sigma[{i}]": magnitude(draw, 1e-3, 1e-1),
+            f"theta[{i}]": magnitude(draw, 0.1, 10.0),
+        }
+    k = 0.5 * (values["beta[1]"] + values["zeta[1]"] * values["theta[1]"])
+    values["limit.a_max"] = abs(P_1) * k**2 / beside(draw, 1.0)
+    found = controller(values, "i_q_ref")
+    values |= {"limit.i_max": abs(found["i_q_ref"]) / beside(draw, 1.0), "limit_current": draw(st.booleans())}
+    found = controller(values, "u_q", "u_d", *(f"P[{i}]" for i in range(1, 5)))
+    values["limit.u_max"] = math.hypot(found["u_q"], found["u_d"]) / beside(draw, 1.0)
+    values["limit_voltage"] = draw(st.booleans())
+    values["limit.theta_max"] = draw(st.sampled_from(bounds_of_adaptation(values, found)))
+    return Point(values, reach={"x_hat": abs(P_1), "x_d": abs(P_1)})
+
+
+def controller(values: dict[str, Any], *outputs: str) -> dict[str, float]:
+    """What a controller with these values gives."""
+    instance = Instance(MODELS["RsbaController"]())
+    reference = instance.layout.reference
+    for name, value in values.items():
+        instance.set([reference(name)], [value])
+    return dict(zip(outputs, instance.get([reference(n) for n in outputs]), strict=True))
+
+
+def bounds_of_adaptation(values: dict[str, Any], found: dict[str, float]) -> list[float]:
+    """Values of theta_max clearly between those at which it begins to slow an adaptation down."""
+    begins = []
+    for i in range(1, 5):
+        gain = 0.5 * values[f"zeta[{i}]"] * values[f"delta[{i}]"]
+        growth = gain * found[f"P[{i}]"] ** 2
+        begins.append(values[f"theta[{i}]"] + values["solver.internal_step"] * growth)
+    begins = sorted(begins)
+    pairs = [(low, high) for low, high in pairwise(begins) if high > 10.0 * low]
+    return [3.0 * begins[-1], *(math.sqrt(low * high) for low, high in pairs)]
+
+
+@st.composite
+def reference_points(draw: Draw) -> Point:
+    """A time within a move, or in a dwell; perhaps some periods later."""
+    values: dict[str, Any] = {f"waypoint[{i + 1}]": signed(draw, 0.05, 0.5) for i in range(MOVES + 1)}
+    moves, time, end = draw(st.integers(1, MOVES)), None, 0.0
+    chosen, where_in_it = draw(st.integers(1, moves)), draw(st.floats(0.05, 0.95))
+    in_a_move = draw(st.booleans())
+    for i in range(1, moves + 1):
+        start, duration = end + draw(st.floats(0.1, 0.5)), draw(st.floats(0.3, 2.0))
+        values |= {f"move.start[{i}]": start, f"move.duration[{i}]": duration}
+        if i == chosen:
+            dwell = end + where_in_it * (start - end)
+            time = start + where_in_it * duration if in_a_move else dwell
+        end = start + duration
+    assert time is not None
+    periodic = draw(st.booleans())
+    period = end * draw(st.floats(1.0, 1.5)) if periodic else 0.0
+    time += period * draw(st.integers(0, 3))
+    return Point({**values, "period": period}, time, set() if periodic else {"period"})
+
+
+@st.composite
+def disturbance_points(draw: Draw) -> Point:
+    """A time on a load level, or within a ramp."""
+    ramp = draw(st.floats(0.1, 0.5))
+    values: dict[str, Any] = {
+        "v_L": signed(draw, 1e-2, 3.0),
+        "load.ramp": ramp,
+        "load.ripple": magnitude(draw, 1.0, 100.0),
+        "load.ripple_omega": magnitude(draw, 1.0, 10.0),
+        "d_2.reading": draw(st.integers(1, 2)),
+        "d_2.arctan": signed(draw, 0.1, 10.0),
+        "d_2.decay": magnitude(draw, 0.01, 1.0),
+        "d_2.low": -magnitude(draw, 0.1, 1.0),
+        "d_2.high": magnitude(draw, 0.1, 1.0),
+        "d_2.sample_time": magnitude(draw, 1e-4, 1e-2),
+        "d_2.seed": draw(st.integers(1, 2147483646)),
+        "d_4.amplitude": signed(draw, 0.1, 10.0),
+        "d_4.omega": magnitude(draw, 1.0, 10.0),
+        "d_4.phase": signed(draw, 0.1, 3.0),
+    }
+    for name in ("d_2", "d_3"):
+        for i in (1, 2):
+            values |= {
+                f"{name}.amplitude[{i}]": signed(draw, 0.1, 10.0),
+                f"{name}.omega[{i}]": magnitude(draw, 1.0, 10.0),
+                f"{name}.phase[{i}]": signed(draw, 0.1, 3.0),
+            }
+    starts = [draw(st.floats(0.3, 0.6))]
+    for _ in range(LEVELS - 1):
+        starts.append(starts[-1] + ramp + draw(st.floats(0.4, 1.0)))
+    for i, start in enumerate(starts, 1):
+        values |= {f"load.level[{i}]": signed(draw, 10.0, 1e4), f"load.start[{i}]": start}
+    time = draw(st.sampled_from(starts)) + ramp * draw(st.sampled_from([-0.4, 0.3, 0.5, 0.8, 1.2]))
+    return Point(values, time)
+
+
+@st.composite
+def toy_points(draw: Draw) -> Point:
+    values = {
+        "force": signed(draw, 0.1, 10.0),
+        "body.mass": magnitude(draw, 0.2, 9.0),
+        "spring.k[1]": magnitude(draw, 0.1, 10.0),
+        "spring.k[2]": magnitude(draw, 0.1, 10.0),
+        "shape": draw(st.integers(1, 2)),
+        "damped": draw(st.booleans()),
+        "count": draw(st.integers(1, 9)),
+        "seed": draw(st.integers(1, 2147483646)),
+        "x_0": signed(draw, 0.05, 0.6),
+        "solver.internal_step": 5e-5,
+        "v[1]": signed(draw, 0.1, 3.0),
+        "v[2]": signed(draw, 0.1, 3.0),
+    }
+    return Point(values, draw(st.floats(0.0, 3.0)))
+
+
+POINTS: dict[str, Callable[[], st.SearchStrategy[Point]]] = {
+    "EmlaPlant": plant_points,
+    "EmlaObserver": observer_points,
+    "RsbaController": controller_points,
+    "Reference": reference_points,
+    "Disturbance": disturbance_points,
+    "Toy": toy_points,
+}
