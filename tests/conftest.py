@@ -1,12 +1,16 @@
 """Fixtures that many tests share."""
 
 import os
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-from emla_cosim.models import MODELS, build
+from emla_cosim.models import MODELS, build, fmu_path
+from sessions import Session, opened
+from toy_fmu import build_toy
 
 # a slow machine is no failure; CI tries the same examples every time, people new ones
 settings.register_profile("here", deadline=None)
@@ -29,3 +33,20 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
     for model in MODELS:
         build(model, "python", [], fmu_folder)
     return fmu_folder
+
+
+@pytest.fixture(scope="session")
+def sessions(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Session]]:
+    """The native FMUs of all models and of the toy, each open for instances, by name."""
+    folder = tmp_path_factory.mktemp("sessions")
+    paths = {model: fmu_path(model, "native", fmu_folder) for model in MODELS}
+    paths["Toy"] = build_toy("native", folder / "Toy.fmu")
+    with ExitStack() as stack:
+        yield {m: stack.enter_context(opened(path, folder / m)) for m, path in paths.items()}
+
+
+@pytest.fixture
+def toy(sessions: dict[str, Session]) -> Session:
+    """The native toy with nothing in its log."""
+    sessions["Toy"].log.all.clear()
+    return sessions["Toy"]

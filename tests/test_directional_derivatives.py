@@ -1,7 +1,6 @@
 """Directional derivatives of every native FMU against differences of what the FMU itself computes."""
 
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,12 +9,11 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emla_cosim.models import MODELS, fmu_path
+from emla_cosim.models import MODELS
 from fmublock import Block
 from points import POINTS, Point
 from sessions import Session, continuous_states, refused, set_continuous_states
 from toy import Toy
-from toy_fmu import build_toy
 
 WITH_STATES = ("EmlaPlant", "EmlaObserver", "RsbaController", "Toy")
 
@@ -25,17 +23,6 @@ def test_every_model_has_its_points() -> None:
 
 
 # ---- instances ---------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def sessions(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Session]]:
-    folder = tmp_path_factory.mktemp("directional")
-    paths = {model: fmu_path(model, "native", fmu_folder) for model in MODELS}
-    paths["Toy"] = build_toy("native", folder / "Toy.fmu")
-    found = {model: Session(path, folder / model) for model, path in paths.items()}
-    yield found
-    for session in found.values():
-        session.close()
 
 
 def layout(model: str) -> Any:
@@ -241,12 +228,6 @@ def test_they_are_finite_and_right_where_everything_is_zero(
         assert np.isfinite(at.exact({known: 1.0})).all()
         found = at.exact({known: 1.0}, list(expected))
         assert found == pytest.approx(list(expected.values()), rel=1e-12, abs=0.0)
-
-
-@pytest.fixture
-def toy(sessions: dict[str, Session]) -> Session:
-    sessions["Toy"].log.all.clear()
-    return sessions["Toy"]
 
 
 @pytest.mark.parametrize(

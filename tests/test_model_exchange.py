@@ -2,7 +2,7 @@
 
 import ctypes
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from ctypes import byref, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
@@ -27,18 +27,6 @@ from sessions import (
     status,
 )
 from toy import Shape
-from toy_fmu import build_toy
-
-
-@pytest.fixture(scope="module")
-def toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build_toy("native", tmp_path_factory.mktemp("exchange") / "Toy.fmu")
-
-
-@pytest.fixture
-def toy(toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
-    with opened(toy_fmu, tmp_path / "fmu") as session:
-        yield session
 
 
 def native(model: str, folder: Path) -> Path:
@@ -142,9 +130,9 @@ def test_fmpy_runs_a_block_without_states(fmu_folder: Path) -> None:
     assert found["x_d"][-1] == pytest.approx(0.3, rel=1e-12)
 
 
-def test_discrete_states_hold_their_start_values(toy_fmu: Path) -> None:
+def test_discrete_states_hold_their_start_values(toy: Session) -> None:
     found = simulate_fmu(
-        str(toy_fmu),
+        str(toy.folder),
         fmi_type="ModelExchange",
         stop_time=1.0,
         start_values={"seed": 99, "step_count": 5.0},

@@ -1,34 +1,14 @@
 """Time derivatives of outputs: fmi2GetRealOutputDerivatives of native FMUs."""
 
 import math
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 
-from emla_cosim.models import MODELS, fmu_path
+from emla_cosim.models import MODELS
 from sessions import Session, refused
-from toy_fmu import build_toy
-
-
-@pytest.fixture(scope="module")
-def sessions(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Session]]:
-    folder = tmp_path_factory.mktemp("output_derivatives")
-    paths = {model: fmu_path(model, "native", fmu_folder) for model in MODELS}
-    paths["Toy"] = build_toy("native", folder / "Toy.fmu")
-    found = {model: Session(path, folder / model) for model, path in paths.items()}
-    yield found
-    for session in found.values():
-        session.close()
-
-
-@pytest.fixture
-def toy(sessions: dict[str, Session]) -> Session:
-    sessions["Toy"].log.all.clear()
-    return sessions["Toy"]
 
 
 def slopes(session: Session, slave: FMU2Slave, *names: str) -> list[float]:

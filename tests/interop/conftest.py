@@ -2,11 +2,13 @@
 
 import ctypes
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from emla_cosim.master.fmu_file import FmuFile, open_fmu
+from emla_cosim.master.fmu_log import FmuLog
 from emla_cosim.models import MODELS, fmu_path
 from interop.c_programs import Build, build
 from interop.joint_run import Case, moving_joint, study_joint
@@ -30,6 +32,13 @@ def case(request: pytest.FixtureRequest, python_fmu_folder: Path) -> Case:
     """Each variant of the joint in turn."""
     joint, flavour, steps = VARIANTS[request.param]
     return Case(joint(), python_fmu_folder, flavour, steps)
+
+
+@pytest.fixture(autouse=True)
+def living_logger() -> Iterator[None]:
+    """FMPy's proxy goes on calling the logger that a test gave it, so afterwards it gets one that stays."""
+    yield
+    FmuLog()
 
 
 @pytest.fixture(scope="session")
