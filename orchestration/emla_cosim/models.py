@@ -31,10 +31,6 @@ FMU_FOLDER = Path("fmus")
 """Where FMUs are built to and looked for unless told otherwise."""
 
 
-def _silent() -> None:
-    """What is called for progress that nobody looks at."""
-
-
 def fmu_path(model: str, flavour: str, folder: Path) -> Path:
     """Where the FMU of a model lies: <folder>/<Model>/<Model>.fmu, PythonFMU's in python/ below."""
     inside = folder / model if flavour == "native" else folder / model / "python"
@@ -42,7 +38,11 @@ def fmu_path(model: str, flavour: str, folder: Path) -> Path:
 
 
 def build(
-    model: str, flavour: str, platforms: Sequence[str], folder: Path, advance: Callable[[], None] = _silent
+    model: str,
+    flavour: str,
+    platforms: Sequence[str],
+    folder: Path,
+    advance: Callable[[], None] = lambda: None,
 ) -> Path:
     """Build the FMU of a model, unless the very same is there already; returns its file.
 

@@ -132,17 +132,13 @@ class Instance:
         self._require(Phase.STEP, "do a step")
         self._check_step(time, step)
         before = self.time, self.get(self._evolving)
-        problem: str | None = "an exception was raised"
         try:
-            self._advance(time, step)
-            problem = self._find_not_finite()
-        except ArithmeticError as error:
-            problem = f"an equation failed ({error})"
-        finally:
-            if problem is not None:
-                self._v.time = before[0]
-                self._write(self._evolving, before[1])
+            problem = self._advance(time, step)
+        except BaseException:
+            self._restore(*before)
+            raise
         if problem is not None:
+            self._restore(*before)
             raise StepDiscardedError(
                 f"{self.name}: step from t = {time:.9g} s with h = {step:.9g} s discarded: {problem}."
             )
@@ -183,19 +179,24 @@ class Instance:
                 f"{self.name}: the step of {step} s needs more than {MAXIMUM_SUBSTEPS:g} internal steps."
             )
 
-    def _advance(self, time: float, step: float) -> None:
-        self._integrate(time, step)
-        self._v.time = time + step
-        self._update_discrete_states()
-        self._evaluate_outputs()
-
-    def _find_not_finite(self) -> str | None:
-        """What says which state or output is not finite, if any is."""
+    def _advance(self, time: float, step: float) -> str | None:
+        """Do the step; returns what is not finite afterwards, if anything."""
+        try:
+            self._integrate(time, step)
+            self._v.time = time + step
+            self._update_discrete_states()
+            self._evaluate_outputs()
+        except ArithmeticError as error:
+            return f"an equation failed ({error})"
         for r in self._evolving:
             container, key = self._slots[r]
             if not math.isfinite(container[key]):
                 return f"{self.layout.scalars[r].name} became {container[key]}"
         return None
+
+    def _restore(self, time: float, evolving: Sequence[float]) -> None:
+        self._v.time = time
+        self._write(self._evolving, evolving)
 
     def _write(self, references: Sequence[int], values: Sequence[float]) -> None:
         for r, value in zip(references, values, strict=True):
