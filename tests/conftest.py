@@ -9,6 +9,7 @@ import pytest
 from hypothesis import settings
 
 from emla_cosim.models import MODELS, build, fmu_path
+from faulty_fmu import build_faulty_fmu
 from sessions import Session, opened
 from toy_fmu import build_toy
 
@@ -33,6 +34,12 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
     for model in MODELS:
         build(model, "python", [], fmu_folder)
     return fmu_folder
+
+
+@pytest.fixture(scope="session")
+def faulty_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The faulty FMU, with states and interpolation of inputs."""
+    return build_faulty_fmu(tmp_path_factory.mktemp("faulty"))
 
 
 @pytest.fixture(scope="session")
