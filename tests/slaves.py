@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.master.fmu_file import open_fmu
-from emla_cosim.master.fmu_log import FmuLog
-from emla_cosim.master.fmu_slave import FmuSlave
+from emla_cosim.master.slaves.fmu_file import open_fmu
+from emla_cosim.master.slaves.fmu_log import FmuLog
+from emla_cosim.master.slaves.fmu_slave import FmuSlave
+from emla_cosim.master.slaves.slave import Slave
 from fmublock import Block
 from fmublock.instance import Instance
 from fmublock.variables import Output, State
@@ -37,8 +38,10 @@ def fmu_slave(
             slave.close()
 
 
-class BlockSlave:
+class BlockSlave(Slave):
     """A block in process behind the slave protocol."""
+
+    rolls_back = True
 
     def __init__(self, block: Block, parameters: Mapping[str, Any] | None = None, name: str = "test") -> None:
         self.name = name
@@ -49,6 +52,9 @@ class BlockSlave:
         self._outputs = [layout.reference(n) for n in outputs]
         self.inputs = np.array(self.instance.get(self._inputs))
         self.outputs = np.zeros(len(outputs))
+        self.continuous_inputs = np.ones(len(inputs), dtype=bool)
+        self.continuous_outputs = np.ones(len(outputs), dtype=bool)
+        self.nominals = np.ones(len(outputs))
         for variable, value in (parameters or {}).items():
             self.instance.set([layout.reference(variable)], [value])
 
@@ -72,11 +78,13 @@ class BlockSlave:
         pass
 
 
-class FakeSlave:
+class FakeSlave(Slave):
     """A slave whose step is a Python function (inputs, state, time, step) -> new state.
 
     Outputs are the state, or `output(inputs, state)`; every call is noted in `calls`.
     """
+
+    rolls_back = True
 
     def __init__(
         self,
@@ -94,6 +102,9 @@ class FakeSlave:
         self._output = output or (lambda u, x: x)
         self.held = np.zeros(inputs)
         self.outputs = np.zeros(len(self._output(self.held, self.state)))
+        self.continuous_inputs = np.ones(inputs, dtype=bool)
+        self.continuous_outputs = np.ones(len(self.outputs), dtype=bool)
+        self.nominals = np.ones(len(self.outputs))
         self.calls = calls if calls is not None else []
 
     def enter_initialization(self, start_time: float, stop_time: float) -> None:
@@ -113,6 +124,14 @@ class FakeSlave:
     def do_step(self, time: float, step: float) -> None:
         self.calls.append(f"{self.name}.step")
         self.state[:] = self._advance(self.held, self.state, time, step)
+
+    def save(self, state: Any = None) -> Any:
+        self.calls.append(f"{self.name}.save")
+        return self.held.copy(), self.state.copy()
+
+    def restore(self, state: Any) -> None:
+        self.calls.append(f"{self.name}.restore")
+        self.held[:], self.state[:] = state
 
     def close(self) -> None:
         self.calls.append(f"{self.name}.close")

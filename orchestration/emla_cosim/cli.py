@@ -10,9 +10,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from .errors import CommandError, CosimError, check_choice
+from .master.algorithms.extrapolation import EXTRAPOLATIONS
 from .master.simulation import ALGORITHMS
 from .models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
-from .run import Settings, run
+from .run import run
+from .settings import Settings
 from .system.scenarios import CONTROLLERS, describe_scenario, load_scenario, scenario_names
 from .terminal import ERR, OUT, BarProgress, show_result
 
@@ -88,6 +90,7 @@ def list_command() -> None:
     choices = Table("option", "choices", title="Choices", title_justify="left")
     choices.add_row("--flavour", ", ".join(FLAVOURS))
     choices.add_row("--algorithm", ", ".join(ALGORITHMS))
+    choices.add_row("--extrapolation", ", ".join(EXTRAPOLATIONS))
     choices.add_row("--controller", ", ".join(CONTROLLERS))
     for table in (scenarios, models, choices):
         OUT.print(table)
@@ -109,8 +112,25 @@ def run_command(
             metavar="JOINT.COMPONENT=FILE.fmu", help="Use another FMU for a component (repeatable)."
         ),
     ] = None,
-    algorithm: Annotated[str | None, typer.Option(help=f"{' or '.join(ALGORITHMS)}.")] = None,
+    algorithm: Annotated[str | None, typer.Option(help=f"{', '.join(ALGORITHMS)}.")] = None,
+    extrapolation: Annotated[
+        str, typer.Option(help=f"Inputs during a step: {', '.join(EXTRAPOLATIONS)}.")
+    ] = "none",
     step_size: Annotated[float | None, typer.Option(help="Communication step in s.")] = None,
+    error_tolerance: Annotated[
+        float | None, typer.Option(help="Choose steps by their error, relative to each signal's size.")
+    ] = None,
+    coupling_tolerance: Annotated[
+        float, typer.Option(help="What `--algorithm strong` agrees to, relative to each signal's size.")
+    ] = 1e-8,
+    step_multiple: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT.COMPONENT=N", help="Step a component at every N-th step (repeatable)."),
+    ] = None,
+    order: Annotated[
+        str | None,
+        typer.Option(help="Components in the order of stepping, comma between; without, the graph's."),
+    ] = None,
     stop_time: Annotated[float | None, typer.Option(help="End of the run in s.")] = None,
     output_interval: Annotated[
         float | None, typer.Option(help="Time between rows of results.csv in s; 1 ms without.")
@@ -122,6 +142,14 @@ def run_command(
     output: Annotated[Path | None, typer.Option(help="Output folder; results/SCENARIO without.")] = None,
     fmus: Annotated[Path, typer.Option(help="Folder of our FMUs; missing ones are built.")] = FMU_FOLDER,
     plots: Annotated[bool, typer.Option(help="Draw plots.")] = True,
+    kernel: Annotated[bool, typer.Option(help="Step in compiled code where that is possible.")] = True,
+    realtime: Annotated[
+        float | None, typer.Option(metavar="FACTOR", help="Simulate so many seconds per second, not more.")
+    ] = None,
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="Write checkpoints to this file: every minute, and at the end.")
+    ] = None,
+    resume: Annotated[Path | None, typer.Option(help="Continue the run of this checkpoint.")] = None,
 ) -> None:
     """Run a scenario: progress, a table of results, and an output folder with data and plots."""
     check_choice("flavour", flavour, FLAVOURS)
@@ -130,12 +158,23 @@ def run_command(
         values=_pairs("--set", set_),
         replacements={name: Path(file) for name, file in _pairs("--replace", replace).items()},
         algorithm=algorithm,
+        extrapolation=extrapolation,
+        coupling_tolerance=coupling_tolerance,
+        error_tolerance=error_tolerance,
+        multiples={
+            name: _whole(name, text) for name, text in _pairs("--step-multiple", step_multiple).items()
+        },
+        order=[name.strip() for name in order.split(",")] if order else [],
         step_size=step_size,
         stop_time=stop_time,
         output_interval=output_interval,
         flavour=flavour,
         fmus=fmus,
         plots=plots,
+        compiled=kernel,
+        real_time=realtime,
+        checkpoint=checkpoint,
+        resume=resume,
     )
     with BarProgress() as progress:
         result = run(chosen, settings, output or Path("results") / scenario, progress)
@@ -152,6 +191,13 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
             raise CommandError(f"{option} {text} lacks a name or a value; write {option} NAME=VALUE.")
         pairs[name.strip()] = value.strip()
     return pairs
+
+
+def _whole(name: str, text: str) -> int:
+    try:
+        return int(text)
+    except ValueError as error:
+        raise CommandError(f"--step-multiple {name}={text} is not a whole number of steps.") from error
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What a person sees of a run in the terminal: progress bars and the table of results."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rich.console import Console
@@ -61,10 +61,10 @@ _ROWS: tuple[tuple[str, Callable[[JointMetrics], float], str], ...] = (
 
 
 def show_result(scenario: str, result: RunResult) -> None:
-    """The results as a table, and where everything is."""
-    span = result.steps * result.times.step
+    """The results as a table, how the steps were made, and where everything is."""
+    end = result.end_s - result.times.start
     if result.metrics:
-        table = Table(title=f"{scenario}, {span:g} s simulated", title_justify="left")
+        table = Table(title=f"{scenario}, {end:g} s simulated", title_justify="left")
         table.add_column("")
         for joint in result.metrics:
             table.add_column(joint, justify="right")
@@ -72,17 +72,41 @@ def show_result(scenario: str, result: RunResult) -> None:
         for label, value, unit in _ROWS:
             table.add_row(label, *(_number(value(m)) for m in result.metrics.values()), unit)
         OUT.print(table)
-        late = [j for j, m in result.metrics.items() if m.convergence_time_s > span - 0.5 * result.times.step]
+        late = [j for j, m in result.metrics.items() if m.convergence_time_s > end - 0.5 * result.times.step]
         if late:
             OUT.print(f"Not converged by the end: {', '.join(late)}.", highlight=False)
-    if result.wall_s > 0 and result.steps:
-        rate, factor = result.steps / result.wall_s, span / result.wall_s
-        speed = f"{rate:,.0f} steps/s, {factor:.2g} x real time"
-        OUT.print(f"{result.steps} steps in {result.wall_s:.1f} s: {speed}", highlight=False)
+    for line in _speed(result):
+        OUT.print(line, highlight=False, soft_wrap=True)
     OUT.print(f"Wrote {result.folder}/: results.csv, metrics.json, run.json", highlight=False, soft_wrap=True)
     if result.pictures:
         pictures = ", ".join(path.name for path in result.pictures)
         OUT.print(f"Pictures: {pictures}", highlight=False, soft_wrap=True)
+
+
+def _speed(result: RunResult) -> Iterator[str]:
+    if not (result.wall_s > 0 and result.steps):
+        return
+    rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
+    rejected = result.stepping.get("rejected_steps")
+    tried = f" ({rejected} more rejected)" if rejected is not None else ""
+    slowly = "" if result.stepping.get("compiled", True) else ", not compiled"
+    yield (
+        f"{result.steps} steps{tried} in {result.wall_s:.2f} s: "
+        f"{rate:,.0f} steps/s, {factor:.2g} x real time{slowly}"
+    )
+    sweeps = result.stepping.get("sweeps_over_loops")
+    if sweeps is not None:
+        loops = result.stepping["loops"]
+        yield f"{len(loops)} loops agreed, {sweeps / max(len(loops), 1):,.0f} sweeps each"
+    late = result.stepping["late_connections"]
+    if late:
+        yield f"{len(late)} connections come one step late; run.json names them"
+    if result.pacing is not None:
+        pacing = result.pacing
+        yield (
+            f"{pacing.overruns} overruns at {pacing.points} points of {pacing.factor:g} x real time; "
+            f"the longest delay was {1e3 * pacing.worst:.2f} ms"
+        )
 
 
 def _number(value: float) -> str:

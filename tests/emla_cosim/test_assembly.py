@@ -6,7 +6,7 @@ import pytest
 
 from emla_cosim.errors import CommandError
 from emla_cosim.master.assembly import assembled
-from emla_cosim.master.slave import SlaveError
+from emla_cosim.master.slaves.slave import SlaveError
 from emla_cosim.models import fmu_path
 from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.system.scenarios import load_scenario
@@ -34,7 +34,7 @@ def pair(connections: list[tuple[str, str]], folder: Path) -> tuple[System, dict
 def test_signals_are_all_outputs_by_their_full_names(fmu_folder: Path) -> None:
     system = load_scenario("study").system
     with assembled(system, files(system, fmu_folder)) as assembly:
-        names = assembly.signal_names
+        names = assembly.network.names
         assert len(names) == len(set(names)) == len(assembly.network.signals)
         assert {"lift.plant.x_L", "tilt.controller.theta[3]", "telescope.plant.inverter.u_q"} <= set(names)
         assert [s.name for s in assembly.network.slaves] == [c.name for c in system.components]

@@ -1,38 +1,25 @@
 """Algorithms and the stepping loop, with fake slaves of a few lines."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 
 from emla_cosim.errors import CommandError, RunError
-from emla_cosim.master.gauss_seidel import GaussSeidel
-from emla_cosim.master.jacobi import Jacobi
+from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
+from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.network import Link, Network, stepping_order
-from emla_cosim.master.simulation import ALGORITHMS, simulate, timing
-from emla_cosim.master.slave import SlaveError
+from emla_cosim.master.simulation import ALGORITHMS, simulate
+from emla_cosim.master.slaves.slave import SlaveError
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.timing import timing
+from simulated import Table, begun, recorded, simulated
 from slaves import FakeSlave
-
-
-def never() -> bool:
-    return False
-
-
-def network(slaves: Sequence[FakeSlave], links: Sequence[Link]) -> Network:
-    """Fake slaves sharing one vector of signals."""
-    signals, start = np.zeros(sum(len(s.outputs) for s in slaves)), 0
-    for slave in slaves:
-        count = len(slave.outputs)
-        slave.outputs = signals[start : start + count]
-        start += count
-    return Network(slaves, signals, links)
 
 
 def oscillator(calls: list[str] | None = None) -> Network:
     """x' = v in one slave, v' = -x in another: coupled by states only."""
     position = FakeSlave("position", 1, [1.0], lambda u, x, t, h: x + h * u, calls=calls)
     speed = FakeSlave("speed", 1, [0.0], lambda u, x, t, h: x - h * u, calls=calls)
-    return network([position, speed], [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)])
+    return Network([position, speed], [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)])
 
 
 def test_calling_order_of_jacobi() -> None:
@@ -76,7 +63,7 @@ def test_first_order_on_the_oscillator(name: str) -> None:
     errors = []
     for steps in (1000, 2000, 4000):
         system = oscillator()
-        simulate(system, ALGORITHMS[name](), timing(1.0, 1.0 / steps), lambda t: None, never)
+        simulated(system, ALGORITHMS[name](), timing(1.0, 1.0 / steps))
         errors.append(np.abs(system.signals - [np.cos(1.0), -np.sin(1.0)]).max())
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([1.0, 1.0], abs=0.05)
 
@@ -86,7 +73,7 @@ def test_initialization_settles_a_chain_against_its_order() -> None:
     c = FakeSlave("c", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u + 1)
     b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 2 * u)
     a = FakeSlave("a", 0, [3.0], lambda u, x, t, h: x)
-    system = network([c, b, a], [Link(1, 0, 0, 0, True), Link(2, 0, 1, 0, True)])
+    system = Network([c, b, a], [Link(1, 0, 0, 0, True), Link(2, 0, 1, 0, True)])
     algorithm = Jacobi()
     algorithm.setup(system)
     algorithm.initialize(0.0, 1.0)
@@ -97,7 +84,7 @@ def test_initialization_settles_a_chain_against_its_order() -> None:
 def test_initialization_settles_a_loop_that_contracts() -> None:
     a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 0.1 * u + 1)
     b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u)
-    system = network([a, b], [Link(1, 0, 0, 0, True), Link(0, 0, 1, 0, True)])
+    system = Network([a, b], [Link(1, 0, 0, 0, True), Link(0, 0, 1, 0, True)])
     algorithm = GaussSeidel()
     algorithm.setup(system)
     algorithm.initialize(0.0, 1.0)
@@ -105,14 +92,23 @@ def test_initialization_settles_a_loop_that_contracts() -> None:
 
 
 def test_initialization_that_does_not_settle_names_the_loop() -> None:
-    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 2 * u + 1)
+    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u + 1)
     b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u)
     bystander = FakeSlave("bystander", 0, [1.0], lambda u, x, t, h: x)
-    system = network([a, bystander, b], [Link(2, 0, 0, 0, True), Link(0, 0, 2, 0, True)])
-    algorithm = Jacobi()
-    algorithm.setup(system)
-    with pytest.raises(RunError, match=r"do not settle .* still change in a, b\."):
-        algorithm.initialize(0.0, 1.0)
+    system = Network([a, bystander, b], [Link(2, 0, 0, 0, True), Link(0, 0, 2, 0, True)])
+    with pytest.raises(
+        RunError, match=r"initial values of the loop a -> b -> a do not settle .* b\[0\] still"
+    ):
+        begun(system, Jacobi(), timing(1.0, 0.1))
+
+
+def test_initialization_solves_a_loop_that_repetition_would_blow_up() -> None:
+    """u = 2 u + 1 has the solution -1, from which u <- 2 u + 1 runs away."""
+    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 2 * u + 1)
+    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u)
+    system = Network([a, b], [Link(1, 0, 0, 0, True), Link(0, 0, 1, 0, True)])
+    begun(system, GaussSeidel(), timing(1.0, 0.1))
+    assert system.signals == pytest.approx([-1.0, -1.0], rel=1e-11)
 
 
 def test_stepping_order_puts_direct_feedthrough_last() -> None:
@@ -142,18 +138,16 @@ def test_stepping_order_of_a_direct_loop_still_has_everyone() -> None:
 def test_time_is_never_accumulated() -> None:
     times: list[float] = []
     clock = FakeSlave("clock", 0, [0.0], lambda u, x, t, h: (times.append(t), [t + h])[1])
-    recorded: list[float] = []
-    simulate(network([clock], []), Jacobi(), timing(100.0, 0.1), recorded.append, never)
+    rows = simulated(Network([clock], []), Jacobi(), timing(100.0, 0.1))
     assert times == [k * 0.1 for k in range(1000)]
-    assert recorded == [k * 0.1 for k in range(1001)]
+    assert rows[:, 0].tolist() == [k * 0.1 for k in range(1001)]
 
 
 def test_row_zero_is_the_initial_state_and_rows_are_labelled_with_their_end() -> None:
     counter = FakeSlave("counter", 0, [0.0], lambda u, x, t, h: x + 1)
-    system, rows = network([counter], []), []
-    simulate(system, Jacobi(), timing(0.3, 0.1), lambda t: rows.append((t, system.signals[0])), never)
-    assert [t for t, _ in rows] == pytest.approx([0.0, 0.1, 0.2, 0.3])
-    assert [x for _, x in rows] == [0.0, 1.0, 2.0, 3.0]
+    rows = simulated(Network([counter], []), Jacobi(), timing(0.3, 0.1))
+    assert rows[:, 0] == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert rows[:, 1].tolist() == [0.0, 1.0, 2.0, 3.0]
 
 
 def test_a_failing_slave_ends_the_run_where_it_was() -> None:
@@ -162,18 +156,20 @@ def test_a_failing_slave_ends_the_run_where_it_was() -> None:
             raise SlaveError("bad", "doStep", "fmi2Error", ["I am tired."])
         return x + 1
 
-    rows: list[float] = []
-    system = network([FakeSlave("bad", 0, [0.0], fail)], [])
+    times = timing(1.0, 0.1)
+    stepping = FixedSteps(begun(Network([FakeSlave("bad", 0, [0.0], fail)], []), Jacobi(), times), times)
+    table = Table(2)
     with pytest.raises(SlaveError, match=r"bad answered doStep with fmi2Error. It said: I am tired."):
-        simulate(system, Jacobi(), timing(1.0, 0.1), rows.append, never)
-    assert rows[-1] == pytest.approx(0.5)
+        simulate(stepping, table)
+    assert (table.rows[-1, 0], stepping.time) == (0.5, 0.5)
 
 
 def test_an_interruption_ends_between_two_steps() -> None:
-    rows: list[float] = []
-    system = network([FakeSlave("s", 0, [0.0], lambda u, x, t, h: x)], [])
-    done = simulate(system, Jacobi(), timing(1.0, 0.1), rows.append, lambda: len(rows) > 4)
-    assert (done, len(rows)) == (4, 5)
+    times, slave = timing(1e6, 0.1), FakeSlave("s", 0, [0.0], lambda u, x, t, h: x + 1)
+    stepping = FixedSteps(begun(Network([slave], []), Jacobi(), times), times)
+    rows = recorded(stepping, interrupted=lambda: stepping.steps > 4)
+    assert rows[-1].tolist() == [stepping.time, stepping.steps]
+    assert 4 < stepping.steps < 1e7
 
 
 @pytest.mark.parametrize(
@@ -197,4 +193,4 @@ def test_times_that_make_no_sense_are_explained(stop: float, step: float, messag
 
 def test_an_input_without_a_source_is_a_mistake_of_the_caller() -> None:
     with pytest.raises(ValueError, match="needs a link"):
-        network([FakeSlave("s", 1, [0.0], lambda u, x, t, h: x)], [])
+        Network([FakeSlave("s", 1, [0.0], lambda u, x, t, h: x)], [])

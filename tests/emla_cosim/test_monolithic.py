@@ -16,7 +16,8 @@ from scipy.integrate import simpson
 
 import reference_model as paper
 from emla_cosim.master.assembly import assembled
-from emla_cosim.master.simulation import ALGORITHMS, simulate, timing
+from emla_cosim.master.simulation import ALGORITHMS
+from emla_cosim.master.stepping.timing import timing
 from emla_cosim.system.model import System
 from emla_cosim.system.scenarios import load_scenario
 from emla_fmu import Disturbance, DisturbanceReading, EmlaObserver, EmlaPlant, TorqueSource
@@ -25,6 +26,7 @@ from fmublock.block import Values
 from fmublock.instance import Instance, flatten
 from rsba_fmu import RsbaController
 from rsba_fmu.gains import PUBLISHED
+from simulated import simulated
 
 # ---- the co-simulated joint against the whole joint as one equation ----------------------------
 
@@ -166,20 +168,11 @@ def co_simulated(algorithm: str, step: float, folder: Path) -> Run:
     names = [f"lift.{owners.get(state, 'controller')}.{state}" for state in paper.JOINT_STATES]
     watched = ["lift.plant.inverter.saturated", "lift.controller.saturated", "lift.controller.P[1]"]
     with assembled(system, fmus) as assembly:
-        states = [assembly.signal_names.index(name) for name in names]
-        watch = [assembly.signal_names.index(name) for name in watched]
-        every, count = round(SAMPLE / step), 0
-        rows, largest, signals = [], np.zeros(len(watch)), assembly.network.signals
-
-        def record(t: float) -> None:
-            nonlocal count
-            if count % every == 0:
-                rows.append(signals[states])
-            np.maximum(largest, np.abs(signals[watch]), out=largest)
-            count += 1
-
-        simulate(assembly.network, ALGORITHMS[algorithm](), timing(STOP, step), record, lambda: False)
-    return Run(np.array(rows), float(max(largest[:2])), float(largest[2]))
+        columns = {name: 1 + i for i, name in enumerate(assembly.network.names)}
+        rows = simulated(assembly.network, ALGORITHMS[algorithm](), timing(STOP, step))
+    states = rows[:: round(SAMPLE / step), [columns[name] for name in names]]
+    largest = np.abs(rows[:, [columns[name] for name in watched]]).max(axis=0)
+    return Run(states, float(max(largest[:2])), float(largest[2]))
 
 
 def errors(runs: list[Run], solution: paper.Vector) -> paper.Vector:

@@ -75,9 +75,10 @@ def test_recorder_passes_everything_on_and_closes_every_sink_even_if_one_fails()
                 raise OSError(28, "No space left on device")
 
     sinks = [Sink(broken=True), Sink(broken=False)]
-    recorder = Recorder(np.zeros(2), sinks, block_rows=4)
-    for k in range(10):
-        recorder.record(0.1 * k)
+    recorder = Recorder(3, sinks, block_rows=4)
+    for count in (3, 1, 2, 2, 2):
+        assert len(recorder.room(count)) == count
+        recorder.commit(count)
     with pytest.raises(OSError, match="No space left"):
         recorder.close()
     assert [(s.rows, s.closed) for s in sinks] == [(10, True), (10, True)]

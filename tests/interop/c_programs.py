@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from fmpy.model_description import ModelVariable
 
-from emla_cosim.master.fmu_file import FmuFile
-from emla_cosim.master.simulation import Timing
+from emla_cosim.master.slaves.fmu_file import FmuFile
+from emla_cosim.master.stepping.timing import Timing
 from emla_cosim.system.model import System, Value
 
 CC = shutil.which("cc")

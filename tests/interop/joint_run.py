@@ -80,7 +80,7 @@ def even_steps(count: int) -> Steps:
 def our_run(case: Case, algorithm: str, steps: Steps) -> Array:
     """Our master's run: a column per signal, a row per communication point, the initial one included."""
     with assembled(case.system, case.fmus) as assembly:
-        columns = [assembly.signal_names.index(f"{c}.{output}") for c, output in case.signals]
+        columns = [assembly.network.names.index(f"{c}.{output}") for c, output in case.signals]
         network, master = assembly.network, ALGORITHMS[algorithm]()
         master.setup(network)
         master.initialize(0.0, len(steps) * STEP)

@@ -11,7 +11,7 @@ from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi2 import FMU2Slave, fmi2Error
 from fmpy.validation import validate_fmu
 
-from emla_cosim.master.fmu_log import FmuLog
+from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.models import FLAVOURS, MODELS, fmu_path
 from interop.joint_run import STEP, Array, Case, differences, even_steps, our_run
 
@@ -101,7 +101,7 @@ def test_fmpys_own_logging_survives_our_master(fmu_folder: Path) -> None:
         "from fmpy import extract, read_model_description\n"
         "from fmpy.fmi2 import FMU2Slave\n"
         "import gc\n"
-        "from emla_cosim.master.fmu_log import FmuLog\n"
+        "from emla_cosim.master.slaves.fmu_log import FmuLog\n"
         "FmuLog(); gc.collect()\n"
         f"folder = extract({str(path)!r}); guid = read_model_description(folder).guid\n"
         f"slave = FMU2Slave(guid=guid, unzipDirectory=folder, modelIdentifier='EmlaPlant')\n"

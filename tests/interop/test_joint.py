@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import assembled
-from emla_cosim.master.jacobi import Jacobi
-from emla_cosim.master.simulation import simulate, timing
+from emla_cosim.master.stepping.timing import timing
 from interop.joint_run import STEP, Case, differences, even_steps, our_run, study_joint
+from simulated import simulated
 
 
 def test_it_sets_no_enumeration(case: Case) -> None:
@@ -34,15 +35,12 @@ def test_the_moving_joint_begins_within_the_limits_and_the_study_at_them(case: C
         master = Jacobi()
         master.setup(assembly.network)
         master.initialize(0.0, STEP)
-        saturated = assembly.network.signals[assembly.signal_names.index("lift.controller.saturated")]
+        saturated = assembly.network.signals[assembly.network.names.index("lift.controller.saturated")]
     assert saturated == (1.0 if case.system == study_joint() else 0.0)
 
 
 def test_our_run_is_what_simulate_does(case: Case) -> None:
-    rows = []
     with assembled(case.system, case.fmus) as assembly:
-        columns = [assembly.signal_names.index(f"{c}.{output}") for c, output in case.signals]
-        signals = assembly.network.signals
-        times = timing(case.steps * STEP, STEP)
-        simulate(assembly.network, Jacobi(), times, lambda t: rows.append(signals[columns]), lambda: False)
-    assert differences(case, np.array(rows), our_run(case, "jacobi", even_steps(case.steps))) == {}
+        columns = [1 + assembly.network.names.index(f"{c}.{output}") for c, output in case.signals]
+        rows = simulated(assembly.network, Jacobi(), timing(case.steps * STEP, STEP))[:, columns]
+    assert differences(case, rows, our_run(case, "jacobi", even_steps(case.steps))) == {}

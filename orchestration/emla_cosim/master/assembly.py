@@ -1,28 +1,27 @@
 """From a system description to a network of FMU instances."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-from fmpy.model_description import ModelVariable
+from fmpy.model_description import ModelVariable, Unknown
 
 from ..errors import CommandError
 from ..system.model import Component, Connection, System
-from .fmu_file import FmuFile, open_fmu
-from .fmu_log import FmuLog
-from .fmu_slave import FmuSlave, find_variable
 from .network import Link, Network
+from .slaves.fmu_file import FmuFile, open_fmu
+from .slaves.fmu_log import FmuLog
+from .slaves.fmu_slave import FmuSlave
+from .slaves.start_values import find_variable
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """A network, the full names of its signals, and the FMU file of every component."""
+    """A network of FMU instances, and the FMU file of every component."""
 
     network: Network
-    signal_names: list[str]
     files: Mapping[str, FmuFile]
 
 
@@ -47,14 +46,9 @@ def assembled(system: System, fmus: Mapping[str, Path]) -> Iterator[Assembly]:
             instances.callback(slave.close)
             slave.set_start_values(component.parameters)
             slaves.append(slave)
-        signals = np.zeros(sum(len(s.outputs) for s in slaves))
-        start = 0
-        for slave in slaves:
-            slave.bind(signals[start : start + len(slave.outputs)])
-            start += len(slave.outputs)
         links = _links(system, files, inputs, outputs)
         names = [f"{c.name}.{output}" for c in system.components for output in outputs[c.name]]
-        yield Assembly(Network(slaves, signals, links), names, files)
+        yield Assembly(Network(slaves, links, names), files)
 
 
 def _open_files(fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
@@ -101,24 +95,28 @@ def _links(
     outputs: Mapping[str, list[str]],
 ) -> list[Link]:
     position = {c.name: i for i, c in enumerate(system.components)}
+    used = {c.name: {x.output for x in system.connections if x.source == c.name} for c in system.components}
     return [
         Link(
             source=position[x.source],
             output=outputs[x.source].index(x.output),
             target=position[x.target],
             input=inputs[x.target].index(x.input),
-            direct=_is_direct(system, files[x.target], x),
+            direct=_depends(used[x.target], files[x.target].description.outputs, x.input),
+            initial=_depends(used[x.target], files[x.target].description.initialUnknowns, x.input),
         )
         for x in system.connections
     ]
 
 
-def _is_direct(system: System, file: FmuFile, connection: Connection) -> bool:
-    """Whether a connected output of the target depends on this input without delay."""
-    used = {x.output for x in system.connections if x.source == connection.target}
-    for unknown in file.description.outputs:
-        if unknown.variable is not None and unknown.variable.name in used:
-            known = unknown.dependencies
-            if known is None or connection.input in {v.name for v in known}:
+def _depends(outputs: set[str], unknowns: Sequence[Unknown], known: str) -> bool:
+    """Whether one of these outputs depends on a known; what is not declared is taken to depend.
+
+    An output without an entry has a value of its own, unless the model description says nothing at all.
+    """
+    for unknown in unknowns:
+        if unknown.variable is not None and unknown.variable.name in outputs:
+            knowns = unknown.dependencies
+            if knowns is None or known in {v.name for v in knowns}:
                 return True
-    return False
+    return bool(outputs) and not unknowns

@@ -1,12 +1,17 @@
 """Slaves wired together: who reads which signal, and in which order they are best stepped."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
+import networkx
 import numpy as np
 from numpy.typing import NDArray
 
-from .slave import Slave, Vector
+from ..errors import CommandError, RunError, listed
+from .slaves.slave import Slave, Vector
+
+Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -14,7 +19,7 @@ class Link:
     """One output that drives one input, by positions of slaves and of variables in their vectors.
 
     `direct` says whether an output of the target that is connected itself depends on this input
-    without delay.
+    without delay; `initial` says the same of the initial values.
     """
 
     source: int
@@ -22,32 +27,100 @@ class Link:
     target: int
     input: int
     direct: bool
+    initial: bool = True
 
 
 class Network:
-    """Slaves, the vector of all their outputs, and for each slave the signals that it reads.
+    """Slaves, one vector of all their outputs, and for each slave the signals that it reads.
 
-    `signals` is one vector; the slave at position i writes to the part `slaves[i].outputs` of it
-    and reads `sources[i]`. `order` is a good order of stepping one after the other.
+    The slave at position i writes its outputs to `signals[parts[i]]` and reads
+    `signals[sources[i]]`; its inputs are the part `input_parts[i]` of `inputs`. `read` lists all
+    signals that somebody reads. `order` is a good order of stepping one after the other, and may
+    be replaced by another one.
     """
 
-    def __init__(self, slaves: Sequence[Slave], signals: Vector, links: Sequence[Link]) -> None:
+    def __init__(self, slaves: Sequence[Slave], links: Sequence[Link], names: Sequence[str] = ()) -> None:
         self.slaves = list(slaves)
-        self.signals = signals
-        starts = np.cumsum([0, *(len(s.outputs) for s in slaves)])
+        self.links = list(links)
+        self.parts = _parts([len(s.outputs) for s in slaves])
+        self.input_parts = _parts([len(s.inputs) for s in slaves])
+        self.signals: Vector = np.zeros(sum(len(s.outputs) for s in slaves))
+        self.inputs: Vector = np.zeros(sum(len(s.inputs) for s in slaves))
+        for slave, written, taken in zip(slaves, self.parts, self.input_parts, strict=True):
+            slave.bind(self.inputs[taken], self.signals[written])
+        self.names = list(names) or [f"{s.name}[{i}]" for s in slaves for i in range(len(s.outputs))]
         connected = [np.full(len(s.inputs), -1, dtype=np.intp) for s in slaves]
         for link in links:
-            connected[link.target][link.input] = starts[link.source] + link.output
+            connected[link.target][link.input] = self.signal(link)
         if any((c < 0).any() for c in connected):
             raise ValueError("every element of a slave's input vector needs a link")
-        self.sources: list[NDArray[np.intp]] = connected
+        self.sources: list[Indices] = connected
+        self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *connected]))
         self.order = stepping_order(len(slaves), links)
+
+    def signal(self, link: Link) -> int:
+        """Position in `signals` of the output that drives a link."""
+        return int(self.parts[link.source].start) + link.output
 
     def pass_inputs(self, i: int) -> None:
         """Give slave i the present signals that it reads."""
         slave = self.slaves[i]
         self.signals.take(self.sources[i], out=slave.inputs, mode="clip")
         slave.set_inputs()
+
+    def reorder(self, names: Sequence[str]) -> None:
+        """Use this order of the slaves' names instead; CommandError unless it has each of them once."""
+        position = {slave.name: i for i, slave in enumerate(self.slaves)}
+        if sorted(names) != sorted(position):
+            missing = [n for n in position if n not in names]
+            wrong = [n for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1]
+            problems = [f"lacks {listed(missing)}"] * bool(missing)
+            problems += [f"has {listed(wrong)}, unknown or twice"] * bool(wrong)
+            raise CommandError(
+                f"the order of stepping must name every component once; it {', '.join(problems)}."
+            )
+        self.order = [position[n] for n in names]
+
+    def feedback(self) -> list[Link]:
+        """Links that run against `order`: stepping one after the other, they are late by a step."""
+        place = {i: k for k, i in enumerate(self.order)}
+        return [link for link in self.links if place[link.source] >= place[link.target]]
+
+    def groups(self, counts: Callable[[Link], bool] = lambda link: True) -> list[list[int]]:
+        """Slaves that depend on each other, group by group, so that each follows what it depends on.
+
+        A loop of links makes a group of several slaves, or of one that reads itself; only links
+        that `counts` says yes to are seen. Within a group the network's order holds.
+        """
+        graph = networkx.DiGraph([(x.source, x.target) for x in self.links if counts(x)])
+        graph.add_nodes_from(range(len(self.slaves)))
+        condensed = networkx.condensation(graph)
+        members = {c: sorted(condensed.nodes[c]["members"], key=self.order.index) for c in condensed}
+        order = networkx.lexicographical_topological_sort(
+            condensed, lambda c: self.order.index(members[c][0])
+        )
+        return [members[c] for c in order]
+
+    def cut(self, group: Sequence[int], counts: Callable[[Link], bool] = lambda link: True) -> Indices:
+        """The signals within a group that are read before they are written: what makes it a loop."""
+        inside = set(group)
+        links = [x for x in self.feedback() if {x.source, x.target} <= inside and counts(x)]
+        return np.unique(np.array([self.signal(x) for x in links], dtype=np.intp))
+
+    def check_finite(self, time: float) -> None:
+        """Raise RunError where a signal that somebody reads is not a number; `time` in s."""
+        if not np.isfinite(self.signals[self.read]).all():
+            raise self.not_finite(time)
+
+    def not_finite(self, time: float) -> RunError:
+        """The error that names the first such signal."""
+        i = next(int(i) for i in self.read if not np.isfinite(self.signals[i]))
+        return RunError(f"{self.names[i]} became {self.signals[i]} at t = {time:.9g} s.")
+
+
+def _parts(lengths: Sequence[int]) -> list[slice]:
+    ends = np.cumsum([0, *lengths])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def stepping_order(count: int, links: Sequence[Link]) -> list[int]:

@@ -1,27 +1,49 @@
 """results.csv: the FMI cross-check form, first column `time`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import polars
 
-from ..master.slave import Vector
+from ..master.slaves.slave import Vector
+
+
+@dataclass(frozen=True)
+class Position:
+    """How far a results.csv is: rows that came, due or not, and bytes of those that were due."""
+
+    rows: int
+    bytes: int
 
 
 class CsvFile:
     """Writes every n-th row, and the last one, to a CSV file as they come.
 
-    Numbers have the digits that bring back the same double.
+    Numbers have the digits that bring back the same double. A file that reaches `after`, where an
+    earlier run of the same columns was put aside, is cut there and continued; without such a file
+    a new one begins with the rows that follow.
     """
 
-    def __init__(self, path: Path, names: list[str], every: int) -> None:
-        """Create the file with its header; raises OSError."""
+    def __init__(self, path: Path, names: list[str], every: int, after: Position | None = None) -> None:
+        """Create the file with its header, or open it to continue; raises OSError."""
         self._columns = ["time", *names]
         self._every = every
-        self._seen = 0
         self._last: Vector | None = None
-        self._stream = path.open("wb")
-        self._stream.write((",".join(_quoted(c) for c in self._columns) + "\n").encode())
+        header = (",".join(_quoted(c) for c in self._columns) + "\n").encode()
+        self._seen = after.rows if after is not None else 0
+        if after is not None and _continues(path, header, after.bytes):
+            self._stream = path.open("r+b")
+            self._stream.truncate(after.bytes)
+            self._stream.seek(after.bytes)
+        else:
+            self._stream = path.open("wb")
+            self._stream.write(header)
+
+    @property
+    def position(self) -> Position:
+        """How far the file is, to continue it from here."""
+        return Position(self._seen, self._stream.tell())
 
     def write(self, rows: Vector) -> None:
         """Append those of the rows that are due."""
@@ -43,6 +65,14 @@ class CsvFile:
             frame = polars.from_numpy(np.ascontiguousarray(rows), schema=self._columns)
             frame.write_csv(self._stream, include_header=False)
             self._stream.flush()
+
+
+def _continues(path: Path, header: bytes, length: int) -> bool:
+    """Whether a file has these columns and is at least so long."""
+    if not path.is_file() or path.stat().st_size < length:
+        return False
+    with path.open("rb") as stream:
+        return stream.read(len(header)) == header
 
 
 def _quoted(name: str) -> str:

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from ..master.slave import Vector
+from ..master.slaves.slave import Vector
 
 SETTLED_AFTER = 0.3
 """Errors and torque count from this time on in s, or from convergence if that is later."""
@@ -70,6 +70,15 @@ class MetricsSink:
     def close(self) -> None:
         """Nothing is pending."""
 
+    def memory(self) -> dict[str, list[float]]:
+        """All that was computed so far, as plain numbers by joint."""
+        return {joint: accumulator.memory() for joint, accumulator in self._joints.items()}
+
+    def remember(self, memory: Mapping[str, Sequence[float]]) -> None:
+        """Go on from what was computed before."""
+        for joint, accumulator in self._joints.items():
+            accumulator.remember(memory[joint])
+
     def results(self) -> dict[str, JointMetrics]:
         """Metrics by joint, of what was recorded so far."""
         return {joint: accumulator.metrics() for joint, accumulator in self._joints.items()}
@@ -108,6 +117,27 @@ class _JointAccumulator:
         self._peak = max(self._peak, float(torque.max()))
         self._rows += len(rows)
         self._limited += int(((c["limited_control"] > 0) | (c["limited_inverter"] > 0)).sum())
+
+    def memory(self) -> list[float]:
+        """All that changes, as plain numbers."""
+        initial = float("nan") if self._initial_error is None else self._initial_error
+        largest = [float(x) for x in self._largest]
+        return [
+            initial,
+            self._start,
+            self._last_outside,
+            self._peak,
+            float(self._rows),
+            float(self._limited),
+            *largest,
+        ]
+
+    def remember(self, memory: Sequence[float]) -> None:
+        """Go on from what `memory` gave."""
+        initial, self._start, self._last_outside, self._peak, rows, limited, *largest = memory
+        self._initial_error = None if initial != initial else initial
+        self._rows, self._limited = int(rows), int(limited)
+        self._largest[:] = largest
 
     def metrics(self) -> JointMetrics:
         """The metrics of all rows so far."""

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..master.slave import Vector
+from ..master.slaves.slave import Vector
 from .csv_file import read_results
 
 _BLUE, _ORANGE, _GREY = "#2f6db3", "#d9822b", "#7a7a7a"

@@ -4,7 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..master.slave import Vector
+from ..master.slaves.slave import Vector
 
 
 class Sink(Protocol):
@@ -20,41 +20,44 @@ class Sink(Protocol):
 
 
 class Recorder:
-    """Copies the network's signals into a preallocated block and passes full blocks to the sinks.
+    """Rows of `width` numbers for the stepping to fill; full blocks go to the sinks.
 
-    Memory stays the same however long the run is. `rows` counts the rows taken.
+    Every `every`-th communication point is to be recorded; `rows` counts those that were. Memory
+    stays the same however long the run is.
     """
 
-    def __init__(self, signals: Vector, sinks: list[Sink], block_rows: int = 2000) -> None:
-        self._signals = signals
-        self._sinks = sinks
-        self._block = np.empty((block_rows, 1 + len(signals)))
-        self._filled = 0
+    def __init__(self, width: int, sinks: list[Sink], every: int = 1, block_rows: int = 2000) -> None:
+        self.every = every
         self.rows = 0
+        self._sinks = sinks
+        self._block = np.empty((block_rows, width))
+        self._filled = 0
 
-    def record(self, time: float) -> None:
-        """Take the present signals as the row of this time in s."""
-        row = self._block[self._filled]
-        row[0] = time
-        row[1:] = self._signals
-        self._filled += 1
-        self.rows += 1
+    def room(self, most: int) -> Vector:
+        """Free rows to fill, at least one and at most so many."""
+        return self._block[self._filled : self._filled + most]
+
+    def commit(self, count: int) -> None:
+        """So many of them are filled. May raise OSError from a sink."""
+        self._filled += count
+        self.rows += count
         if self._filled == len(self._block):
-            self._flush()
+            self.flush()
+
+    def flush(self) -> None:
+        """Pass on what is there. May raise OSError from a sink."""
+        rows, self._filled = self._block[: self._filled], 0
+        if len(rows):
+            for sink in self._sinks:
+                sink.write(rows)
 
     def close(self) -> None:
         """Pass on what is left and close the sinks, every one of them. May raise OSError."""
         failure: OSError | None = None
-        for finish in (self._flush, *(sink.close for sink in self._sinks)):
+        for finish in (self.flush, *(sink.close for sink in self._sinks)):
             try:
                 finish()
             except OSError as error:
                 failure = failure or error
         if failure is not None:
             raise failure
-
-    def _flush(self) -> None:
-        rows, self._filled = self._block[: self._filled], 0
-        if len(rows):
-            for sink in self._sinks:
-                sink.write(rows)

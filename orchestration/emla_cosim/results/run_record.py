@@ -2,28 +2,39 @@
 
 import platform
 from collections.abc import Mapping
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from ..master.algorithms.jacobi import Jacobi
+from ..master.algorithms.strong import Strong
 from ..master.assembly import Assembly
-from ..system.model import System
+from ..master.stepping.error_control import ErrorControl
+from ..master.stepping.fixed_steps import FixedSteps
+from ..master.stepping.stepping import Stepping
+from ..system.model import Connection, System
 
-_PACKAGES = ("emla-cosim", "fmpy", "numpy", "casadi", "ziglang", "pythonfmu")
+_PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pythonfmu")
 
 
 def run_record(
-    scenario: str, settings: Mapping[str, Any], system: System, assembly: Assembly, problem: str | None
+    scenario: str,
+    settings: Mapping[str, Any],
+    system: System,
+    assembly: Assembly,
+    stepping: Mapping[str, Any],
+    problem: str | None,
 ) -> dict[str, Any]:
     """The record of a run of this system; `problem` says why it ended early, if it did."""
     return {
         "scenario": scenario,
         "status": "completed" if problem is None else problem,
         "settings": {name: _plain(value) for name, value in settings.items()},
+        "stepping": stepping,
         "versions": {
             "python": platform.python_version(),
             "platform": platform.platform(),
-            **{package: version(package) for package in _PACKAGES},
+            **{package: _version(package) for package in _PACKAGES},
         },
         "components": {
             c.name: {
@@ -34,8 +45,42 @@ def run_record(
             }
             for c in system.components
         },
-        "connections": [f"{x.source}.{x.output} -> {x.target}.{x.input}" for x in system.connections],
+        "connections": [_text(x) for x in system.connections],
     }
+
+
+def stepping_record(stepping: Stepping, system: System) -> dict[str, Any]:
+    """How the steps were made: compiled or not, in which order, what came late, and what it took."""
+    algorithm = stepping.algorithm
+    links = zip(system.connections, algorithm.network.links, strict=True)
+    late = algorithm.late()
+    slaves = algorithm.network.slaves
+    record: dict[str, Any] = {
+        "steps": stepping.steps,
+        "late_connections": [_text(x) for x, link in links if link in late],
+    }
+    if isinstance(stepping, FixedSteps):
+        record["compiled"] = stepping.compiled
+    if isinstance(stepping, ErrorControl):
+        record["rejected_steps"] = stepping.control.rejected
+    if isinstance(algorithm, Strong):
+        record["sweeps_over_loops"] = algorithm.sweeps
+        record["loops"] = [[slaves[i].name for i in loop] for loop in algorithm.loops]
+    if not isinstance(algorithm, Jacobi):
+        record["order"] = [slaves[i].name for i in algorithm.network.order]
+    return record
+
+
+def _text(connection: Connection) -> str:
+    return f"{connection.source}.{connection.output} -> {connection.target}.{connection.input}"
+
+
+def _version(package: str) -> str | None:
+    """The version of a package; None for one that this host lacks."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def _plain(value: Any) -> Any:

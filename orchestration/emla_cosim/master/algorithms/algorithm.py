@@ -1,64 +1,89 @@
-"""The interface of all co-simulation algorithms, and what they share."""
+"""The interface of all co-simulation algorithms."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..errors import RunError
-from .network import Network
+from ...errors import CommandError
+from ..network import Link, Network
+from ..slaves.slave import Slave, Vector
+from .extrapolation import Exchange, History
+from .initialization import initialize
 
 
 class Algorithm(ABC):
     """Advances a network by communication steps.
 
     The calling order is `setup` once, `initialize` once, then `step` for each step. All may
-    raise SlaveError; after that the algorithm is not used again.
+    raise SlaveError; after that the algorithm is not used again, except that a step which raised
+    StepDiscardedError may be tried anew from a snapshot.
     """
 
     network: Network
+    exchange: Exchange
+
+    def __init__(self, extrapolation: str = "none") -> None:
+        self.extrapolation = extrapolation
+        self.steps = 0
 
     def setup(self, network: Network) -> None:
-        """Take the network to work on; nothing has been called on its slaves yet."""
+        """Take the network to work on; nothing has been called on its slaves yet.
+
+        Raises CommandError where a slave lacks an ability that the algorithm needs.
+        """
         self.network = network
+        self.exchange = Exchange(network, self.extrapolation)
 
     def initialize(self, start_time: float, stop_time: float) -> None:
-        """Bring all slaves through initialization mode; signals then hold the initial outputs.
+        """Bring all slaves through initialization mode; signals then hold the initial outputs."""
+        initialize(self.network, start_time, stop_time)
+        self.exchange.begin(start_time)
 
-        Values are exchanged in initialization mode until they agree, and once more after it.
-        Raises RunError where they do not agree.
-        """
-        network = self.network
-        for slave in network.slaves:
-            slave.enter_initialization(start_time, stop_time)
-        _exchange_until_agreed(network)
-        for slave in network.slaves:
-            slave.exit_initialization()
-        for slave in network.slaves:
-            slave.get_outputs()
-        for i in network.order:
-            network.pass_inputs(i)
-
-    @abstractmethod
     def step(self, time: float, step: float) -> None:
         """Advance all slaves from `time` by `step`, in s; signals then hold the outputs at the end."""
+        self._step(time, step)
+        self.steps += 1
+
+    @abstractmethod
+    def late(self) -> list[Link]:
+        """Links whose target sees its source one step late, or extrapolated."""
+
+    def memory(self) -> dict[str, Vector]:
+        """What the algorithm remembers besides the signals, as arrays by name; see `remember`."""
+        history = self.history
+        return {
+            "steps": np.array([float(self.steps)]),
+            "previous": history.previous,
+            "at": history.at,
+            "before": history.before,
+        }
+
+    def remember(self, memory: Mapping[str, Vector]) -> None:
+        """Take over what an algorithm of the same kind remembered."""
+        self.steps = int(memory["steps"][0])
+        self.history.copy_from(History(memory["previous"], memory["at"], memory["before"]))
+
+    def close(self) -> None:  # noqa: B027 - most hold nothing
+        """Free what the algorithm holds of the slaves; never raises."""
+
+    @abstractmethod
+    def _step(self, time: float, step: float) -> None:
+        """One step."""
+
+    @property
+    def order(self) -> int:
+        """Order of accuracy in the step size, of states in smooth motion."""
+        return self.exchange.order
+
+    @property
+    def history(self) -> History:
+        """What the algorithm remembers besides the signals."""
+        return self.exchange.history
 
 
-def _exchange_until_agreed(network: Network) -> None:
-    rounds = len(network.slaves) + 20
-    moving: list[str] = []
-    network.signals[:] = 0.0
-    for _ in range(rounds):
-        moving = []
-        for i in network.order:
-            network.pass_inputs(i)
-            slave = network.slaves[i]
-            old = slave.outputs.copy()
-            slave.get_outputs()
-            if not np.array_equal(slave.outputs, old, equal_nan=True):
-                moving.append(slave.name)
-        if not moving:
-            return
-    raise RunError(
-        f"the initial values do not settle in {rounds} exchanges; outputs still change in "
-        f"{', '.join(moving)}. Break the loop of direct feedthrough between them."
-    )
+def require(slaves: Sequence[Slave], ability: str, flag: str, purpose: str) -> None:
+    """Raise CommandError unless all slaves have an ability; `flag` is its name in the FMI."""
+    lacking = [slave.name for slave in slaves if not getattr(slave, ability)]
+    if lacking:
+        raise CommandError(f"{purpose} needs FMUs with {flag}; {', '.join(lacking)} cannot do it.")

@@ -1,19 +1,19 @@
 """Gauss-Seidel: one after the other, each with the newest values there are."""
 
-from .algorithm import Algorithm
+from ..network import Link, Network
+from .explicit import Call, Explicit, Operation
 
 
-class GaussSeidel(Algorithm):
+class GaussSeidel(Explicit):
     """Slaves step in the network's order; who comes later reads what earlier ones just computed.
 
-    Only connections against the order are late by one step.
+    Only connections against the order are late by one step; see `Network.feedback`.
     """
 
-    def step(self, time: float, step: float) -> None:
-        """Advance all slaves from `time` by `step`, in s."""
-        network = self.network
-        for i in network.order:
-            slave = network.slaves[i]
-            network.pass_inputs(i)
-            slave.do_step(time, step)
-            slave.get_outputs()
+    def table(self, network: Network) -> list[Operation]:
+        """Inputs, step and outputs of one slave, then of the next."""
+        return [Operation(call, i) for i in network.order for call in Call]
+
+    def late(self) -> list[Link]:
+        """Those against the order."""
+        return self.network.feedback()

@@ -7,7 +7,7 @@ from pathlib import Path
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
 
-from ..errors import CommandError
+from ...errors import CommandError
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,10 @@ class FmuFile:
     library: Path
     variables: dict[str, ModelVariable]
     sha256: str
+
+    def can(self, capability: str) -> bool:
+        """Whether the FMU has a capability flag of the standard set, such as `canGetAndSetFMUstate`."""
+        return bool(getattr(self.description.coSimulation, capability))
 
 
 def open_fmu(path: Path, folder: Path) -> FmuFile:

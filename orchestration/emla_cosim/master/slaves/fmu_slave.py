@@ -2,30 +2,44 @@
 
 import contextlib
 import ctypes
-import difflib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
-from fmpy.model_description import ModelVariable
 
-from ..errors import CommandError
+from ...errors import CommandError
 from .fmu_file import FmuFile
 from .fmu_log import FmuLog
-from .slave import SlaveError, Vector
+from .slave import EndRequestedError, EntryPoints, Slave, SlaveError, StepDiscardedError, Vector
+from .start_values import find_variable, start_value
 
 _STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
+_WARNING, _DISCARD, _FATAL = 1, 2, 4
+_TERMINATED = 3  # fmi2StatusKind
 
 # a prototype of its own per function, because fmpy's checks would cost as much as the call
 _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
-_EXCHANGE = (_POINTER, _POINTER, _SIZE, _POINTER)
-_DO_STEP = (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+_PROTOTYPES = {
+    "fmi2SetReal": (_POINTER, _POINTER, _SIZE, _POINTER),
+    "fmi2GetReal": (_POINTER, _POINTER, _SIZE, _POINTER),
+    "fmi2SetRealInputDerivatives": (_POINTER, _POINTER, _SIZE, _POINTER, _POINTER),
+    "fmi2DoStep": (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int),
+    "fmi2GetBooleanStatus": (_POINTER, ctypes.c_int, _POINTER),
+    "fmi2GetFMUstate": (_POINTER, _POINTER),
+    "fmi2SetFMUstate": (_POINTER, _POINTER),
+    "fmi2FreeFMUstate": (_POINTER, _POINTER),
+    "fmi2SerializedFMUstateSize": (_POINTER, _POINTER, _POINTER),
+    "fmi2SerializeFMUstate": (_POINTER, _POINTER, _POINTER, _SIZE),
+    "fmi2DeSerializeFMUstate": (_POINTER, _POINTER, _SIZE, _POINTER),
+}
+_DEAD_LIBRARIES: set[Path] = set()
 
 
-class FmuSlave:
-    """One instance of an FMU; see `Slave` for the protocol.
+class FmuSlave(Slave):
+    """One instance of an FMU; see `Slave`.
 
     `inputs` and `outputs` name the variables of the two vectors, all of them Real.
     """
@@ -36,11 +50,13 @@ class FmuSlave:
         """Instantiate the FMU; raises CommandError where its library cannot be loaded."""
         self.name = name
         self.file = file
-        self.inputs: Vector = np.zeros(len(inputs))
-        self.outputs: Vector = np.zeros(len(outputs))
-        self._input_names = inputs
+        self.varies_step = file.can("canHandleVariableCommunicationStepSize")
+        self.rolls_back = file.can("canGetAndSetFMUstate")
+        self.serializes = self.rolls_back and file.can("canSerializeFMUstate")
+        self.interpolates = file.can("canInterpolateInputs")
         self._log = log
         self._stepping = False
+        self._no_way_back = 1  # until a state is saved, a step may forget the past
         try:
             self._fmu = fmi2.FMU2Slave(
                 guid=file.description.guid,
@@ -50,25 +66,31 @@ class FmuSlave:
                 libraryPath=str(file.library),
             )
             self._fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
+            self._functions = {n: self._function(n, types) for n, types in _PROTOTYPES.items()}
         except Exception as error:  # fmpy raises bare Exception
             reasons = " ".join([str(error), *log.lines(name)])
             raise CommandError(f"the FMU '{file.path}' of {name} cannot be started: {reasons}") from error
-        self._input_references = self._references(inputs)
-        self._output_references = self._references(outputs)
-        self._do_step = self._function("fmi2DoStep", _DO_STEP)
-        self._set_real = self._function("fmi2SetReal", _EXCHANGE)
-        self._get_real = self._function("fmi2GetReal", _EXCHANGE)
-        self.bind(self.outputs)
+        self._component = self._fmu.component
+        self._do_step = self._functions["fmi2DoStep"]
+        self._set_real, self._get_real = self._functions["fmi2SetReal"], self._functions["fmi2GetReal"]
+        self._describe_vectors(inputs, outputs)
 
-    def bind(self, outputs: Vector) -> None:
-        """Write outputs to this vector from now on; the slave keeps its address."""
-        self.outputs = outputs
-        component = self._fmu.component
-        self._set_arguments = _arguments(component, self._input_references, self.inputs)
-        self._get_arguments = _arguments(component, self._output_references, self.outputs)
-        for i, name in enumerate(self._input_names):
-            start = self.file.variables[name].start
-            self.inputs[i] = float(start) if start is not None else 0.0
+    def _describe_vectors(self, inputs: Sequence[str], outputs: Sequence[str]) -> None:
+        read, written = ([self.file.variables[n] for n in names] for names in (inputs, outputs))
+        self._input_references = np.array([v.valueReference for v in read], dtype=np.uint32)
+        self._output_references = np.array([v.valueReference for v in written], dtype=np.uint32)
+        self._derivative_orders = np.ones(len(read), dtype=np.int32)
+        self.continuous_inputs = np.array([v.variability == "continuous" for v in read], dtype=bool)
+        self.continuous_outputs = np.array([v.variability == "continuous" for v in written], dtype=bool)
+        self.nominals = np.array([abs(float(v.nominal or 1.0)) for v in written])
+        self.inputs = np.array([float(v.start or 0.0) for v in read])
+        self.bind(self.inputs.copy(), np.zeros(len(written)))
+
+    def bind(self, inputs: Vector, outputs: Vector) -> None:
+        """Use this memory from now on; the slave keeps its addresses."""
+        super().bind(inputs, outputs)
+        self._set_arguments = _arguments(self._component, self._input_references, inputs)
+        self._get_arguments = _arguments(self._component, self._output_references, outputs)
 
     def set_start_values(self, values: Mapping[str, Any]) -> None:
         """Set variables by name before initialization.
@@ -77,7 +99,7 @@ class FmuSlave:
         """
         for name, value in values.items():
             variable = find_variable(self.name, self.file.variables, name)
-            reference, start = [variable.valueReference], [_converted(self.name, variable, value)]
+            reference, start = [variable.valueReference], [start_value(self.name, variable, value)]
             match variable.type:
                 case "Real":
                     call = self._fmu.setReal
@@ -99,95 +121,126 @@ class FmuSlave:
 
     def set_inputs(self) -> None:
         """Pass `inputs` on to the FMU."""
-        if len(self.inputs) and (status := self._set_real(*self._set_arguments)) > fmi2.fmi2Warning:
-            raise self._failed("setReal", status)
+        if len(self.inputs) and (status := self._set_real(*self._set_arguments)) > _WARNING:
+            raise self.error("setReal", status)
+
+    def set_input_derivatives(self, derivatives: Vector) -> None:
+        """Say how fast the inputs change during the next step, per s."""
+        if len(derivatives):
+            references, count, orders = self._input_references, len(derivatives), self._derivative_orders
+            addresses = (x.ctypes.data for x in (references, orders, derivatives))
+            reference, order, value = addresses
+            self._call("fmi2SetRealInputDerivatives", reference, count, order, value)
 
     def get_outputs(self) -> None:
         """Read the FMU's outputs into `outputs`."""
-        if len(self.outputs) and (status := self._get_real(*self._get_arguments)) > fmi2.fmi2Warning:
-            raise self._failed("getReal", status)
+        if len(self.outputs) and (status := self._get_real(*self._get_arguments)) > _WARNING:
+            raise self.error("getReal", status)
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
-        status = self._do_step(self._fmu.component, time, step, 1)
-        if status > fmi2.fmi2Warning:
-            raise self._failed(f"doStep at t = {time:.9g} s", status)
+        status = self._do_step(self._component, time, step, self._no_way_back)
+        if status > _WARNING:
+            raise self.error(f"doStep at t = {time:.9g} s", status)
+
+    def save(self, state: Any = None) -> Any:
+        """A copy of the FMU's state, in the memory of an earlier one if given."""
+        self._no_way_back = 0
+        return self._copied(state or ctypes.c_void_p())
+
+    def restore(self, state: Any) -> None:
+        """Go back to a saved state."""
+        self._call("fmi2SetFMUstate", state)
+
+    def forget(self, state: Any) -> None:
+        """Free a saved state."""
+        if not self._dead():
+            self._functions["fmi2FreeFMUstate"](self._component, ctypes.byref(state))
+
+    def serialize(self) -> bytes:
+        """The FMU's state as bytes."""
+        state, size = self._copied(ctypes.c_void_p()), ctypes.c_size_t()
+        try:
+            self._call("fmi2SerializedFMUstateSize", state, ctypes.byref(size))
+            content = ctypes.create_string_buffer(size.value)
+            self._call("fmi2SerializeFMUstate", state, content, size.value)
+            return content.raw
+        finally:
+            self.forget(state)
+
+    def deserialize(self, content: bytes) -> None:
+        """Go to a state that was written by `serialize`."""
+        state = ctypes.c_void_p()
+        self._call("fmi2DeSerializeFMUstate", content, len(content), ctypes.byref(state))
+        try:
+            self.restore(state)
+        finally:
+            self.forget(state)
 
     def close(self) -> None:
         """Terminate the FMU where the standard allows it, and free the instance and its library."""
+        if self._dead():
+            return
         with contextlib.suppress(Exception):
             if self._stepping:
                 self._fmu.terminate()
         with contextlib.suppress(Exception):
             self._fmu.freeInstance()
 
+    def entry_points(self) -> EntryPoints:
+        """Addresses of the FMU's functions for compiled code."""
+        address = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self._functions.items()}
+        return EntryPoints(
+            component=ctypes.cast(self._component, _POINTER).value or 0,
+            set_real=address["fmi2SetReal"],
+            get_real=address["fmi2GetReal"],
+            do_step=address["fmi2DoStep"],
+            set_real_input_derivatives=address["fmi2SetRealInputDerivatives"],
+            input_references=self._input_references,
+            output_references=self._output_references,
+            derivative_orders=self._derivative_orders,
+        )
+
+    def error(self, call: str, status: int) -> SlaveError:
+        """The error of a call that returned this status."""
+        kind = SlaveError
+        if status == _DISCARD and call.startswith("doStep"):
+            kind = EndRequestedError if self._asks_to_end() else StepDiscardedError
+        self._stepping = self._stepping and status == _DISCARD
+        if status == _FATAL:
+            _DEAD_LIBRARIES.add(self.file.library)
+        answer = _STATUS[status] if 0 <= status < len(_STATUS) else f"status {status}"
+        return kind(self.name, call, answer, self._log.lines(self.name))
+
+    def _dead(self) -> bool:
+        """Whether an instance of this FMU answered fmi2Fatal: then none of them may be called again."""
+        return self.file.library in _DEAD_LIBRARIES
+
+    def _asks_to_end(self) -> bool:
+        terminated = ctypes.c_int()
+        call = self._functions["fmi2GetBooleanStatus"]
+        return call(self._component, _TERMINATED, ctypes.byref(terminated)) == 0 and terminated.value == 1
+
+    def _copied(self, state: Any) -> Any:
+        self._call("fmi2GetFMUstate", ctypes.byref(state))
+        return state
+
     def _function(self, name: str, argument_types: tuple[Any, ...]) -> Any:
         function = self._fmu.dll[name]
         function.argtypes, function.restype = argument_types, ctypes.c_int
         return function
 
-    def _references(self, names: Sequence[str]) -> Any:
-        return np.array([self.file.variables[n].valueReference for n in names], dtype=np.uint32)
+    def _call(self, name: str, *arguments: Any) -> None:
+        status = self._functions[name](self._component, *arguments)
+        if status > _WARNING:
+            raise self.error(name.removeprefix("fmi2"), status)
 
     def _checked(self, call: str, function: Any, *arguments: Any) -> None:
         try:
             function(*arguments)
         except FMICallException as error:
-            raise self._failed(call, error.status) from error
-
-    def _failed(self, call: str, status: int) -> SlaveError:
-        self._stepping = False
-        answer = _STATUS[status] if status < len(_STATUS) else f"status {status}"
-        return SlaveError(self.name, call, answer, self._log.lines(self.name))
-
-
-def find_variable(component: str, variables: Mapping[str, ModelVariable], name: str) -> ModelVariable:
-    """The variable of this name; CommandError suggests what may have been meant."""
-    if name in variables:
-        return variables[name]
-    near = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
-    meant = f"; did you mean {' or '.join(near)}?" if near else "."
-    raise CommandError(f"{component} has no variable '{name}'{meant}")
+            raise self.error(call, error.status) from error
 
 
 def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ...]:
     return (component, references.ctypes.data_as(_POINTER), len(references), values.ctypes.data_as(_POINTER))
-
-
-def _converted(component: str, variable: ModelVariable, value: Any) -> Any:
-    """A start value as the variable's type, within its range; CommandError otherwise."""
-    name = f"{component}.{variable.name}"
-    if variable.causality not in ("parameter", "input") and variable.initial not in ("exact", "approx"):
-        raise CommandError(f"{name} is computed by the FMU and cannot be set.")
-    if variable.type == "Enumeration":
-        return _enumeration(name, variable, value)
-    if variable.type == "Boolean":
-        booleans = {"true": True, "1": True, "false": False, "0": False}
-        if str(value).lower() not in booleans:
-            raise CommandError(f"{name} = {value} is not a Boolean; write true or false.")
-        return booleans[str(value).lower()]
-    try:
-        number = float(value) if variable.type == "Real" else int(value)
-    except ValueError as error:
-        kind = "number" if variable.type == "Real" else "whole number"
-        raise CommandError(f"{name} = {value} is not a {kind}.") from error
-    unit = f" {variable.unit}" if variable.unit else ""
-    widest = np.inf if variable.type == "Real" else 2**31 - 1
-    low = float(variable.min) if variable.min is not None else -widest
-    high = float(variable.max) if variable.max is not None else widest
-    if not (low <= number <= high and np.isfinite(number)):
-        limits = [f"at least {low:g}"] if low > -np.inf else []
-        limits += [f"at most {high:g}"] if high < np.inf else []
-        right = " and ".join(limits) or "a finite number"
-        raise CommandError(f"{name} = {number:g}{unit} is out of range: it must be {right}{unit}.")
-    return number
-
-
-def _enumeration(name: str, variable: ModelVariable, value: Any) -> int:
-    declared = variable.declaredType.items if variable.declaredType is not None else []
-    items = {str(item.name): int(str(item.value)) for item in declared or []}
-    if str(value) in items:
-        return items[str(value)]
-    if str(value) in {str(v) for v in items.values()}:
-        return int(value)
-    raise CommandError(f"{name} = {value} is not one of {', '.join(items)}.")

@@ -1,0 +1,1 @@
+"""Co-simulation algorithms: what is exchanged when, within one step."""

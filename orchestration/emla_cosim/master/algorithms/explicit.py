@@ -1,0 +1,72 @@
+"""Algorithms that call every slave once per step: tables of operations, run here or compiled."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from ...errors import CommandError
+from ..network import Network
+from .algorithm import Algorithm
+
+
+class Call(IntEnum):
+    """What is done with a slave."""
+
+    SET = 0
+    STEP = 1
+    GET = 2
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One call on the slave at this position."""
+
+    call: Call
+    slave: int
+
+
+class Explicit(Algorithm):
+    """Works through a table of operations in every step.
+
+    `multiples` gives, by name, slaves that step more rarely: one with the multiple m gets its
+    inputs and does a step of m communication steps at every m-th of them; the others see its new
+    outputs when they have reached the same time.
+    """
+
+    operations: list[Operation]
+
+    def __init__(self, extrapolation: str = "none", multiples: Mapping[str, int] | None = None) -> None:
+        super().__init__(extrapolation)
+        self._given_multiples = dict(multiples or {})
+
+    def setup(self, network: Network) -> None:
+        """Take the network; CommandError where multiples make no sense."""
+        super().setup(network)
+        names = [s.name for s in network.slaves]
+        for name, multiple in self._given_multiples.items():
+            if name not in names:
+                raise CommandError(f"there is no component '{name}' to step more rarely.")
+            if multiple < 1:
+                raise CommandError(f"the step multiple {multiple} of {name} must be at least 1.")
+        self.multiples = np.array([self._given_multiples.get(n, 1) for n in names], dtype=np.int64)
+        self.operations = self.table(network)
+
+    @abstractmethod
+    def table(self, network: Network) -> list[Operation]:
+        """The operations of one step, in order."""
+
+    def _step(self, time: float, step: float) -> None:
+        for operation in self.operations:
+            i = operation.slave
+            multiple = int(self.multiples[i])
+            match operation.call:
+                case Call.SET if self.steps % multiple == 0:
+                    self.exchange.pass_inputs(i, time, multiple * step)
+                case Call.STEP if self.steps % multiple == 0:
+                    self.network.slaves[i].do_step(time, multiple * step)
+                case Call.GET if (self.steps + 1) % multiple == 0:
+                    self.exchange.shift(i, time + step)
+                    self.network.slaves[i].get_outputs()

@@ -1,0 +1,129 @@
+"""What the inputs do during a step: held, or followed along the straight line of their sources.
+
+Let y and y' be the two newest values of a source, from the times t_y and t_y'. A step from t of
+length h then sees
+
+    none    u = y                                                   all through the step
+    master  u = y + (t + h/2 - t_y)/(t_y - t_y') (y - y')           all through the step
+    fmu     u(s) = y + (s - t_y)/(t_y - t_y') (y - y')              for t <= s <= t + h
+
+`master` uses the line's value in the middle of the step, `fmu` gives the line itself to
+`fmi2SetRealInputDerivatives`. A source that has been stepped already makes this an interpolation.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from ...errors import CommandError
+from ..network import Indices, Network
+from ..slaves.slave import Vector
+
+EXTRAPOLATIONS = ("none", "master", "fmu")
+"""Names of the ways to treat inputs during a step."""
+
+
+class Mode(IntEnum):
+    """How one slave's inputs are treated."""
+
+    HOLD = 0
+    MIDDLE = 1
+    LINE = 2
+
+
+@dataclass
+class History:
+    """The signals one communication point earlier, and when each slave's signals were.
+
+    `previous` has the shape of the signals; `at` and `before` hold, per slave, the times in s of
+    its newest signals and of those in `previous`.
+    """
+
+    previous: Vector
+    at: Vector
+    before: Vector
+
+    def copy_from(self, other: "History") -> None:
+        """Take over all values of another history."""
+        self.previous[:], self.at[:], self.before[:] = other.previous, other.at, other.before
+
+    def copy(self) -> "History":
+        """A history of its own with the same values."""
+        return History(self.previous.copy(), self.at.copy(), self.before.copy())
+
+
+class Exchange:
+    """Passes signals on to the slaves, extrapolated or not, and reads them back.
+
+    A slave that cannot take input derivatives gets the middle of the line instead; discrete
+    signals and discrete inputs are always held.
+    """
+
+    def __init__(self, network: Network, extrapolation: str = "none") -> None:
+        if extrapolation not in EXTRAPOLATIONS:
+            raise CommandError(f"there is no extrapolation '{extrapolation}'.")
+        self.network = network
+        count, size = len(network.slaves), len(network.signals)
+        self.owners: Indices = np.zeros(size, dtype=np.intp)
+        self.smooth = np.zeros(size, dtype=bool)
+        for i, (slave, part) in enumerate(zip(network.slaves, network.parts, strict=True)):
+            self.owners[part], self.smooth[part] = i, slave.continuous_outputs
+        self.modes = np.array([_mode(extrapolation, slave.interpolates) for slave in network.slaves])
+        self.derivatives: Vector = np.zeros(len(network.inputs))
+        self.history = History(np.zeros(size), np.zeros(count), np.zeros(count))
+
+    @property
+    def order(self) -> int:
+        """Order in the step of what a held or extrapolated input is exact to, in smooth motion."""
+        return 1 if (self.modes == Mode.HOLD).any() else 2
+
+    def begin(self, time: float) -> None:
+        """The present signals are those of `time` in s, and there were none before."""
+        self.history.previous[:] = self.network.signals
+        self.history.at[:] = self.history.before[:] = time
+
+    def pass_inputs(self, i: int, time: float, step: float) -> None:
+        """Give slave i its inputs for the step from `time` of length `step`, both in s."""
+        mode = self.modes[i]
+        if mode == Mode.HOLD:
+            self.network.pass_inputs(i)
+            return
+        slave, sources = self.network.slaves[i], self.network.sources[i]
+        slopes = self.derivatives[self.network.input_parts[i]]
+        slopes[:] = np.where(slave.continuous_inputs, self._rates(sources), 0.0)
+        ahead = time - self.history.at[self.owners[sources]] + (0.5 * step if mode == Mode.MIDDLE else 0.0)
+        slave.inputs[:] = self.network.signals[sources] + ahead * slopes
+        slave.set_inputs()
+        if mode == Mode.LINE:
+            slave.set_input_derivatives(slopes)
+
+    def predict(self, which: Indices, time: float) -> Vector:
+        """Where these signals would be at `time` in s if they went on along their lines."""
+        ahead = time - self.history.at[self.owners[which]]
+        return self.network.signals[which] + ahead * self._rates(which)
+
+    def _rates(self, which: Indices) -> Vector:
+        """How fast these signals changed last, per s; 0 for discrete ones and where nothing is known."""
+        owners = self.owners[which]
+        span = self.history.at[owners] - self.history.before[owners]
+        change = self.network.signals[which] - self.history.previous[which]
+        rates = np.zeros(len(which))
+        return np.divide(change, span, out=rates, where=self.smooth[which] & (span > 0.0))
+
+    def shift(self, i: int, time: float) -> None:
+        """Slave i's signals become the earlier ones; new ones of `time` in s will follow."""
+        history, part = self.history, self.network.parts[i]
+        history.previous[part] = self.network.signals[part]
+        history.before[i] = history.at[i]
+        history.at[i] = time
+
+
+def _mode(extrapolation: str, interpolates: bool) -> Mode:
+    match extrapolation:
+        case "none":
+            return Mode.HOLD
+        case "fmu" if interpolates:
+            return Mode.LINE
+        case _:
+            return Mode.MIDDLE

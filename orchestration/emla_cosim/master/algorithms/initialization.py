@@ -1,0 +1,80 @@
+"""Initial values: brought along the graph, and solved for where the graph has loops."""
+
+import numpy as np
+
+from ...errors import RunError
+from ..network import Link, Network
+from ..slaves.slave import Vector
+from .quasi_newton import NoAgreementError, QuasiNewton
+from .scale import Scale
+
+TOLERANCE = 1e-12
+"""Values in a loop agree when they differ by this fraction of their size."""
+
+SWEEPS = 50
+
+
+def initialize(network: Network, start_time: float, stop_time: float) -> None:
+    """Bring all slaves through initialization mode; signals then hold the initial outputs.
+
+    Slaves get their inputs in the order in which initial values depend on each other; loops of
+    such dependencies are solved. Values are exchanged once more after initialization mode.
+    Raises RunError where a loop has no solution that can be found, SlaveError where a slave fails.
+    """
+    for slave in network.slaves:
+        slave.enter_initialization(start_time, stop_time)
+    for slave in network.slaves:
+        slave.get_outputs()
+    for group in network.groups(_is_initial):
+        _settle(network, group)
+    for i in range(len(network.slaves)):  # inputs that no initial value depends on
+        network.pass_inputs(i)
+    for slave in network.slaves:
+        slave.exit_initialization()
+    for slave in network.slaves:
+        slave.get_outputs()
+    for i in network.order:
+        network.pass_inputs(i)
+    network.check_finite(start_time)
+
+
+def _is_initial(link: Link) -> bool:
+    return link.initial
+
+
+def _settle(network: Network, group: list[int]) -> None:
+    """Exchange values within a group until what is guessed of its loops is also what comes out."""
+
+    def sweep() -> None:
+        for i in group:
+            network.pass_inputs(i)
+            network.slaves[i].get_outputs()
+
+    cut = network.cut(group, _is_initial)
+    if not len(cut):
+        sweep()
+        return
+    scale = Scale(network)
+
+    def answer(guess: Vector) -> Vector:
+        network.signals[cut] = guess
+        sweep()
+        scale.see()
+        return network.signals[cut]
+
+    def agreed(difference: Vector) -> bool:
+        return bool((scale.relative(difference, cut) <= TOLERANCE).all())
+
+    try:
+        QuasiNewton(len(cut)).solve(network.signals[cut], answer, agreed, SWEEPS)
+    except NoAgreementError as failure:
+        raise RunError(_no_agreement(network, group, cut, failure)) from failure
+
+
+def _no_agreement(network: Network, group: list[int], cut: np.ndarray, failure: NoAgreementError) -> str:
+    names = " -> ".join(network.slaves[i].name for i in [*group, group[0]])
+    moving = [network.names[s] for s, gap in zip(cut, failure.gap, strict=True) if gap != 0.0]
+    return (
+        f"the initial values of the loop {names} do not settle in {failure.sweeps} exchanges: "
+        f"{', '.join(moving)} still change. Set other start values, or break the loop of direct feedthrough."
+    )

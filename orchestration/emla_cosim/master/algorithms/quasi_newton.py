@@ -1,0 +1,79 @@
+"""Multi-vector quasi-Newton iteration (IQN-MVJ) for values that must agree with themselves.
+
+A loop of slaves answers a guess x of its coupling values with F(x). Plain repetition of x <- F(x)
+diverges where the coupling is strong. The iteration learns the inverse of the residual's Jacobian
+from the differences V of residuals r = F(x) - x and W of answers F(x) seen so far,
+
+    J <- J + (W - J V) V^+,    x <- F(x) - J r,
+
+and keeps J from one step to the next, so that a loop that changes little needs two sweeps.
+
+Bogaers, Kok, Reddy, Franz: Quasi-Newton methods for implicit black-box FSI coupling, Comput.
+Methods Appl. Mech. Engrg. 279 (2014), doi:10.1016/j.cma.2014.06.033.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..slaves.slave import Vector
+
+RELAXATION = 0.1
+"""How much of the first residual is followed while nothing is known of the Jacobian."""
+
+NOISE = 1e-10
+"""Changes of the residual below this fraction of it, or of each other, are taken for rounding errors."""
+
+
+class NoAgreementError(Exception):
+    """The guesses and answers came no closer than `gap`, in the end, after `sweeps` tries."""
+
+    def __init__(self, gap: Vector, sweeps: int) -> None:
+        super().__init__(gap, sweeps)
+        self.gap = gap
+        self.sweeps = sweeps
+
+
+class QuasiNewton:
+    """Solves x = F(x) for `count` values, better and better from call to call."""
+
+    def __init__(self, count: int) -> None:
+        self.jacobian = np.eye(count) * (1.0 - RELAXATION)
+
+    def solve(
+        self,
+        guess: Vector,
+        answer: Callable[[Vector], Vector],
+        agreed: Callable[[Vector], bool],
+        sweeps: int,
+    ) -> int:
+        """Find x with `agreed(answer(x) - x)`, beginning at a guess; returns the sweeps it took.
+
+        `answer` was last called with the solution. Raises NoAgreementError after `sweeps` calls of
+        `answer`, or when one of them is not finite.
+        """
+        x, earlier = guess.copy(), self.jacobian
+        residuals: list[Vector] = []
+        answers: list[Vector] = []
+        for sweep in range(sweeps):
+            answers.append(answer(x).copy())
+            residuals.append(answers[-1] - x)
+            if agreed(residuals[-1]):
+                return sweep + 1
+            if not np.isfinite(residuals[-1]).all():
+                break
+            self.jacobian = _learned(earlier, residuals, answers)
+            x = answers[-1] - self.jacobian @ residuals[-1]
+        self.jacobian = np.eye(len(guess)) * (1.0 - RELAXATION)
+        raise NoAgreementError(residuals[-1], len(residuals))
+
+
+def _learned(jacobian: Vector, residuals: list[Vector], answers: list[Vector]) -> Vector:
+    if len(residuals) < 2:
+        return jacobian
+    V = np.diff(np.array(residuals), axis=0).T
+    W = np.diff(np.array(answers), axis=0).T
+    sizes = np.linalg.norm(V, axis=0)
+    useful = sizes > NOISE * np.linalg.norm(residuals, axis=1).max()
+    V, W = V[:, useful] / sizes[useful], W[:, useful] / sizes[useful]
+    return jacobian + (W - jacobian @ V) @ np.linalg.pinv(V, rcond=NOISE)

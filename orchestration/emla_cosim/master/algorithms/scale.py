@@ -1,0 +1,30 @@
+"""How large a difference of signals is, measured by the signals themselves."""
+
+import numpy as np
+
+from ..network import Indices, Network
+from ..slaves.slave import Vector
+
+NOMINAL_SHARE = 0.01
+"""Part of a variable's nominal value that counts where the signal itself is smaller."""
+
+
+class Scale:
+    """The size of every signal: the largest value seen so far, plus a hundredth of its nominal.
+
+    So a force that passes through zero is still judged as a force of its usual size.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self._signals = network.signals
+        nominals = [slave.nominals for slave in network.slaves]
+        self._floor: Vector = NOMINAL_SHARE * np.concatenate([np.empty(0), *nominals])
+        self.largest: Vector = np.zeros(len(network.signals))
+
+    def see(self) -> None:
+        """Take the present signals into account."""
+        np.fmax(self.largest, np.abs(self._signals), out=self.largest)
+
+    def relative(self, difference: Vector, which: Indices) -> Vector:
+        """Absolute differences of these signals, relative to the signals' sizes."""
+        return np.abs(difference) / (self.largest[which] + self._floor[which])

@@ -1,0 +1,57 @@
+"""A point of a simulation to which it can go back."""
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from .algorithm import Algorithm
+
+
+class Snapshot:
+    """Copies of the states of some slaves, of the signals, and of what the algorithm remembers."""
+
+    def __init__(self, algorithm: Algorithm, slaves: Sequence[int] | None = None) -> None:
+        network = algorithm.network
+        self._algorithm = algorithm
+        self._members = [network.slaves[i] for i in (slaves or range(len(network.slaves)))]
+        self._states: list[Any] = [None] * len(self._members)
+        self._signals = network.signals.copy()
+        self._history = algorithm.history.copy()
+        self._steps = algorithm.steps
+
+    def take(self) -> None:
+        """Remember the present."""
+        algorithm = self._algorithm
+        self._states = [s.save(state) for s, state in zip(self._members, self._states, strict=True)]
+        self._signals[:] = algorithm.network.signals
+        self._history.copy_from(algorithm.history)
+        self._steps = algorithm.steps
+
+    def restore(self) -> None:
+        """Go back to what was taken."""
+        self.restore_slaves()
+        self._algorithm.network.signals[:] = self._signals
+        self._algorithm.history.copy_from(self._history)
+        self._algorithm.steps = self._steps
+
+    def restore_slaves(self) -> None:
+        """Take the slaves back, and leave signals and history as they are."""
+        for slave, state in zip(self._members, self._states, strict=True):
+            slave.restore(state)
+
+    def close(self) -> None:
+        """Free the copies; never raises."""
+        for slave, state in zip(self._members, self._states, strict=True):
+            if state is not None:
+                slave.forget(state)
+        self._states = [None] * len(self._members)
+
+
+@contextlib.contextmanager
+def snapshot(algorithm: Algorithm) -> Iterator[Snapshot]:
+    """A snapshot of everything that is freed afterwards."""
+    taken = Snapshot(algorithm)
+    try:
+        yield taken
+    finally:
+        taken.close()

@@ -1,0 +1,152 @@
+"""Strong coupling: a step is repeated until the exchanged values agree with themselves."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import RunError
+from ..network import Indices, Link, Network
+from ..slaves.slave import StepDiscardedError, Vector
+from .algorithm import Algorithm, require
+from .quasi_newton import NoAgreementError, QuasiNewton
+from .scale import Scale
+from .snapshot import Snapshot
+
+SWEEPS = 30
+"""A loop that has not agreed after so many sweeps is taken to have no solution near."""
+
+HALVINGS = 10
+"""A step that cannot be done is halved so many times before the run is given up."""
+
+
+@dataclass
+class _Group:
+    """Slaves that depend on each other, the signals to agree on, and what was learned about them.
+
+    `start` is where the present step began; None where a slave of the group cannot go back.
+    """
+
+    members: list[int]
+    cut: Indices
+    newton: QuasiNewton
+    start: Snapshot | None
+    halves: bool
+
+
+class Strong(Algorithm):
+    """Every slave steps with the values of its sources at the *end* of the step.
+
+    Slaves outside loops are stepped once, in the order of the graph. Each loop of slaves goes back
+    and repeats its step, with quasi-Newton acceleration, until no value that closes the loop
+    changes by more than `tolerance` of its size. A step that a slave discards, or on which the
+    loop finds no agreement, is done in halves.
+    """
+
+    def __init__(self, extrapolation: str = "none", tolerance: float = 1e-8) -> None:
+        super().__init__(extrapolation)
+        self.tolerance = tolerance
+        self.sweeps = 0
+        """Times that a loop was stepped so far."""
+
+    def setup(self, network: Network) -> None:
+        """Take the network; CommandError where a slave of a loop cannot go back."""
+        super().setup(network)
+        self._scale = Scale(network)
+        self._groups = [self._group(members) for members in network.groups()]
+
+    def _group(self, members: list[int]) -> _Group:
+        slaves = [self.network.slaves[i] for i in members]
+        cut = self.network.cut(members)
+        if len(cut):
+            require(slaves, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
+        start = Snapshot(self, members) if all(s.rolls_back for s in slaves) else None
+        return _Group(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in slaves))
+
+    def late(self) -> list[Link]:
+        """None."""
+        return []
+
+    @property
+    def loops(self) -> list[list[int]]:
+        """The loops found, each as the positions of its slaves."""
+        return [group.members for group in self._groups if len(group.cut)]
+
+    def memory(self) -> dict[str, Vector]:
+        """Also what was learned about the loops."""
+        learned = {f"jacobian/{i}": group.newton.jacobian for i, group in enumerate(self._groups)}
+        sweeps = np.array([float(self.sweeps)])
+        return super().memory() | learned | {"sweeps": sweeps, "strong/largest": self._scale.largest}
+
+    def remember(self, memory: Mapping[str, Vector]) -> None:
+        """Take over what a strong coupling of the same network remembered."""
+        super().remember(memory)
+        for i, group in enumerate(self._groups):
+            group.newton.jacobian = memory[f"jacobian/{i}"].copy()
+        self.sweeps = int(memory["sweeps"][0])
+        self._scale.largest[:] = memory["strong/largest"]
+
+    def close(self) -> None:
+        """Free the saved states."""
+        for group in self._groups:
+            if group.start is not None:
+                group.start.close()
+
+    def _step(self, time: float, step: float) -> None:
+        self._scale.see()
+        for group in self._groups:
+            self._advance(group, time, step, HALVINGS)
+
+    def _advance(self, group: _Group, time: float, step: float, halvings: int) -> None:
+        """Bring a group to the end of the step, in halves where it does not work in one."""
+        if group.start is not None:
+            group.start.take()
+        try:
+            self._solve(group, time, step)
+        except (StepDiscardedError, NoAgreementError) as failure:
+            if group.start is None or not group.halves or not halvings:
+                raise self._given_up(group, time, step, failure) from failure
+            group.start.restore()
+            self._advance(group, time, 0.5 * step, halvings - 1)
+            self._advance(group, time + 0.5 * step, 0.5 * step, halvings - 1)
+
+    def _solve(self, group: _Group, time: float, step: float) -> None:
+        guess = self.exchange.predict(group.cut, time + step)
+        for i in group.members:
+            self.exchange.shift(i, time + step)
+        if group.start is None or not len(group.cut):
+            self._sweep(group, time, step)
+            return
+        start, fresh = group.start, True
+
+        def answer(guess: Vector) -> Vector:
+            nonlocal fresh
+            if not fresh:
+                start.restore_slaves()
+            fresh = False
+            self.network.signals[group.cut] = guess
+            self._sweep(group, time, step)
+            self.sweeps += 1
+            return self.network.signals[group.cut]
+
+        def agreed(difference: Vector) -> bool:
+            return bool((self._scale.relative(difference, group.cut) <= self.tolerance).all())
+
+        group.newton.solve(guess, answer, agreed, SWEEPS)
+
+    def _sweep(self, group: _Group, time: float, step: float) -> None:
+        for i in group.members:
+            self.exchange.pass_inputs(i, time, step)
+            self.network.slaves[i].do_step(time, step)
+            self.network.slaves[i].get_outputs()
+
+    def _given_up(self, group: _Group, time: float, step: float, failure: Exception) -> Exception:
+        if not isinstance(failure, NoAgreementError):
+            return failure
+        names = " -> ".join(self.network.slaves[i].name for i in [*group.members, group.members[0]])
+        gaps = self._scale.relative(failure.gap, group.cut)
+        worst = self.network.names[group.cut[gaps.argmax()]]
+        return RunError(
+            f"the loop {names} finds no agreement on the step from t = {time:.9g} s of {step:.3g} s in "
+            f"{failure.sweeps} sweeps: {worst} still changes by {gaps.max():.2g} of its size."
+        )

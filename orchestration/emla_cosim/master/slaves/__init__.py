@@ -1,0 +1,1 @@
+"""What is stepped: the slave interface, and FMUs behind it."""

@@ -1,0 +1,58 @@
+"""Start values: a variable found by name, and a value checked against its type and range."""
+
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from ...errors import CommandError
+
+
+def find_variable(component: str, variables: Mapping[str, ModelVariable], name: str) -> ModelVariable:
+    """The variable of this name; CommandError suggests what may have been meant."""
+    if name in variables:
+        return variables[name]
+    near = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
+    meant = f"; did you mean {' or '.join(near)}?" if near else "."
+    raise CommandError(f"{component} has no variable '{name}'{meant}")
+
+
+def start_value(component: str, variable: ModelVariable, value: Any) -> Any:
+    """A value as the variable's type, within its range; CommandError otherwise."""
+    name = f"{component}.{variable.name}"
+    if variable.causality not in ("parameter", "input") and variable.initial not in ("exact", "approx"):
+        raise CommandError(f"{name} is computed by the FMU and cannot be set.")
+    if variable.type == "Enumeration":
+        return _enumeration(name, variable, value)
+    if variable.type == "Boolean":
+        booleans = {"true": True, "1": True, "false": False, "0": False}
+        if str(value).lower() not in booleans:
+            raise CommandError(f"{name} = {value} is not a Boolean; write true or false.")
+        return booleans[str(value).lower()]
+    try:
+        number = float(value) if variable.type == "Real" else int(value)
+    except ValueError as error:
+        kind = "number" if variable.type == "Real" else "whole number"
+        raise CommandError(f"{name} = {value} is not a {kind}.") from error
+    unit = f" {variable.unit}" if variable.unit else ""
+    widest = np.inf if variable.type == "Real" else 2**31 - 1
+    low = float(variable.min) if variable.min is not None else -widest
+    high = float(variable.max) if variable.max is not None else widest
+    if not (low <= number <= high and np.isfinite(number)):
+        limits = [f"at least {low:g}"] if low > -np.inf else []
+        limits += [f"at most {high:g}"] if high < np.inf else []
+        right = " and ".join(limits) or "a finite number"
+        raise CommandError(f"{name} = {number:g}{unit} is out of range: it must be {right}{unit}.")
+    return number
+
+
+def _enumeration(name: str, variable: ModelVariable, value: Any) -> int:
+    declared = variable.declaredType.items if variable.declaredType is not None else []
+    items = {str(item.name): int(str(item.value)) for item in declared or []}
+    if str(value) in items:
+        return items[str(value)]
+    if str(value) in {str(v) for v in items.values()}:
+        return int(value)
+    raise CommandError(f"{name} = {value} is not one of {', '.join(items)}.")

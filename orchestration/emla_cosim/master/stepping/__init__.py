@@ -1,0 +1,1 @@
+"""From step to step: fixed or controlled step sizes, compiled loops, pace, and checkpoints."""

@@ -1,0 +1,86 @@
+"""A run put aside in a file, to be continued bit for bit."""
+
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import CommandError
+from ..algorithms.algorithm import require
+from ..network import Network
+from ..slaves.slave import Vector
+from .stepping import Stepping
+
+FORMAT = 1
+_STATE, _MEMORY = "state/", "memory/"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """States of all slaves by name, what signals and stepping remember, and notes of the caller."""
+
+    states: Mapping[str, bytes]
+    memory: Mapping[str, Vector]
+    notes: Mapping[str, Any]
+
+    def restore(self, stepping: Stepping) -> None:
+        """Bring a simulation of the same system, which has been initialized, to this point.
+
+        Raises SlaveError where a slave does not take its state.
+        """
+        network = stepping.algorithm.network
+        for slave in network.slaves:
+            slave.deserialize(self.states[slave.name])
+        network.signals[:] = self.memory["signals"]
+        stepping.remember(self.memory)
+
+
+def check_can_save(network: Network) -> None:
+    """Raise CommandError unless all slaves can be put aside."""
+    require(network.slaves, "serializes", "canSerializeFMUstate", "a checkpoint")
+
+
+def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) -> None:
+    """Write where a simulation is; `notes` is plain data to find again.
+
+    An earlier file is replaced only when the new one is complete. Raises OSError, SlaveError.
+    """
+    network = stepping.algorithm.network
+    content: dict[str, Any] = {
+        _STATE + s.name: np.frombuffer(s.serialize(), dtype=np.uint8) for s in network.slaves
+    }
+    content |= {_MEMORY + name: value for name, value in stepping.memory().items()}
+    content[_MEMORY + "signals"] = network.signals
+    header = json.dumps({"format": FORMAT, "notes": notes})
+    content["header"] = np.frombuffer(header.encode(), dtype=np.uint8)
+    unfinished = path.with_name(path.name + ".part")
+    try:
+        with unfinished.open("wb") as stream:
+            np.savez(stream, allow_pickle=False, **content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Read a checkpoint; raises CommandError where the file is none."""
+    if not path.is_file():
+        raise CommandError(f"there is no checkpoint '{path}'.")
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            header = json.loads(content["header"].tobytes())
+            states = {n.removeprefix(_STATE): content[n].tobytes() for n in content if n.startswith(_STATE)}
+            memory = {n.removeprefix(_MEMORY): content[n] for n in content if n.startswith(_MEMORY)}
+            form, notes = header["format"], header["notes"]
+    except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+        raise CommandError(f"'{path}' is not a checkpoint, or is damaged: {error}.") from error
+    if form != FORMAT:
+        raise CommandError(f"the checkpoint '{path}' has the format {form}; this version reads {FORMAT}.")
+    return Checkpoint(states, memory, notes)

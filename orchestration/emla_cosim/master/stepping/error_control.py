@@ -1,0 +1,152 @@
+"""Steps as long as the error allows, found by doing every step twice: whole, and in halves."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...errors import CommandError, RunError
+from ..algorithms.algorithm import Algorithm, require
+from ..algorithms.explicit import Explicit
+from ..algorithms.scale import Scale
+from ..algorithms.snapshot import Snapshot
+from ..slaves.slave import StepDiscardedError, Vector
+from .step_control import StepControl
+from .stepping import Rows, Stepping
+from .timing import Timing
+
+SMALLEST = 1e-6
+"""The smallest step, as a fraction of the first one."""
+
+
+class ErrorControl(Stepping):
+    """Step doubling with rollback.
+
+    The difference between one step and two of half the length, divided by 2^p - 1 for an
+    algorithm of order p, estimates the error of the halves, which are kept. A step is accepted
+    when this error is at most `tolerance` of every continuous signal's size; see `Scale`. The
+    first step tried is that of `times`. With an `interval` in s, its multiples are met exactly
+    and only they are recorded; without, every accepted step is.
+    """
+
+    def __init__(
+        self, algorithm: Algorithm, times: Timing, tolerance: float, interval: float | None = None
+    ) -> None:
+        """Take an algorithm that is set up; CommandError where its slaves cannot go back."""
+        super().__init__(algorithm, times)
+        if not 0.0 < tolerance < 1.0:
+            raise CommandError(f"the error tolerance {tolerance:g} must be between 0 and 1.")
+        if isinstance(algorithm, Explicit) and (algorithm.multiples != 1).any():
+            raise CommandError("step multiples need fixed steps; leave out the error tolerance or them.")
+        slaves = algorithm.network.slaves
+        require(slaves, "rolls_back", "canGetAndSetFMUstate", "error control")
+        require(slaves, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
+        self.tolerance = tolerance
+        self.control = StepControl(times.step, algorithm.order, SMALLEST * times.step)
+        self._interval = interval
+        self._time = times.start
+        self._points = 0
+        self._start = Snapshot(algorithm)
+        self._scale = Scale(algorithm.network)
+        self._judged = np.flatnonzero(algorithm.exchange.smooth)
+
+    @property
+    def time(self) -> float:
+        """Where the simulation is, in s."""
+        return self._time
+
+    @property
+    def steps(self) -> int:
+        """Steps accepted since the start time, each of two halves."""
+        return self.control.accepted
+
+    @property
+    def finished(self) -> bool:
+        """Whether the stop time is reached."""
+        return self._time >= self.times.stop
+
+    def advance(self, rows: Rows, most: int) -> None:
+        """Do at most so many steps and record them."""
+        for _ in range(most):
+            if self.finished:
+                return
+            point = self._next_point()
+            step = self.control.propose(point - self._time)
+            if not self._tried(step):
+                continue
+            met = step == point - self._time
+            self._time = point if met else self._time + step
+            self._points += met
+            self.algorithm.network.check_finite(self._time)
+            if met or self._interval is None:
+                self.record(rows)
+
+    def memory(self) -> dict[str, Vector]:
+        """Also where the simulation is, and what the step control knows."""
+        control = self.control
+        progress = [self._time, self._points, control.step, control.last_error]
+        counts = [control.accepted, control.rejected]
+        return super().memory() | {
+            "control": np.array([*progress, *counts], dtype=float),
+            "control/largest": self._scale.largest,
+        }
+
+    def remember(self, memory: Mapping[str, Vector]) -> None:
+        """Take over what an error control of the same algorithm remembered."""
+        super().remember(memory)
+        time, points, step, last_error, accepted, rejected = (float(x) for x in memory["control"])
+        self._time, self._points = time, int(points)
+        control = self.control
+        control.step, control.last_error = step, last_error
+        control.accepted, control.rejected = int(accepted), int(rejected)
+        self._scale.largest[:] = memory["control/largest"]
+
+    def close(self) -> None:
+        """Free the saved states."""
+        self._start.close()
+
+    def _next_point(self) -> float:
+        if self._interval is None:
+            return self.times.stop
+        return min(self.times.start + (self._points + 1) * self._interval, self.times.stop)
+
+    def _tried(self, step: float) -> bool:
+        """Whether the step was done and is good enough; if not, everything is as before."""
+        self._start.take()
+        self._scale.see()
+        try:
+            error = self._doubled(step)
+        except StepDiscardedError as discarded:
+            self._start.restore()
+            try:
+                self.control.discard(step)
+            except RunError:
+                raise discarded from None
+            return False
+        signals = self.algorithm.network.signals
+        failure = None if np.isfinite(signals[self._judged]).all() else self._not_finite(step)
+        try:
+            accepted = self.control.judge(step, error)
+        except RunError as too_small:
+            raise failure or too_small from None
+        if not accepted:
+            self._start.restore()
+        return accepted
+
+    def _doubled(self, step: float) -> float:
+        """Do the step whole, go back, and do it in halves; returns the error relative to the tolerance."""
+        algorithm, half = self.algorithm, 0.5 * step
+        signals = algorithm.network.signals
+        algorithm.step(self._time, step)
+        whole = signals[self._judged]
+        self._start.restore()
+        algorithm.step(self._time, half)
+        algorithm.step(self._time + half, half)
+        difference = (signals[self._judged] - whole) / (2.0**algorithm.order - 1.0)
+        return float(self._scale.relative(difference, self._judged).max(initial=0.0)) / self.tolerance
+
+    def _not_finite(self, step: float) -> RunError | None:
+        try:
+            self.algorithm.network.check_finite(self._time + step)
+        except RunError as failure:
+            return failure
+        return None

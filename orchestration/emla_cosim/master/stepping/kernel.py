@@ -1,0 +1,265 @@
+"""The compiled stepping loop: many steps of an explicit algorithm per call.
+
+It works through the same table of operations as `Explicit`, on the same memory, and calls the
+FMI functions of the slaves by address. The machine code is cached on disk.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+from ...errors import RunError
+from ..algorithms.explicit import Call, Explicit
+from ..algorithms.extrapolation import Mode
+from ..slaves.slave import EntryPoints, Vector
+
+_SET, _STEP, _GET = int(Call.SET), int(Call.STEP), int(Call.GET)
+_HOLD, _MIDDLE, _LINE = int(Mode.HOLD), int(Mode.MIDDLE), int(Mode.LINE)
+_DONE, _SET_REAL, _SET_DERIVATIVES, _DO_STEP, _GET_REAL, _NOT_FINITE = range(6)
+_CALL_NAMES = {_SET_REAL: "setReal", _SET_DERIVATIVES: "setRealInputDerivatives", _GET_REAL: "getReal"}
+_WARNING = 1
+_NO_WAY_BACK = 1
+
+
+class Tables(NamedTuple):
+    """All that the loop needs, as arrays.
+
+    One element per operation: `calls`, `targets`. One per slave: `multiples`, `modes`, the
+    addresses, and one more than slaves of `input_starts` and `output_starts`. One per input:
+    `sources`, `movable`, `inputs`, `derivatives`. One per signal: `owners`, `smooth`, `signals`,
+    `previous`. `read` lists the signals that have to be finite.
+    """
+
+    calls: Any
+    targets: Any
+    multiples: Any
+    modes: Any
+    components: Any
+    set_real: Any
+    get_real: Any
+    do_step: Any
+    set_derivatives: Any
+    input_references: Any
+    output_references: Any
+    derivative_orders: Any
+    input_addresses: Any
+    derivative_addresses: Any
+    output_addresses: Any
+    input_starts: Any
+    output_starts: Any
+    sources: Any
+    movable: Any
+    inputs: Any
+    derivatives: Any
+    owners: Any
+    smooth: Any
+    signals: Any
+    previous: Any
+    at: Any
+    before: Any
+    read: Any
+
+
+class Kernel:
+    """The compiled loop for one algorithm, set up and initialized or not."""
+
+    def __init__(self, algorithm: Explicit, entry_points: list[EntryPoints]) -> None:
+        """Collect the tables; compiles, or loads what an earlier process compiled."""
+        self._algorithm = algorithm
+        self._entry_points = entry_points  # owns the arrays whose addresses are in the tables
+        self._tables = _tables(algorithm, entry_points)
+        _run(self._tables, 0, 0, 0.0, 1.0, 1, np.empty((1, 1 + len(algorithm.network.signals))))
+
+    def run(self, first: int, count: int, start: float, step: float, every: int, rows: Vector) -> int:
+        """Do `count` steps from the one numbered `first`; returns how many rows were recorded.
+
+        The step k begins at `start + k*step`, in s; each `every`-th point fills the next of
+        `rows`, time first. `error` is None, or what ended the run in step `algorithm.steps`.
+        """
+        reached, recorded, code, detail = _run(self._tables, first, count, start, step, every, rows)
+        self._algorithm.steps += reached - first
+        self.error = self._error(code, detail, start + reached * step, step)
+        return recorded
+
+    def _error(self, code: int, detail: tuple[int, int], time: float, step: float) -> RunError | None:
+        if code == _DONE:
+            return None
+        network = self._algorithm.network
+        if code == _NOT_FINITE:
+            return network.not_finite(time + step)
+        i, status = detail
+        slave = network.slaves[i]
+        if code == _DO_STEP:
+            return slave.error(f"doStep at t = {time:.9g} s", status)
+        return slave.error(_CALL_NAMES[code], status)
+
+
+def _tables(algorithm: Explicit, points: list[EntryPoints]) -> Tables:
+    network, exchange = algorithm.network, algorithm.exchange
+
+    def addresses(values: list[int]) -> Any:
+        return np.array(values, dtype=np.intp)
+
+    def starts(parts: list[slice]) -> Any:
+        return addresses([0, *(part.stop for part in parts)])
+
+    def elements(values: Vector, parts: list[slice]) -> Any:
+        return addresses([values.ctypes.data + values.itemsize * part.start for part in parts])
+
+    movable = [np.empty(0, dtype=bool), *(slave.continuous_inputs for slave in network.slaves)]
+    return Tables(
+        calls=np.array([o.call for o in algorithm.operations], dtype=np.int64),
+        targets=addresses([o.slave for o in algorithm.operations]),
+        multiples=algorithm.multiples,
+        modes=exchange.modes.astype(np.int64),
+        components=addresses([p.component for p in points]),
+        set_real=addresses([p.set_real for p in points]),
+        get_real=addresses([p.get_real for p in points]),
+        do_step=addresses([p.do_step for p in points]),
+        set_derivatives=addresses([p.set_real_input_derivatives for p in points]),
+        input_references=addresses([p.input_references.ctypes.data for p in points]),
+        output_references=addresses([p.output_references.ctypes.data for p in points]),
+        derivative_orders=addresses([p.derivative_orders.ctypes.data for p in points]),
+        input_addresses=elements(network.inputs, network.input_parts),
+        derivative_addresses=elements(exchange.derivatives, network.input_parts),
+        output_addresses=elements(network.signals, network.parts),
+        input_starts=starts(network.input_parts),
+        output_starts=starts(network.parts),
+        sources=np.concatenate([np.empty(0, dtype=np.intp), *network.sources]),
+        movable=np.concatenate(movable),
+        inputs=network.inputs,
+        derivatives=exchange.derivatives,
+        owners=exchange.owners,
+        smooth=exchange.smooth,
+        signals=network.signals,
+        previous=exchange.history.previous,
+        at=exchange.history.at,
+        before=exchange.history.before,
+        read=network.read,
+    )
+
+
+def _caller(*argument_types: types.Type) -> Any:
+    """A function that calls the address of a C function with these arguments and an int result."""
+
+    @intrinsic
+    def call(typing_context: Any, address: Any, arguments: Any) -> Any:
+        signature = types.int32(types.intp, arguments)
+
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            function, packed = values
+            prototype = ir.FunctionType(
+                context.get_value_type(types.int32), [context.get_value_type(t) for t in argument_types]
+            )
+            given = [
+                context.cast(builder, builder.extract_value(packed, i), signature.args[1].types[i], t)
+                for i, t in enumerate(argument_types)
+            ]
+            return builder.call(builder.inttoptr(function, prototype.as_pointer()), given)
+
+        return signature, generate
+
+    return call
+
+
+_exchange = _caller(types.intp, types.intp, types.uintp, types.intp)
+_derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)
+_step = _caller(types.intp, types.float64, types.float64, types.int32)
+
+
+def _compiled(function: Any) -> Any:
+    try:
+        return njit(cache=True, nogil=True, error_model="numpy")(function)
+    except RuntimeError:  # no folder to keep the machine code in
+        return njit(nogil=True, error_model="numpy")(function)
+
+
+@_compiled
+def _pass_inputs(p, i, time, step):
+    """Bring the inputs of slave i to the slave; see `Exchange.pass_inputs`."""
+    first, last = p.input_starts[i], p.input_starts[i + 1]
+    if first == last:
+        return _DONE, 0
+    mode = p.modes[i]
+    if mode == _HOLD:
+        for j in range(first, last):
+            p.inputs[j] = p.signals[p.sources[j]]
+    else:
+        for j in range(first, last):
+            s = p.sources[j]
+            at = p.at[p.owners[s]]
+            span = at - p.before[p.owners[s]]
+            slope = 0.0
+            if p.movable[j] and p.smooth[s] and span > 0.0:
+                slope = (p.signals[s] - p.previous[s]) / span
+            ahead = time - at + (0.5 * step if mode == _MIDDLE else 0.0)
+            p.inputs[j] = p.signals[s] + ahead * slope
+            p.derivatives[j] = slope
+    count = last - first
+    status = _exchange(p.set_real[i], (p.components[i], p.input_references[i], count, p.input_addresses[i]))
+    if status > _WARNING:
+        return _SET_REAL, status
+    if mode == _LINE:
+        status = _derive(
+            p.set_derivatives[i],
+            (
+                p.components[i],
+                p.input_references[i],
+                count,
+                p.derivative_orders[i],
+                p.derivative_addresses[i],
+            ),
+        )
+        if status > _WARNING:
+            return _SET_DERIVATIVES, status
+    return _DONE, 0
+
+
+@_compiled
+def _get_outputs(p, i, time):
+    """Read the outputs of slave i, those of `time`; the present ones become the earlier ones."""
+    first, last = p.output_starts[i], p.output_starts[i + 1]
+    for s in range(first, last):
+        p.previous[s] = p.signals[s]
+    p.before[i] = p.at[i]
+    p.at[i] = time
+    if first == last:
+        return _DONE, 0
+    status = _exchange(
+        p.get_real[i], (p.components[i], p.output_references[i], last - first, p.output_addresses[i])
+    )
+    return (_GET_REAL, status) if status > _WARNING else (_DONE, 0)
+
+
+@_compiled
+def _run(p, first, count, start, step, every, rows):
+    """The loop; returns steps reached, rows filled, and what failed: code and (slave, status)."""
+    row = 0
+    for k in range(first, first + count):
+        time = start + k * step
+        for o in range(len(p.calls)):
+            call, i = p.calls[o], p.targets[o]
+            multiple = p.multiples[i]
+            code, status = _DONE, 0
+            if call == _SET:
+                if k % multiple == 0:
+                    code, status = _pass_inputs(p, i, time, multiple * step)
+            elif call == _STEP:
+                if k % multiple == 0:
+                    status = _step(p.do_step[i], (p.components[i], time, multiple * step, _NO_WAY_BACK))
+                    code = _DO_STEP if status > _WARNING else _DONE
+            elif (k + 1) % multiple == 0:
+                code, status = _get_outputs(p, i, time + step)
+            if code != _DONE:
+                return k, row, code, (i, status)
+        for s in p.read:
+            if not np.isfinite(p.signals[s]):
+                return k, row, _NOT_FINITE, (0, 0)
+        if (k + 1) % every == 0:
+            rows[row, 0] = start + (k + 1) * step
+            rows[row, 1:] = p.signals
+            row += 1
+    return first + count, row, _DONE, (0, 0)

@@ -1,0 +1,74 @@
+"""How a run gets from one communication point to the next: in fixed steps, or as the error allows."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Protocol
+
+from ..algorithms.algorithm import Algorithm
+from ..slaves.slave import Vector
+from .timing import Timing
+
+
+class Rows(Protocol):
+    """Where recorded rows go: time in s, then all signals.
+
+    Every `every`-th communication point is recorded.
+    """
+
+    every: int
+
+    def room(self, most: int) -> Vector:
+        """Free rows to fill, at least one and at most so many, in the order of time."""
+        ...
+
+    def commit(self, count: int) -> None:
+        """So many of them are filled. May raise OSError."""
+        ...
+
+
+class Stepping(ABC):
+    """Drives an algorithm that has been set up through time."""
+
+    def __init__(self, algorithm: Algorithm, times: Timing) -> None:
+        self.algorithm = algorithm
+        self.times = times
+
+    @property
+    @abstractmethod
+    def time(self) -> float:
+        """Where the simulation is, in s."""
+
+    @property
+    @abstractmethod
+    def steps(self) -> int:
+        """Steps done since the start time."""
+
+    @property
+    @abstractmethod
+    def finished(self) -> bool:
+        """Whether the stop time is reached."""
+
+    @abstractmethod
+    def advance(self, rows: Rows, most: int) -> None:
+        """Do at most so many steps and record them.
+
+        What was recorded before an error (SlaveError, RunError, OSError) stays recorded.
+        """
+
+    def memory(self) -> dict[str, Vector]:
+        """What the stepping and its algorithm remember besides the signals, as arrays by name."""
+        return self.algorithm.memory()
+
+    def remember(self, memory: Mapping[str, Vector]) -> None:
+        """Take over what a stepping of the same kind remembered."""
+        self.algorithm.remember(memory)
+
+    def close(self) -> None:  # noqa: B027 - most hold nothing
+        """Free what the stepping holds of the slaves; never raises."""
+
+    def record(self, rows: Rows) -> None:
+        """Record the present signals as one row."""
+        block = rows.room(1)
+        block[0, 0] = self.time
+        block[0, 1:] = self.algorithm.network.signals
+        rows.commit(1)

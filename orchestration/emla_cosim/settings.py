@@ -1,0 +1,111 @@
+"""What the user may change about a run, and what follows from it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .errors import CommandError, check_choice
+from .master.algorithms.algorithm import Algorithm
+from .master.algorithms.explicit import Explicit
+from .master.algorithms.extrapolation import EXTRAPOLATIONS
+from .master.algorithms.strong import Strong
+from .master.simulation import ALGORITHMS
+from .master.stepping.error_control import ErrorControl
+from .master.stepping.fixed_steps import FixedSteps
+from .master.stepping.stepping import Stepping
+from .master.stepping.timing import Timing
+from .models import FMU_FOLDER
+from .system.model import Value
+
+DEFAULT_INTERVAL = 1e-3
+"""Time in s between rows of results.csv unless told otherwise."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the user may change about a run; None takes the scenario's, or the default. Times in s.
+
+    `error_tolerance` chooses the steps by their error, `coupling_tolerance` is what the strong
+    algorithm agrees to, `multiples` gives components that step more rarely, `order` the order of
+    stepping one after the other, `real_time` how many seconds to simulate per second.
+    """
+
+    values: Mapping[str, Value] = field(default_factory=dict)
+    replacements: Mapping[str, Path] = field(default_factory=dict)
+    algorithm: str | None = None
+    extrapolation: str = "none"
+    coupling_tolerance: float = 1e-8
+    error_tolerance: float | None = None
+    multiples: Mapping[str, int] = field(default_factory=dict)
+    order: Sequence[str] = ()
+    step_size: float | None = None
+    stop_time: float | None = None
+    output_interval: float | None = None
+    flavour: str = "native"
+    fmus: Path = FMU_FOLDER
+    plots: bool = True
+    compiled: bool = True
+    real_time: float | None = None
+    checkpoint: Path | None = None
+    resume: Path | None = None
+
+    def make_algorithm(self, name: str) -> Algorithm:
+        """The algorithm of this name with its options; CommandError where they do not fit."""
+        check_choice("algorithm", name, ALGORITHMS)
+        check_choice("extrapolation", self.extrapolation, EXTRAPOLATIONS)
+        if not 0.0 < self.coupling_tolerance < 1.0:
+            raise CommandError(f"the coupling tolerance {self.coupling_tolerance:g} must be between 0 and 1.")
+        kind = ALGORITHMS[name]
+        if issubclass(kind, Explicit):
+            return kind(self.extrapolation, self.multiples)
+        if self.multiples:
+            raise CommandError(f"the algorithm {name} has no step multiples; jacobi and gauss-seidel have.")
+        return Strong(self.extrapolation, self.coupling_tolerance)
+
+    def make_stepping(self, algorithm: Algorithm, times: Timing) -> Stepping:
+        """The stepping for an algorithm that is set up and initialized; CommandError as above."""
+        if self.error_tolerance is not None:
+            return ErrorControl(algorithm, times, self.error_tolerance, self.output_interval)
+        for name, multiple in self.multiples.items():
+            if times.steps % multiple:
+                raise CommandError(
+                    f"{times.steps} steps are no multiple of {multiple}, the steps that {name} does "
+                    "at once; choose another stop time."
+                )
+        return FixedSteps(algorithm, times, self.compiled)
+
+    def record(self) -> dict[str, object]:
+        """The settings as run.json has them, besides those that a scenario may fill in."""
+        return {
+            "extrapolation": self.extrapolation,
+            "coupling_tolerance": self.coupling_tolerance,
+            "error_tolerance": self.error_tolerance,
+            "step_multiples": self.multiples,
+            "order": list(self.order),
+            "output_interval_s": self.output_interval,
+            "real_time_factor": self.real_time,
+            "resumed_from": self.resume,
+            "flavour": self.flavour,
+            "set": self.values,
+            "replace": self.replacements,
+        }
+
+    def steps_per_row(self, times: Timing) -> int:
+        """Fixed steps in an output interval; without one 1 ms, or every step if that does not fit.
+
+        Raises CommandError where the interval is not a whole number of steps.
+        """
+        interval = self.output_interval
+        chosen = DEFAULT_INTERVAL if interval is None else interval
+        if not 0.0 < chosen < float("inf"):
+            raise CommandError(f"the output interval {chosen:g} s must be a positive number of seconds.")
+        if self.error_tolerance is not None:
+            return 1
+        every = round(chosen / times.step)
+        if every >= 1 and abs(every * times.step - chosen) <= 1e-9 * chosen:
+            return every
+        if interval is None:
+            return max(every, 1)
+        raise CommandError(
+            f"the output interval {chosen:g} s is not a whole number of steps of {times.step:g} s."
+        )

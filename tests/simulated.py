@@ -1,0 +1,59 @@
+"""A network stepped to the end, with everything recorded in one array."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from emla_cosim.master.algorithms.algorithm import Algorithm
+from emla_cosim.master.network import Network
+from emla_cosim.master.simulation import simulate
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.stepping import Stepping
+from emla_cosim.master.stepping.timing import Timing
+
+
+class Table:
+    """Rows that are all kept; the room for new ones is small, so that blocks end often."""
+
+    def __init__(self, width: int, every: int = 1, room: int = 7) -> None:
+        self.every = every
+        self._block = np.empty((room, width))
+        self._kept: list[np.ndarray] = []
+
+    def room(self, most: int) -> np.ndarray:
+        return self._block[:most]
+
+    def commit(self, count: int) -> None:
+        self._kept.append(self._block[:count].copy())
+
+    @property
+    def rows(self) -> np.ndarray:
+        return np.vstack(self._kept)
+
+
+def begun(network: Network, algorithm: Algorithm, times: Timing) -> Algorithm:
+    """The algorithm, set up on the network and initialized."""
+    algorithm.setup(network)
+    algorithm.initialize(times.start, times.stop)
+    return algorithm
+
+
+def recorded(
+    stepping: Stepping, every: int = 1, interrupted: Callable[[], bool] = lambda: False
+) -> np.ndarray:
+    """All rows from where the stepping is to where it ends, time first."""
+    table = Table(1 + len(stepping.algorithm.network.signals), every)
+    stepping.record(table)
+    try:
+        simulate(stepping, table, interrupted)
+    finally:
+        stepping.close()
+        stepping.algorithm.close()
+    return table.rows
+
+
+def simulated(
+    network: Network, algorithm: Algorithm, times: Timing, every: int = 1, compiled: bool = True
+) -> np.ndarray:
+    """All rows of a run in fixed steps, time first; compiled where that is possible."""
+    return recorded(FixedSteps(begun(network, algorithm, times), times, compiled), every)
