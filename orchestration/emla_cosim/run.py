@@ -82,6 +82,7 @@ def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress
         held.callback(algorithm.close)
         stepping = settings.make_stepping(algorithm, times)
         held.callback(stepping.close)
+        progress.advance(1)  # the stepping may have been compiled
         identity = run_identity(system, assembly, name, settings, times)
         resumed = resumable(settings.resume, identity, times) if settings.resume else None
         if settings.checkpoint is not None:
@@ -105,9 +106,12 @@ def _given(value: float | None, default: float) -> float:
 
 
 def _fmu_files(system: System, settings: Settings, progress: Progress) -> dict[str, Path]:
-    """The FMU file of every component, ours built where missing or out of date."""
+    """The FMU file of every component, ours built where missing or out of date.
+
+    Begins a task of preparing that has one unit more, for what follows.
+    """
     models = list(dict.fromkeys(c.model for c in system.components if c.fmu is None))
-    progress.begin("preparing FMUs", len(models))
+    progress.begin("preparing", len(models) + 1)
     built = {}
     for model in models:
         built[model] = build(model, settings.flavour, [], settings.fmus)

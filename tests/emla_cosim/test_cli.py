@@ -176,7 +176,10 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
     ("arguments", "words"),
     [
         (["run", "nosuch"], ["no scenario 'nosuch'", "study", "lift"]),
-        (["run", "lift", "--algorithm", "euler"], ["no algorithm 'euler'", "jacobi, gauss-seidel and strong"]),
+        (
+            ["run", "lift", "--algorithm", "euler"],
+            ["no algorithm 'euler'", "jacobi, gauss-seidel and strong"],
+        ),
         (["run", "lift", "--flavour", "java"], ["no flavour 'java'", "native and python"]),
         (["run", "lift", "--controller", "pid"], ["no controller 'pid'", "robust and published"]),
         (["run", "lift", "--set", "arm.plant.x_L=1"], ["no joint 'arm'", "lift"]),

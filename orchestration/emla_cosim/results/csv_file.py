@@ -79,9 +79,17 @@ def _quoted(name: str) -> str:
     return f'"{name}"' if "," in name or '"' in name else name
 
 
-def read_results(path: Path, names: list[str]) -> dict[str, Vector]:
-    """Columns of a results.csv by name; a name that the file does not have is left out."""
+def read_results(path: Path, names: list[str], most: int | None = None) -> dict[str, Vector]:
+    """Columns of a results.csv by name; a name that the file does not have is left out.
+
+    Of a file with more than `most` rows only every n-th row is kept, so that memory stays small.
+    """
     present = polars.read_csv(path, n_rows=0).columns
     chosen = [n for n in names if n in present]
-    frame = polars.read_csv(path, columns=chosen, schema_overrides=dict.fromkeys(chosen, polars.Float64))
+    table = polars.scan_csv(path, schema_overrides=dict.fromkeys(present, polars.Float64)).select(chosen)
+    if most is not None:
+        rows = table.select(polars.len()).collect(engine="streaming").item()
+        every = max(-(-rows // most), 1)
+        table = table.with_row_index("row").filter(polars.col("row") % every == 0).select(chosen)
+    frame = table.collect(engine="streaming")
     return {name: frame[name].to_numpy() for name in chosen}

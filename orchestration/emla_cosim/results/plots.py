@@ -13,6 +13,9 @@ from ..master.slaves.slave import Vector
 from .csv_file import read_results
 
 _BLUE, _ORANGE, _GREY = "#2f6db3", "#d9822b", "#7a7a7a"
+_MOST_ROWS = 20_000
+"""Of longer results only every n-th row is drawn; a panel is a few hundred pixels wide."""
+
 _TRANSIENT = 0.3
 """Time in s after which errors are small enough to show on a scale of their own."""
 
@@ -109,7 +112,7 @@ def plot_run(results: Path, joints: Sequence[str], folder: Path, done: Callable[
         s for _, panels in FIGURES.values() for p in panels for c in p.curves for s in (c.signal, c.less) if s
     }
     names = [f"{joint}.{signal}" for joint in joints for signal in sorted(signals)]
-    data = read_results(results, ["time", *names])
+    data = read_results(results, ["time", *names], _MOST_ROWS)
     if len(data["time"]) < 2:
         return []
     written = []

@@ -170,96 +170,106 @@ _derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)
 _step = _caller(types.intp, types.float64, types.float64, types.int32)
 
 
-def _compiled(function: Any) -> Any:
+def _compiled(function: Any, **options: Any) -> Any:
+    options |= {"nogil": True, "error_model": "numpy"}
     try:
-        return njit(cache=True, nogil=True, error_model="numpy")(function)
+        return njit(cache=True, **options)(function)
     except RuntimeError:  # no folder to keep the machine code in
-        return njit(nogil=True, error_model="numpy")(function)
+        return njit(**options)(function)
+
+
+def _inlined(function: Any) -> Any:
+    """A part of the loop: as a call of its own it would count references to all tables every time."""
+    return _compiled(function, inline="always")
+
+
+@_inlined
+def _divides(multiple, k):
+    """Whether k is a multiple; a division would take as long as a call of an FMU."""
+    return multiple == 1 or k % multiple == 0
 
 
 @_compiled
-def _pass_inputs(p, i, time, step):
-    """Bring the inputs of slave i to the slave; see `Exchange.pass_inputs`."""
-    first, last = p.input_starts[i], p.input_starts[i + 1]
-    if first == last:
-        return _DONE, 0
-    mode = p.modes[i]
-    if mode == _HOLD:
-        for j in range(first, last):
-            p.inputs[j] = p.signals[p.sources[j]]
-    else:
-        for j in range(first, last):
-            s = p.sources[j]
-            at = p.at[p.owners[s]]
-            span = at - p.before[p.owners[s]]
-            slope = 0.0
-            if p.movable[j] and p.smooth[s] and span > 0.0:
-                slope = (p.signals[s] - p.previous[s]) / span
-            ahead = time - at + (0.5 * step if mode == _MIDDLE else 0.0)
-            p.inputs[j] = p.signals[s] + ahead * slope
-            p.derivatives[j] = slope
-    count = last - first
-    status = _exchange(p.set_real[i], (p.components[i], p.input_references[i], count, p.input_addresses[i]))
-    if status > _WARNING:
-        return _SET_REAL, status
-    if mode == _LINE:
-        status = _derive(
-            p.set_derivatives[i],
-            (
-                p.components[i],
-                p.input_references[i],
-                count,
-                p.derivative_orders[i],
-                p.derivative_addresses[i],
-            ),
-        )
-        if status > _WARNING:
-            return _SET_DERIVATIVES, status
-    return _DONE, 0
+def _run(tables, first, count, start, step, every, rows):
+    """The loop; returns steps reached, rows filled, and what failed: code and (slave, status).
 
-
-@_compiled
-def _get_outputs(p, i, time):
-    """Read the outputs of slave i, those of `time`; the present ones become the earlier ones."""
-    first, last = p.output_starts[i], p.output_starts[i + 1]
-    for s in range(first, last):
-        p.previous[s] = p.signals[s]
-    p.before[i] = p.at[i]
-    p.at[i] = time
-    if first == last:
-        return _DONE, 0
-    status = _exchange(
-        p.get_real[i], (p.components[i], p.output_references[i], last - first, p.output_addresses[i])
-    )
-    return (_GET_REAL, status) if status > _WARNING else (_DONE, 0)
-
-
-@_compiled
-def _run(p, first, count, start, step, every, rows):
-    """The loop; returns steps reached, rows filled, and what failed: code and (slave, status)."""
+    All tables are taken out first: each access to a table within the loop would count references.
+    """
+    (
+        calls, targets, multiples, modes,
+        components, set_real, get_real, do_step, set_derivatives,
+        input_references, output_references, derivative_orders,
+        input_addresses, derivative_addresses, output_addresses,
+        input_starts, output_starts,
+        sources, movable, inputs, derivatives,
+        owners, smooth, signals, previous, at, before, read,
+    ) = tables  # fmt: skip
     row = 0
     for k in range(first, first + count):
         time = start + k * step
-        for o in range(len(p.calls)):
-            call, i = p.calls[o], p.targets[o]
-            multiple = p.multiples[i]
-            code, status = _DONE, 0
-            if call == _SET:
-                if k % multiple == 0:
-                    code, status = _pass_inputs(p, i, time, multiple * step)
-            elif call == _STEP:
-                if k % multiple == 0:
-                    status = _step(p.do_step[i], (p.components[i], time, multiple * step, _NO_WAY_BACK))
-                    code = _DO_STEP if status > _WARNING else _DONE
-            elif (k + 1) % multiple == 0:
-                code, status = _get_outputs(p, i, time + step)
-            if code != _DONE:
-                return k, row, code, (i, status)
-        for s in p.read:
-            if not np.isfinite(p.signals[s]):
+        for o in range(len(calls)):
+            call, i = calls[o], targets[o]
+            multiple = multiples[i]
+            if not _divides(multiple, k + 1 if call == _GET else k):
+                continue
+            component = components[i]
+            if call == _STEP:
+                status = _step(do_step[i], (component, time, multiple * step, _NO_WAY_BACK))
+                if status > _WARNING:
+                    return k, row, _DO_STEP, (i, status)
+                continue
+            if call == _SET:  # see Exchange.pass_inputs
+                begin, end, mode = input_starts[i], input_starts[i + 1], modes[i]
+                if begin == end:
+                    continue
+                middle = 0.5 * (multiple * step) if mode == _MIDDLE else 0.0
+                for j in range(begin, end):
+                    s = sources[j]
+                    if mode == _HOLD:
+                        inputs[j] = signals[s]
+                        continue
+                    newest = at[owners[s]]
+                    span = newest - before[owners[s]]
+                    slope = 0.0
+                    if movable[j] and smooth[s] and span > 0.0:
+                        slope = (signals[s] - previous[s]) / span
+                    inputs[j] = signals[s] + (time - newest + middle) * slope
+                    derivatives[j] = slope
+                status = _exchange(
+                    set_real[i], (component, input_references[i], end - begin, input_addresses[i])
+                )
+                if status > _WARNING:
+                    return k, row, _SET_REAL, (i, status)
+                if mode == _LINE:
+                    status = _derive(
+                        set_derivatives[i],
+                        (
+                            component,
+                            input_references[i],
+                            end - begin,
+                            derivative_orders[i],
+                            derivative_addresses[i],
+                        ),
+                    )
+                    if status > _WARNING:
+                        return k, row, _SET_DERIVATIVES, (i, status)
+                continue
+            begin, end = output_starts[i], output_starts[i + 1]
+            for s in range(begin, end):  # see Exchange.shift
+                previous[s] = signals[s]
+            before[i] = at[i]
+            at[i] = time + step
+            if begin < end:
+                status = _exchange(
+                    get_real[i], (component, output_references[i], end - begin, output_addresses[i])
+                )
+                if status > _WARNING:
+                    return k, row, _GET_REAL, (i, status)
+        for s in read:
+            if not np.isfinite(signals[s]):
                 return k, row, _NOT_FINITE, (0, 0)
-        if (k + 1) % every == 0:
+        if _divides(every, k + 1):
             rows[row, 0] = start + (k + 1) * step
-            rows[row, 1:] = p.signals
+            rows[row, 1:] = signals
             row += 1
     return first + count, row, _DONE, (0, 0)
