@@ -1,0 +1,34 @@
+"""Python environments: this one, and one of their own for packages that do not install together with it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from .errors import BenchmarkError
+
+FOLDER = Path(__file__).parent / ".environments"
+_PIP = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--retries", "1", "--timeout", "20")
+
+
+def python_for(requirement: str) -> Path:
+    """The interpreter that has this package: this one for none, else one that is set up once.
+
+    Raises BenchmarkError where that fails.
+    """
+    if not requirement:
+        return Path(sys.executable)
+    folder = FOLDER / requirement
+    python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+    done = folder / "installed"
+    if not done.exists():
+        _run(sys.executable, "-m", "venv", "--clear", str(folder))
+        _run(str(python), *_PIP, requirement)
+        done.touch()
+    return python
+
+
+def _run(*command: str) -> None:
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    if run.returncode != 0:
+        lines = [line for line in run.stderr.splitlines() if line.startswith("ERROR")] or ["no reason given"]
+        raise BenchmarkError(f"its environment cannot be set up: {lines[-1]}")

@@ -1,0 +1,62 @@
+"""EMLA-Cosim, this project's own master."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.assembly import assembled
+from emla_cosim.master.simulation import simulate
+from emla_cosim.master.slaves.slave import Vector
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.results.csv_file import CsvFile
+from emla_cosim.results.recorder import Recorder
+from emla_cosim.system.scenarios import load_scenario
+
+from ..job import Job
+from ..study import SCENARIO
+from .worker import Measurement, main
+
+
+class Memory:
+    """All rows in one array."""
+
+    def __init__(self, rows: int, columns: int) -> None:
+        self._rows = np.zeros((rows, columns))
+        self._filled = 0
+
+    def write(self, rows: Vector) -> None:
+        self._rows[self._filled : self._filled + len(rows)] = rows
+        self._filled += len(rows)
+
+    def close(self) -> None:
+        pass
+
+
+def measure(job: Job, to_disk: bool = False) -> Measurement:
+    """Run the job; every 10th row goes to an array, or to a file with all its digits."""
+    system = load_scenario(SCENARIO).system
+    fmus = {c.name: Path(c.fmu) for c in job.components}
+    times = timing(job.steps * job.step, job.step)
+    with assembled(system, fmus) as assembly:
+        network, algorithm = assembly.network, Jacobi()
+        algorithm.setup(network)
+        stepping = FixedSteps(algorithm, times)
+        algorithm.initialize(times.start, times.stop)
+        width = 1 + len(network.signals)
+        if to_disk:
+            sink = CsvFile(Path(job.scratch, "results.csv"), network.names, 1)
+        else:
+            sink = Memory(job.steps // job.every + 1, width)
+        recorder = Recorder(width, [sink], job.every)
+        stepping.record(recorder)
+        started = time.perf_counter()
+        simulate(stepping, recorder)
+        recorder.close()
+        return Measurement(time.perf_counter() - started, job.steps, network.signals.tolist())
+
+
+if __name__ == "__main__":
+    main(measure, "emla-cosim")

@@ -1,0 +1,117 @@
+"""The benchmarks compare runs of the same numbers, and write the table that they measured."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from benchmarks.errors import BenchmarkError
+from benchmarks.job import Job, load_job
+from benchmarks.registry import C_LOOP, FMU_CALLS, TOOLS, Tool
+from benchmarks.rounds import Result, check_signals, measured
+from benchmarks.study import study_job
+from benchmarks.table import as_json, in_readme, markdown, rows, text
+from benchmarks.tools import emla
+from benchmarks.tools.c_loop import run_loop
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="loop.c loads libraries as POSIX does")
+
+STEPS = 300
+OURS = Tool("ours", "emla")
+MISSING = Tool("another", "not_there")
+RESULTS = [
+    Result(FMU_CALLS, [4e-6, 5e-6, 3e-6]),
+    Result(C_LOOP, [5e-6, 5e-6, 10e-6]),
+    Result(OURS, [20e-6, 25e-6, 16e-6], "ours 1.2"),
+    Result(MISSING, [], "", "it is not installed"),
+]
+
+
+@pytest.fixture(scope="module")
+def job(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Job:
+    return study_job(fmu_folder, tmp_path_factory.mktemp("benchmark")).with_steps(STEPS)
+
+
+def test_c_loop_gives_the_bits_of_our_master(job: Job) -> None:
+    expected = emla.measure(job)
+    for options in ([], ["replay"]):
+        found = run_loop(job, *options)
+        assert found.signals == expected.signals
+        assert found.steps == expected.steps == STEPS
+
+
+def test_c_loop_tells_the_time_as_other_tools_do(job: Job) -> None:
+    """Whose last bits differ, and so do the signals'."""
+    found = {clock: run_loop(job, clock=clock).signals for clock in ("products", "sums", "nanoseconds")}
+    assert len(set(map(tuple, found.values()))) == 3
+    for signals in found.values():
+        assert signals == pytest.approx(found["products"], rel=1e-6, abs=1e-6)
+
+
+def test_every_tool_has_a_module() -> None:
+    folder = Path(emla.__file__).parent
+    assert all((folder / f"{tool.module}.py").is_file() for tool in TOOLS)
+    assert len({tool.name for tool in TOOLS}) == len(TOOLS)
+
+
+def test_job_survives_its_file(job: Job, tmp_path: Path) -> None:
+    initialized = replace(job, initial=tuple(run_loop(job.with_steps(0)).signals))
+    initialized.save(tmp_path / "job.json")
+    assert load_job(tmp_path / "job.json") == initialized
+
+
+def test_what_cannot_run_is_reported_and_the_others_go_on(job: Job) -> None:
+    told: list[str] = []
+    ours, missing = measured(job, [OURS, MISSING], 2, 20, told.append)
+    assert len(ours.step_times) == 2
+    assert (missing.step_times, ours.problem) == ([], "")
+    assert "not_there" in missing.problem
+    assert len(told) == 3
+
+
+def test_other_numbers_end_the_benchmark_with_a_sentence(job: Job) -> None:
+    signals = [0.0] * len(job.signals)
+    other = [*signals[:-1], 1.0]
+    check_signals("ours", job, signals, signals)
+    component, output = job.signals[-1]
+    with pytest.raises(BenchmarkError) as failure:
+        check_signals("ours", job, other, signals)
+    end = f"at the end {component.name}.{output.name} is 1.0 instead of 0.0."
+    assert str(failure.value) == f"ours computes something else than the C loop: {end}"
+
+
+def test_rows_hold_medians_ranges_and_what_comes_on_top_of_the_fmus() -> None:
+    assert rows(RESULTS) == [
+        (FMU_CALLS.title, "250,000", "200,000 - 333,000", "1.25", "-"),
+        (C_LOOP.title, "200,000", "100,000 - 200,000", "1", "1.0"),
+        ("ours (ours 1.2)", "50,000", "40,000 - 62,500", "0.25", "16.0"),
+        ("another", "not measured", "-", "-", "-"),
+    ]
+
+
+def test_rows_do_without_the_c_loop() -> None:
+    assert rows(RESULTS[2:3]) == [("ours (ours 1.2)", "50,000", "40,000 - 62,500", "-", "-")]
+
+
+def test_table_comes_as_text_markdown_and_json() -> None:
+    lines = text(RESULTS).splitlines()
+    assert len(lines) == 1 + len(RESULTS) + 1
+    assert len({len(line) for line in lines[:-1]}) == 1
+    assert lines[-1] == "another was not measured: it is not installed"
+    table = markdown(RESULTS, 3).splitlines()
+    assert {line.count("|") for line in table[: 2 + len(RESULTS)]} == {6}
+    assert table[-1].startswith("Medians of 3 rounds on ")
+    found = json.loads(as_json(RESULTS))["tools"]
+    assert [tool["step_times_s"] for tool in found] == [r.step_times for r in RESULTS]
+
+
+def test_readme_gets_the_table_between_its_markers() -> None:
+    readme = "# Title\n<!-- benchmark begins -->\nold\n<!-- benchmark ends -->\nmore\n"
+    new = in_readme(readme, "| new |")
+    assert new == "# Title\n<!-- benchmark begins -->\n| new |\n<!-- benchmark ends -->\nmore\n"
+    assert in_readme(new, "| new |") == new
+    for wrong in ("# Title\n", readme.replace("ends", "end"), readme.replace("begins", "ends")):
+        with pytest.raises(BenchmarkError, match="no place for the table"):
+            in_readme(wrong, "| new |")
