@@ -20,6 +20,9 @@ class Call(IntEnum):
     GET = 2
 
 
+_SET, _STEP, _GET = (int(call) for call in Call)  # comparing numbers is cheaper in the loop
+
+
 @dataclass(frozen=True)
 class Operation:
     """One call on the slave at this position."""
@@ -53,20 +56,21 @@ class Explicit(Algorithm):
                 raise CommandError(f"the step multiple {multiple} of {name} must be at least 1.")
         self.multiples = np.array([self._given_multiples.get(n, 1) for n in names], dtype=np.int64)
         self.operations = self.table(network)
+        self._calls = [(int(o.call), o.slave, int(self.multiples[o.slave])) for o in self.operations]
 
     @abstractmethod
     def table(self, network: Network) -> list[Operation]:
         """The operations of one step, in order."""
 
     def _step(self, time: float, step: float) -> None:
-        for operation in self.operations:
-            i = operation.slave
-            multiple = int(self.multiples[i])
-            match operation.call:
-                case Call.SET if self.steps % multiple == 0:
-                    self.exchange.pass_inputs(i, time, multiple * step)
-                case Call.STEP if self.steps % multiple == 0:
-                    self.network.slaves[i].do_step(time, multiple * step)
-                case Call.GET if (self.steps + 1) % multiple == 0:
-                    self.exchange.shift(i, time + step)
-                    self.network.slaves[i].get_outputs()
+        exchange, slaves, done = self.exchange, self.network.slaves, self.steps
+        for call, i, multiple in self._calls:
+            if (done + 1 if call == _GET else done) % multiple:
+                continue
+            if call == _SET:
+                exchange.pass_inputs(i, time, multiple * step)
+            elif call == _STEP:
+                slaves[i].do_step(time, multiple * step)
+            else:
+                exchange.shift(i, time + step)
+                slaves[i].get_outputs()

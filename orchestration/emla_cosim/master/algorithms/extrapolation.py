@@ -32,6 +32,9 @@ class Mode(IntEnum):
     LINE = 2
 
 
+_HOLD, _MIDDLE, _LINE = (int(mode) for mode in Mode)  # comparing numbers is cheaper in the loop
+
+
 @dataclass
 class History:
     """The signals one communication point earlier, and when each slave's signals were.
@@ -69,14 +72,14 @@ class Exchange:
         self.smooth = np.zeros(size, dtype=bool)
         for i, (slave, part) in enumerate(zip(network.slaves, network.parts, strict=True)):
             self.owners[part], self.smooth[part] = i, slave.continuous_outputs
-        self.modes = np.array([_mode(extrapolation, slave.interpolates) for slave in network.slaves])
+        self.modes = [int(_mode(extrapolation, slave.interpolates)) for slave in network.slaves]
         self.derivatives: Vector = np.zeros(len(network.inputs))
         self.history = History(np.zeros(size), np.zeros(count), np.zeros(count))
 
     @property
     def order(self) -> int:
         """Order in the step of what a held or extrapolated input is exact to, in smooth motion."""
-        return 1 if (self.modes == Mode.HOLD).any() else 2
+        return 1 if _HOLD in self.modes else 2
 
     def begin(self, time: float) -> None:
         """The present signals are those of `time` in s, and there were none before."""
@@ -86,16 +89,16 @@ class Exchange:
     def pass_inputs(self, i: int, time: float, step: float) -> None:
         """Give slave i its inputs for the step from `time` of length `step`, both in s."""
         mode = self.modes[i]
-        if mode == Mode.HOLD:
+        if mode == _HOLD:
             self.network.pass_inputs(i)
             return
         slave, sources = self.network.slaves[i], self.network.sources[i]
         slopes = self.derivatives[self.network.input_parts[i]]
         slopes[:] = np.where(slave.continuous_inputs, self._rates(sources), 0.0)
-        ahead = time - self.history.at[self.owners[sources]] + (0.5 * step if mode == Mode.MIDDLE else 0.0)
+        ahead = time - self.history.at[self.owners[sources]] + (0.5 * step if mode == _MIDDLE else 0.0)
         slave.inputs[:] = self.network.signals[sources] + ahead * slopes
         slave.set_inputs()
-        if mode == Mode.LINE:
+        if mode == _LINE:
             slave.set_input_derivatives(slopes)
 
     def predict(self, which: Indices, time: float) -> Vector:

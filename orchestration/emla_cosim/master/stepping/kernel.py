@@ -114,7 +114,7 @@ def _tables(algorithm: Explicit, points: list[EntryPoints]) -> Tables:
         calls=np.array([o.call for o in algorithm.operations], dtype=np.int64),
         targets=addresses([o.slave for o in algorithm.operations]),
         multiples=algorithm.multiples,
-        modes=exchange.modes.astype(np.int64),
+        modes=np.array(exchange.modes, dtype=np.int64),
         components=addresses([p.component for p in points]),
         set_real=addresses([p.set_real for p in points]),
         get_real=addresses([p.get_real for p in points]),
