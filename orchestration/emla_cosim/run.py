@@ -86,7 +86,7 @@ def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress
         identity = run_identity(system, assembly, name, settings, times)
         resumed = resumable(settings.resume, identity, times) if settings.resume else None
         if settings.checkpoint is not None:
-            check_can_save(assembly.network)
+            check_can_save(settings.checkpoint, assembly.network)
         checkpoints = Checkpoints(settings.checkpoint, identity)
         result = _Simulation(assembly, stepping, pacing, checkpoints, resumed, progress).run(
             output, system, every

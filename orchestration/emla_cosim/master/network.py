@@ -72,13 +72,10 @@ class Network:
         """Use this order of the slaves' names instead; CommandError unless it has each of them once."""
         position = {slave.name: i for i, slave in enumerate(self.slaves)}
         if sorted(names) != sorted(position):
-            missing = [n for n in position if n not in names]
             wrong = [n for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1]
-            problems = [f"lacks {listed(missing)}"] * bool(missing)
-            problems += [f"has {listed(wrong)}, unknown or twice"] * bool(wrong)
-            raise CommandError(
-                f"the order of stepping must name every component once; it {', '.join(problems)}."
-            )
+            missing = [n for n in position if n not in names]
+            problem = f"has {listed(wrong)}, unknown or twice" if wrong else f"lacks {listed(missing)}"
+            raise CommandError(f"the order of stepping must name every component once; it {problem}.")
         self.order = [position[n] for n in names]
 
     def feedback(self) -> list[Link]:

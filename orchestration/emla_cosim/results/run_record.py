@@ -6,6 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from ..master.algorithms.explicit import Explicit
 from ..master.algorithms.jacobi import Jacobi
 from ..master.algorithms.strong import Strong
 from ..master.assembly import Assembly
@@ -59,7 +60,7 @@ def stepping_record(stepping: Stepping, system: System) -> dict[str, Any]:
         "steps": stepping.steps,
         "late_connections": [_text(x) for x, link in links if link in late],
     }
-    if isinstance(stepping, FixedSteps):
+    if isinstance(stepping, FixedSteps) and isinstance(algorithm, Explicit):
         record["compiled"] = stepping.compiled
     if isinstance(stepping, ErrorControl):
         record["rejected_steps"] = stepping.control.rejected

@@ -6,6 +6,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -40,8 +41,15 @@ class Checkpoint:
         stepping.remember(self.memory)
 
 
-def check_can_save(network: Network) -> None:
-    """Raise CommandError unless all slaves can be put aside."""
+def check_can_save(path: Path, network: Network) -> None:
+    """Raise CommandError unless all slaves can be put aside, and the file can be written."""
+    try:
+        with TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise CommandError(f"the checkpoint '{path}' cannot be written: {error.strerror}.") from error
+    if path.is_dir():
+        raise CommandError(f"the checkpoint '{path}' cannot be written: it is a folder.")
     require(network.slaves, "serializes", "canSerializeFMUstate", "a checkpoint")
 
 

@@ -3,12 +3,14 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import CommandError, RunError
 from ..algorithms.algorithm import Algorithm, require
 from ..algorithms.explicit import Explicit
 from ..algorithms.scale import Scale
 from ..algorithms.snapshot import Snapshot
+from ..network import Indices
 from ..slaves.slave import StepDiscardedError, Vector
 from .step_control import StepControl
 from .stepping import Rows, Stepping
@@ -23,9 +25,12 @@ class ErrorControl(Stepping):
 
     The difference between one step and two of half the length, divided by 2^p - 1 for an
     algorithm of order p, estimates the error of the halves, which are kept. A step is accepted
-    when this error is at most `tolerance` of every continuous signal's size; see `Scale`. The
-    first step tried is that of `times`. With an `interval` in s, its multiples are met exactly
-    and only they are recorded; without, every accepted step is.
+    when this error is at most `tolerance` of the size of every continuous signal that a slave
+    reads, or that belongs to a slave which nobody reads; see `Scale`. A signal that jumps is not
+    judged there, once the step has become short.
+
+    The first step tried is that of `times`. With an `interval` in s, its multiples are met
+    exactly and only they are recorded; without, every accepted step is.
     """
 
     def __init__(
@@ -47,7 +52,9 @@ class ErrorControl(Stepping):
         self._points = 0
         self._start = Snapshot(algorithm)
         self._scale = Scale(algorithm.network)
-        self._judged = np.flatnonzero(algorithm.exchange.smooth)
+        self._rejected: tuple[float, Vector] | None = None
+        """The first step tried from here, and its errors, if it was rejected."""
+        self._judged = _judged(algorithm)
 
     @property
     def time(self) -> float:
@@ -114,7 +121,7 @@ class ErrorControl(Stepping):
         self._start.take()
         self._scale.see()
         try:
-            error = self._doubled(step)
+            errors = self._doubled(step)
         except StepDiscardedError as discarded:
             self._start.restore()
             try:
@@ -122,18 +129,23 @@ class ErrorControl(Stepping):
             except RunError:
                 raise discarded from None
             return False
-        signals = self.algorithm.network.signals
-        failure = None if np.isfinite(signals[self._judged]).all() else self._not_finite(step)
+        smooth = ~self._stays(step, errors)
+        judged = np.where(smooth, errors, 0.0)
+        failure = self._not_finite(step)
         try:
-            accepted = self.control.judge(step, error)
+            accepted = self.control.judge(step, float(judged.max(initial=0.0)) / self.tolerance)
         except RunError as too_small:
-            raise failure or too_small from None
-        if not accepted:
+            name = self.algorithm.network.names[self._judged[judged.argmax()]]
+            raise failure or RunError(f"{too_small} {name} differs most.") from None
+        if accepted:
+            self._rejected = None
+        else:
+            self._rejected = self._rejected or (step, errors)
             self._start.restore()
         return accepted
 
-    def _doubled(self, step: float) -> float:
-        """Do the step whole, go back, and do it in halves; returns the error relative to the tolerance."""
+    def _doubled(self, step: float) -> Vector:
+        """Do the step whole, go back, and do it in halves; returns the error relative to the sizes."""
         algorithm, half = self.algorithm, 0.5 * step
         signals = algorithm.network.signals
         algorithm.step(self._time, step)
@@ -142,7 +154,13 @@ class ErrorControl(Stepping):
         algorithm.step(self._time, half)
         algorithm.step(self._time + half, half)
         difference = (signals[self._judged] - whole) / (2.0**algorithm.order - 1.0)
-        return float(self._scale.relative(difference, self._judged).max(initial=0.0)) / self.tolerance
+        return self._scale.relative(difference, self._judged)
+
+    def _stays(self, step: float, errors: Vector) -> NDArray[np.bool_]:
+        """Which errors are as large as in a much longer step: those signals jump within both."""
+        if self._rejected is None or step > 0.5 * self._rejected[0]:
+            return np.zeros(len(errors), dtype=bool)
+        return errors > 0.9 * self._rejected[1]
 
     def _not_finite(self, step: float) -> RunError | None:
         try:
@@ -150,3 +168,13 @@ class ErrorControl(Stepping):
         except RunError as failure:
             return failure
         return None
+
+
+def _judged(algorithm: Algorithm) -> Indices:
+    """Continuous signals that are read, and all continuous signals of slaves of which none is read."""
+    network = algorithm.network
+    judged = np.zeros(len(network.signals), dtype=bool)
+    judged[network.read] = True
+    for part in network.parts:
+        judged[part] |= not judged[part].any()
+    return np.flatnonzero(judged & algorithm.exchange.smooth)
