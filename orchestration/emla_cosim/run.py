@@ -25,6 +25,9 @@ from .settings import Settings
 from .system.model import System
 from .system.scenarios import Scenario
 
+FLUSH_INTERVAL = 1.0
+"""Wall time in s after which rows go to disk even if there are few."""
+
 
 @dataclass(frozen=True)
 class RunResult:
@@ -177,13 +180,16 @@ class _Simulation:
         """Step until the end; returns why not, if it was interrupted."""
         stepping, times = self.stepping, self.stepping.times
         self.progress.begin("simulating", times.steps)
-        shown = 0
+        shown, flushed = 0, time.monotonic()
 
         def between() -> None:
-            nonlocal shown
+            nonlocal shown, flushed
             reached = round((stepping.time - times.start) / times.step)
             self.progress.advance(reached - shown)
             shown = reached
+            if time.monotonic() - flushed >= FLUSH_INTERVAL:
+                recording.recorder.flush()
+                flushed = time.monotonic()
             self.checkpoints.save_when_due(stepping, recording)
 
         between()
