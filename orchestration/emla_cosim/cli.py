@@ -43,14 +43,23 @@ def _one_sentence(command: Callable[..., None]) -> Callable[..., None]:
     return guarded
 
 
-Flavour = Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")]
+def _panel(title: str) -> Callable[..., Any]:
+    """Options that the help shows under one title."""
+
+    def option(text: str, *names: str, **more: Any) -> Any:
+        return typer.Option(*names, help=text, rich_help_panel=title, **more)
+
+    return option
+
+
+_system, _stepping, _output = _panel("What is run"), _panel("How it is stepped"), _panel("What comes out")
 
 
 @app.command("build")
 @_one_sentence
 def build_command(
     models: Annotated[list[str] | None, typer.Argument(help="Models; all without any.")] = None,
-    flavour: Flavour = "native",
+    flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
     platform: Annotated[
         list[str] | None,
         typer.Option(
@@ -102,54 +111,47 @@ def run_command(
     scenario: Annotated[str, typer.Argument(help="Name of a scenario; `emla list` shows them.")],
     set_: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", metavar="JOINT.COMPONENT.VARIABLE=VALUE", help="Other start value (repeatable)."
-        ),
+        _system("Other start value (repeatable).", "--set", metavar="JOINT.COMPONENT.VARIABLE=VALUE"),
     ] = None,
     replace: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="JOINT.COMPONENT=FILE.fmu", help="Use another FMU for a component (repeatable)."
-        ),
+        _system("Use another FMU for a component (repeatable).", metavar="JOINT.COMPONENT=FILE.fmu"),
     ] = None,
-    algorithm: Annotated[str | None, typer.Option(help=f"{', '.join(ALGORITHMS)}.")] = None,
-    extrapolation: Annotated[
-        str, typer.Option(help=f"Inputs during a step: {', '.join(EXTRAPOLATIONS)}.")
-    ] = "none",
-    step_size: Annotated[float | None, typer.Option(help="Communication step in s.")] = None,
+    flavour: Annotated[str, _system(f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
+    controller: Annotated[
+        str | None, _system(f"Gains of controller and observer: {' or '.join(CONTROLLERS)}.")
+    ] = None,
+    fmus: Annotated[Path, _system("Folder of our FMUs; missing ones are built.")] = FMU_FOLDER,
+    stop_time: Annotated[float | None, _stepping("End of the run in s.")] = None,
+    step_size: Annotated[float | None, _stepping("Communication step in s.")] = None,
     error_tolerance: Annotated[
-        float | None, typer.Option(help="Choose steps by their error, relative to each signal's size.")
+        float | None, _stepping("Choose steps by their error, relative to each signal's size.")
     ] = None,
-    coupling_tolerance: Annotated[
-        float, typer.Option(help="What `--algorithm strong` agrees to, relative to each signal's size.")
-    ] = 1e-8,
     step_multiple: Annotated[
         list[str] | None,
-        typer.Option(metavar="JOINT.COMPONENT=N", help="Step a component at every N-th step (repeatable)."),
+        _stepping("Step a component at every N-th step (repeatable).", metavar="JOINT.COMPONENT=N"),
     ] = None,
+    algorithm: Annotated[str | None, _stepping(f"{', '.join(ALGORITHMS)}.")] = None,
+    extrapolation: Annotated[str, _stepping(f"Inputs during a step: {', '.join(EXTRAPOLATIONS)}.")] = "none",
+    coupling_tolerance: Annotated[
+        float, _stepping("What `--algorithm strong` agrees to, relative to each signal's size.")
+    ] = 1e-8,
     order: Annotated[
-        str | None,
-        typer.Option(help="Components in the order of stepping, comma between; without, the graph's."),
+        str | None, _stepping("Components in the order of stepping, comma between; the graph's without.")
     ] = None,
-    stop_time: Annotated[float | None, typer.Option(help="End of the run in s.")] = None,
-    output_interval: Annotated[
-        float | None, typer.Option(help="Time between rows of results.csv in s; 1 ms without.")
-    ] = None,
-    flavour: Flavour = "native",
-    controller: Annotated[
-        str | None, typer.Option(help=f"Gains of controller and observer: {' or '.join(CONTROLLERS)}.")
-    ] = None,
-    output: Annotated[Path | None, typer.Option(help="Output folder; results/SCENARIO without.")] = None,
-    fmus: Annotated[Path, typer.Option(help="Folder of our FMUs; missing ones are built.")] = FMU_FOLDER,
-    plots: Annotated[bool, typer.Option(help="Draw plots.")] = True,
-    kernel: Annotated[bool, typer.Option(help="Step in compiled code where that is possible.")] = True,
+    kernel: Annotated[bool, _stepping("Step in compiled code where that is possible.")] = True,
     realtime: Annotated[
-        float | None, typer.Option(metavar="FACTOR", help="Simulate so many seconds per second, not more.")
+        float | None, _stepping("Simulate so many seconds per second, not more.", metavar="FACTOR")
     ] = None,
+    output: Annotated[Path | None, _output("Output folder; results/SCENARIO without.")] = None,
+    output_interval: Annotated[
+        float | None, _output("Time between rows of results.csv in s; 1 ms without.")
+    ] = None,
+    plots: Annotated[bool, _output("Draw plots.")] = True,
     checkpoint: Annotated[
-        Path | None, typer.Option(help="Write checkpoints to this file: every minute, and at the end.")
+        Path | None, _output("Write checkpoints to this file: every minute, and at the end.")
     ] = None,
-    resume: Annotated[Path | None, typer.Option(help="Continue the run of this checkpoint.")] = None,
+    resume: Annotated[Path | None, _output("Continue the run of this checkpoint.")] = None,
 ) -> None:
     """Run a scenario: progress, a table of results, and an output folder with data and plots."""
     check_choice("flavour", flavour, FLAVOURS)
