@@ -39,10 +39,10 @@ def begun(network: Network, algorithm: Algorithm, times: Timing) -> Algorithm:
 
 
 def recorded(
-    stepping: Stepping, every: int = 1, interrupted: Callable[[], bool] = lambda: False
+    stepping: Stepping, every: int = 1, interrupted: Callable[[], bool] = lambda: False, room: int = 7
 ) -> np.ndarray:
     """All rows from where the stepping is to where it ends, time first."""
-    table = Table(1 + len(stepping.algorithm.network.signals), every)
+    table = Table(1 + len(stepping.algorithm.network.signals), every, room)
     stepping.record(table)
     try:
         simulate(stepping, table, interrupted)

@@ -25,6 +25,7 @@ def run_identity(
     """What must be the same for a run to be continued, by the names it has in messages."""
     return {
         "FMUs": {name: file.sha256 for name, file in assembly.files.items()},
+        "components": [c.name for c in system.components],
         "values set": {
             f"{c.name}.{n}": str(v) for c in system.components for n, v in sorted(c.parameters.items())
         },

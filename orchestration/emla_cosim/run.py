@@ -168,8 +168,10 @@ class _Simulation:
 
     def _begin(self, recording: Recording) -> tuple[int, float]:
         """Initialize, or continue where a checkpoint is; returns steps and time in s there."""
-        stepping = self.stepping
-        stepping.algorithm.initialize(stepping.times.start, stepping.times.stop)
+        stepping, times = self.stepping, self.stepping.times
+        # the states in a checkpoint would hold a continued run to this run's stop time
+        stop = times.stop if self.checkpoints.path is None else None
+        stepping.algorithm.initialize(times.start, stop)
         if self.resumed is None:
             stepping.record(recording.recorder)
         else:

@@ -35,8 +35,11 @@ class Algorithm(ABC):
         self.network = network
         self.exchange = Exchange(network, self.extrapolation)
 
-    def initialize(self, start_time: float, stop_time: float) -> None:
-        """Bring all slaves through initialization mode; signals then hold the initial outputs."""
+    def initialize(self, start_time: float, stop_time: float | None) -> None:
+        """Bring all slaves through initialization mode; signals then hold the initial outputs.
+
+        Without a stop time slaves have to be ready for steps without end.
+        """
         initialize(self.network, start_time, stop_time)
         self.exchange.begin(start_time)
 

@@ -109,8 +109,8 @@ class FmuSlave(Slave):
                     call = self._fmu.setInteger
             self._checked(f"setting {name} = {value}", call, reference, start)
 
-    def enter_initialization(self, start_time: float, stop_time: float) -> None:
-        """Enter initialization mode; times in s."""
+    def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
+        """Enter initialization mode; times in s, no stop time where none is known yet."""
         self._checked("setupExperiment", self._fmu.setupExperiment, None, start_time, stop_time)
         self._checked("enterInitializationMode", self._fmu.enterInitializationMode)
 

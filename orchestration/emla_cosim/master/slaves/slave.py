@@ -82,8 +82,8 @@ class Slave(ABC):
     interpolates = False
 
     @abstractmethod
-    def enter_initialization(self, start_time: float, stop_time: float) -> None:
-        """Enter initialization mode; times in s."""
+    def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
+        """Enter initialization mode; times in s, no stop time where none is known yet."""
 
     @abstractmethod
     def exit_initialization(self) -> None:

@@ -64,9 +64,9 @@ def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) ->
     }
     content |= {_MEMORY + name: value for name, value in stepping.memory().items()}
     content[_MEMORY + "signals"] = network.signals
-    header = json.dumps({"format": FORMAT, "notes": notes})
+    header = json.dumps({"format": FORMAT, "notes": notes, "arrays": list(content)})
     content["header"] = np.frombuffer(header.encode(), dtype=np.uint8)
-    unfinished = path.with_name(path.name + ".part")
+    unfinished = path.parent / f"{path.name}.part"
     try:
         with unfinished.open("wb") as stream:
             np.savez(stream, allow_pickle=False, **content)
@@ -82,13 +82,24 @@ def load_checkpoint(path: Path) -> Checkpoint:
     if not path.is_file():
         raise CommandError(f"there is no checkpoint '{path}'.")
     try:
-        with np.load(path, allow_pickle=False) as content:
-            header = json.loads(content["header"].tobytes())
-            states = {n.removeprefix(_STATE): content[n].tobytes() for n in content if n.startswith(_STATE)}
-            memory = {n.removeprefix(_MEMORY): content[n] for n in content if n.startswith(_MEMORY)}
-            form, notes = header["format"], header["notes"]
-    except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+        header, arrays = _read(path)
+        form, notes, names = header["format"], header["notes"], header["arrays"]
+    except Exception as error:  # zip, JSON and array readers raise whatever they like
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: {error}.") from error
     if form != FORMAT:
         raise CommandError(f"the checkpoint '{path}' has the format {form}; this version reads {FORMAT}.")
+    if sorted(names) != sorted(arrays):
+        raise CommandError(f"'{path}' is not a checkpoint, or is damaged: parts of it are missing.")
+    states = {n.removeprefix(_STATE): arrays[n].tobytes() for n in arrays if n.startswith(_STATE)}
+    memory = {n.removeprefix(_MEMORY): arrays[n] for n in arrays if n.startswith(_MEMORY)}
     return Checkpoint(states, memory, notes)
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, Vector]]:
+    """The header and the arrays of a file, of which not a bit has changed."""
+    with zipfile.ZipFile(path) as archive:
+        if (damaged := archive.testzip()) is not None:
+            raise ValueError(f"{damaged} has changed")
+    with np.load(path, allow_pickle=False) as content:
+        header = json.loads(content["header"].tobytes())
+        return header, {n: content[n] for n in content if n != "header"}

@@ -48,6 +48,7 @@ class ErrorControl(Stepping):
         self.tolerance = tolerance
         self.control = StepControl(times.step, algorithm.order, SMALLEST * times.step)
         self._interval = interval
+        self._end = _last_point(times, interval)
         self._time = times.start
         self._points = 0
         self._start = Snapshot(algorithm)
@@ -69,7 +70,7 @@ class ErrorControl(Stepping):
     @property
     def finished(self) -> bool:
         """Whether the stop time is reached."""
-        return self._time >= self.times.stop
+        return self._time >= self._end
 
     def advance(self, rows: Rows, most: int) -> None:
         """Do at most so many steps and record them."""
@@ -81,9 +82,10 @@ class ErrorControl(Stepping):
             if not self._tried(step):
                 continue
             met = step == point - self._time
-            self._time = point if met else self._time + step
+            end = point if met else self._time + step
+            self.algorithm.network.check_finite(end)
+            self._time = end
             self._points += met
-            self.algorithm.network.check_finite(self._time)
             if met or self._interval is None:
                 self.record(rows)
 
@@ -113,8 +115,8 @@ class ErrorControl(Stepping):
 
     def _next_point(self) -> float:
         if self._interval is None:
-            return self.times.stop
-        return min(self.times.start + (self._points + 1) * self._interval, self.times.stop)
+            return self._end
+        return min(self.times.start + (self._points + 1) * self._interval, self._end)
 
     def _tried(self, step: float) -> bool:
         """Whether the step was done and is good enough; if not, everything is as before."""
@@ -178,3 +180,11 @@ def _judged(algorithm: Algorithm) -> Indices:
     for part in network.parts:
         judged[part] |= not judged[part].any()
     return np.flatnonzero(judged & algorithm.exchange.smooth)
+
+
+def _last_point(times: Timing, interval: float | None) -> float:
+    """The stop time in s, without the rounding by which it may differ from a multiple of the interval."""
+    if interval is None:
+        return times.stop
+    point = times.start + round((times.stop - times.start) / interval) * interval
+    return point if abs(point - times.stop) <= 1e-9 * interval else times.stop
