@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emla_cosim.errors import CommandError, RunError
+from emla_cosim.errors import CommandError
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.network import Link, Network, stepping_order
@@ -66,49 +66,6 @@ def test_first_order_on_the_oscillator(name: str) -> None:
         simulated(system, ALGORITHMS[name](), timing(1.0, 1.0 / steps))
         errors.append(np.abs(system.signals - [np.cos(1.0), -np.sin(1.0)]).max())
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([1.0, 1.0], abs=0.05)
-
-
-def test_initialization_settles_a_chain_against_its_order() -> None:
-    """c needs b needs a, declared backwards: the values must still have come through."""
-    c = FakeSlave("c", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u + 1)
-    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 2 * u)
-    a = FakeSlave("a", 0, [3.0], lambda u, x, t, h: x)
-    system = Network([c, b, a], [Link(1, 0, 0, 0, True), Link(2, 0, 1, 0, True)])
-    algorithm = Jacobi()
-    algorithm.setup(system)
-    algorithm.initialize(0.0, 1.0)
-    assert system.signals.tolist() == [7.0, 6.0, 3.0]
-    assert (b.held[0], c.held[0]) == (3.0, 6.0)
-
-
-def test_initialization_settles_a_loop_that_contracts() -> None:
-    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 0.1 * u + 1)
-    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u)
-    system = Network([a, b], [Link(1, 0, 0, 0, True), Link(0, 0, 1, 0, True)])
-    algorithm = GaussSeidel()
-    algorithm.setup(system)
-    algorithm.initialize(0.0, 1.0)
-    assert system.signals == pytest.approx([1 / 0.9, 1 / 0.9], rel=1e-11)
-
-
-def test_initialization_that_does_not_settle_names_the_loop() -> None:
-    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u + 1)
-    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u)
-    bystander = FakeSlave("bystander", 0, [1.0], lambda u, x, t, h: x)
-    system = Network([a, bystander, b], [Link(2, 0, 0, 0, True), Link(0, 0, 2, 0, True)])
-    with pytest.raises(
-        RunError, match=r"initial values of the loop a -> b -> a do not settle .* b\[0\] still"
-    ):
-        begun(system, Jacobi(), timing(1.0, 0.1))
-
-
-def test_initialization_solves_a_loop_that_repetition_would_blow_up() -> None:
-    """u = 2 u + 1 has the solution -1, from which u <- 2 u + 1 runs away."""
-    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x, lambda u, x: 2 * u + 1)
-    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u)
-    system = Network([a, b], [Link(1, 0, 0, 0, True), Link(0, 0, 1, 0, True)])
-    begun(system, GaussSeidel(), timing(1.0, 0.1))
-    assert system.signals == pytest.approx([-1.0, -1.0], rel=1e-11)
 
 
 def test_stepping_order_puts_direct_feedthrough_last() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...errors import RunError
+from ...errors import RunError, listed
 from ..network import Link, Network
 from ..slaves.slave import Vector
 from .quasi_newton import NoAgreementError, QuasiNewton
@@ -14,7 +14,7 @@ TOLERANCE = 1e-12
 SWEEPS = 50
 
 
-def initialize(network: Network, start_time: float, stop_time: float) -> None:
+def initialize(network: Network, start_time: float, stop_time: float | None) -> None:
     """Bring all slaves through initialization mode; signals then hold the initial outputs.
 
     Slaves get their inputs in the order in which initial values depend on each other; loops of
@@ -54,15 +54,15 @@ def _settle(network: Network, group: list[int]) -> None:
     if not len(cut):
         sweep()
         return
-    scale = Scale(network)
 
     def answer(guess: Vector) -> Vector:
         network.signals[cut] = guess
         sweep()
-        scale.see()
         return network.signals[cut]
 
     def agreed(difference: Vector) -> bool:
+        scale = Scale(network)  # of the present values, because tries on the way may be huge
+        scale.see()
         return bool((scale.relative(difference, cut) <= TOLERANCE).all())
 
     try:
@@ -73,8 +73,10 @@ def _settle(network: Network, group: list[int]) -> None:
 
 def _no_agreement(network: Network, group: list[int], cut: np.ndarray, failure: NoAgreementError) -> str:
     names = " -> ".join(network.slaves[i].name for i in [*group, group[0]])
-    moving = [network.names[s] for s, gap in zip(cut, failure.gap, strict=True) if gap != 0.0]
+    lost = [network.names[s] for s in cut[~np.isfinite(failure.gap)]]
+    moving = [network.names[s] for s in cut[failure.gap != 0.0]]
+    problem = f"{listed(lost)} became infinite or no number" if lost else f"{listed(moving)} still change"
     return (
         f"the initial values of the loop {names} do not settle in {failure.sweeps} exchanges: "
-        f"{', '.join(moving)} still change. Set other start values, or break the loop of direct feedthrough."
+        f"{problem}. Set other start values, or break the loop of direct feedthrough."
     )

@@ -1,0 +1,226 @@
+"""Initial values come through whatever the order, and loops of them are solved."""
+
+import contextlib
+import itertools
+import math
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+
+from emla_cosim.errors import RunError
+from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.assembly import assembled
+from emla_cosim.master.network import Link, Network
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.models import fmu_path
+from emla_cosim.system.scenarios import load_scenario
+from faulty_fmu import Fault
+from faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired
+from simulated import begun
+from slaves import FakeSlave
+
+TIMES = timing(1.0, 0.1)
+
+
+def gate(
+    name: str, inputs: int, output: Callable[[np.ndarray], float], calls: list[str] | None = None
+) -> FakeSlave:
+    """A slave whose output is a function of its inputs."""
+    return FakeSlave(name, inputs, [0.0], lambda u, x, t, h: x, lambda u, x: [output(u)], calls)
+
+
+def link(source: int, target: int, element: int = 0) -> Link:
+    return Link(source, 0, target, element, True)
+
+
+def initial(network: Network) -> np.ndarray:
+    """The signals after initialization."""
+    begun(network, Jacobi(), TIMES)
+    return network.signals
+
+
+# ---- without loops -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(4))), ids=str)
+def test_values_come_through_a_chain_in_any_order_of_declaration(order: Sequence[int]) -> None:
+    """3 -> 2 u -> u + 1 -> u^2"""
+    gates = [
+        gate("a", 0, lambda u: 3.0),
+        gate("b", 1, lambda u: 2.0 * u[0]),
+        gate("c", 1, lambda u: u[0] + 1.0),
+        gate("d", 1, lambda u: u[0] ** 2),
+    ]
+    place = [order.index(i) for i in range(4)]
+    network = Network([gates[i] for i in order], [link(place[i], place[i + 1]) for i in range(3)])
+    assert initial(network)[place].tolist() == [3.0, 6.0, 7.0, 49.0]
+    assert [gates[i].held[0] for i in (1, 2, 3)] == [3.0, 6.0, 7.0]
+
+
+@given(data=st.data())
+def test_values_come_through_any_graph_without_loops(data: st.DataObject) -> None:
+    count = data.draw(st.integers(2, 8), label="count")
+    reads = [data.draw(st.sets(st.integers(0, i - 1))) if i else set() for i in range(count)]
+    order = data.draw(st.permutations(range(count)), label="order")
+    gates = [gate(f"g{i}", len(r), lambda u, i=i: i + 1.0 + float(u.sum())) for i, r in enumerate(reads)]
+    place = [order.index(i) for i in range(count)]
+    links = [link(place[s], place[i], k) for i, r in enumerate(reads) for k, s in enumerate(sorted(r))]
+    expected: list[float] = []
+    for i, sources in enumerate(reads):
+        expected.append(i + 1.0 + sum(expected[s] for s in sources))
+    assert initial(Network([gates[i] for i in order], links))[place].tolist() == expected
+
+
+def test_a_graph_without_loops_needs_no_second_round() -> None:
+    """Outputs are read before, in, and after the round; inputs are set in it, after it and at its end."""
+    calls: list[str] = []
+    names = ["c", "b", "a"]
+    gates = [gate(name, int(name != "a"), lambda u: float(u.sum()) + 1.0, calls) for name in names]
+    assert initial(Network(gates, [link(1, 0), link(2, 1)])).tolist() == [3.0, 2.0, 1.0]
+    for name in names:
+        assert [calls.count(f"{name}.{call}") for call in ("enter", "set", "get", "exit")] == [1, 3, 3, 1]
+    in_the_round = calls[calls.index("c.get") + 3 : calls.index("a.exit")]
+    assert [c for c in in_the_round if c.endswith(".get")] == ["a.get", "b.get", "c.get"]
+    assert {c.partition(".")[2] for c in calls[: calls.index("c.get")]} == {"enter"}
+
+
+def test_a_loop_that_initial_values_do_not_go_round_is_not_repeated() -> None:
+    calls: list[str] = []
+    a, b = gate("a", 1, lambda u: 5.0, calls), gate("b", 1, lambda u: 2.0 * u[0], calls)
+    links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, initial=False)]
+    assert initial(Network([a, b], links)).tolist() == [5.0, 10.0]
+    assert (a.held[0], b.held[0]) == (10.0, 5.0)
+    assert calls.count("a.get") == calls.count("b.get") == 3
+
+
+def test_the_study_has_no_loops_of_initial_values(fmu_folder: Path) -> None:
+    system = load_scenario("study").system
+    fmus = {c.name: fmu_path(c.model, "native", fmu_folder) for c in system.components}
+    with assembled(system, fmus) as assembly:
+        groups = assembly.network.groups(lambda x: x.initial)
+    assert [len(group) for group in groups] == [1] * 15
+
+
+def without_initial_unknowns(fmu: Path, path: Path) -> Path:
+    """The same FMU, which says nothing of what its initial values depend on."""
+    with zipfile.ZipFile(fmu) as original, zipfile.ZipFile(path, "w") as silent:
+        for name in original.namelist():
+            content = original.read(name)
+            if name == "modelDescription.xml":
+                before, _, rest = content.partition(b"<InitialUnknowns>")
+                content = before + rest.partition(b"</InitialUnknowns>")[2]
+                assert len(content) < len(original.read(name))
+            silent.writestr(name, content)
+    return path
+
+
+def test_dependencies_that_are_not_declared_are_followed(faulty_fmu: Path, tmp_path: Path) -> None:
+    silent = without_initial_unknowns(faulty_fmu, tmp_path / "silent.fmu")
+    system = wired(
+        [
+            faulty("j.c", silent, b=5.0),
+            faulty("j.b", silent, b=3.0),
+            faulty("j.a", silent, b=2.0, u=1.0),
+            faulty("j.d", silent, b=7.0),
+        ],
+        "j.a.y -> j.b.u",
+        "j.b.y -> j.c.u",
+        "j.d.z -> j.d.u",
+    )
+    with open_system(system) as assembly:
+        found = dict(zip(assembly.network.names, initial(assembly.network), strict=True))
+    assert {name: found[f"j.{name}.y"] for name in "abcd"} == {"a": 2.0, "b": 6.0, "c": 30.0, "d": 0.0}
+
+
+# ---- loops -------------------------------------------------------------------------------------
+
+
+def ring(output: Callable[[float], float]) -> Network:
+    """y = f(y), closed through another slave that passes the value on."""
+    return Network(
+        [gate("a", 1, lambda u: output(u[0])), gate("b", 1, lambda u: u[0])], [link(1, 0), link(0, 1)]
+    )
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.1, -0.9, 2.0, -3.0, 50.0])
+def test_a_loop_is_solved_whatever_its_gain(gain: float) -> None:
+    """Repetition would run away from gains above 1."""
+    assert initial(ring(lambda u: gain * u + 1.0)) == pytest.approx([1.0 / (1.0 - gain)] * 2, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    "output",
+    [
+        math.cos,
+        lambda u: math.exp(-3.0 * u),
+        lambda u: 10.0 + 5.0 * math.tanh(u),
+        lambda u: 1.0 / (1.0 + u * u) - 4.0 * u,
+    ],
+)
+def test_a_loop_need_not_be_linear(output: Callable[[float], float]) -> None:
+    y, _ = initial(ring(output))
+    assert y == pytest.approx(output(y), rel=1e-11)
+
+
+def test_a_wild_try_is_not_taken_for_agreement() -> None:
+    """The search for the solution 1 comes past 1e17, beside which every difference looks small."""
+    with contextlib.suppress(RunError):
+        assert initial(ring(lambda u: 2.0 - u**3)) == pytest.approx([1.0, 1.0])
+
+
+def test_loops_that_share_a_slave_are_solved_together() -> None:
+    """a = 1 + 2 b + c, b = a - 3 c, c = 4 a + 1: two loops through a, and one through all three."""
+    a = gate("a", 2, lambda u: 1.0 + 2.0 * u[0] + u[1])
+    b = gate("b", 2, lambda u: u[0] - 3.0 * u[1])
+    c = gate("c", 1, lambda u: 4.0 * u[0] + 1.0)
+    network = Network([a, b, c], [link(1, 0), link(2, 0, 1), link(0, 1), link(2, 1, 1), link(0, 2)])
+    expected = np.linalg.solve([[1.0, -2.0, -1.0], [-1.0, 1.0, 3.0], [-4.0, 0.0, 1.0]], [1.0, 0.0, 1.0])
+    assert initial(network) == pytest.approx(expected, rel=1e-10)
+
+
+def test_a_loop_after_a_loop_sees_its_solution() -> None:
+    """a = b - 1 and b = 2 a give a = 1, b = 2; then c = d + b and d = 3 c give c = -1."""
+    a, b = gate("a", 1, lambda u: u[0] - 1.0), gate("b", 1, lambda u: 2.0 * u[0])
+    c, d = gate("c", 2, lambda u: u[0] + u[1]), gate("d", 1, lambda u: 3.0 * u[0])
+    links = [link(0, 2, 1), link(1, 0), link(3, 2), link(2, 3), link(0, 1)]
+    found = initial(Network([a, b, c, d], links))
+    assert found == pytest.approx([1.0, 2.0, -0.5, -1.5], rel=1e-10)
+
+
+def test_a_slave_that_reads_itself_is_a_loop() -> None:
+    assert initial(Network([gate("a", 1, lambda u: 3.0 * u[0] - 4.0)], [link(0, 0)])) == pytest.approx([2.0])
+
+
+def test_a_loop_without_solution_is_named() -> None:
+    a, b = gate("a", 1, lambda u: u[0] + 1.0), gate("b", 1, lambda u: u[0])
+    bystander = gate("bystander", 0, lambda u: 1.0)
+    with pytest.raises(
+        RunError, match=r"initial values of the loop a -> b -> a do not settle .*: b\[0\] still change\."
+    ):
+        begun(Network([a, bystander, b], [link(2, 0), link(0, 2)]), GaussSeidel(), TIMES)
+
+
+# ---- values that are no numbers ----------------------------------------------------------------
+
+
+def test_an_initial_value_that_is_no_number_is_named() -> None:
+    network = Network([gate("b", 1, lambda u: 1.0), gate("a", 0, lambda u: math.nan)], [link(1, 0)])
+    with pytest.raises(RunError, match=r"^a\[0\] became nan at t = 0 s\.$"):
+        initial(network)
+
+
+def test_a_loop_that_gives_no_number_is_named() -> None:
+    with pytest.raises(RunError, match=r"loop a -> b -> a .*: b\[0\] became infinite or no number\."):
+        initial(ring(lambda u: math.nan))
+
+
+def test_an_initial_value_that_is_no_number_ends_the_run(faulty_fmu: Path, tmp_path: Path) -> None:
+    result = run_system(line_with_a_fault(faulty_fmu, Fault.NAN_Y, -1.0), tmp_path)
+    assert result.problem == "the run ended at t = 0 s: j.bad.y became nan at t = 0 s."
+    assert len((tmp_path / "results.csv").read_text().splitlines()) == 1
