@@ -10,6 +10,7 @@ import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
@@ -23,6 +24,7 @@ from emla_cosim.system.scenarios import scenario_names
 
 Emla = Callable[..., Result]
 PICTURES = {f"{name}.png" for name in FIGURES}
+ORDER = "lift.plant,lift.observer,lift.controller,lift.reference,lift.disturbance"
 
 
 @pytest.fixture
@@ -130,6 +132,38 @@ def test_settings_reach_the_run(emla: Emla, tmp_path: Path) -> None:
     assert len(polars.read_csv(tmp_path / "out/results.csv")) == 6
 
 
+def stepping(folder: Path) -> Any:
+    """The part of run.json that says how the steps were made."""
+    return json.loads((folder / "run.json").read_text())["stepping"]
+
+
+def test_the_record_names_the_order_and_what_was_late(emla: Emla, tmp_path: Path) -> None:
+    for options in ((), ("--order", ORDER)):
+        assert emla("run", "lift", "--stop-time", "0.001", "--no-plots", *options).exit_code == 0
+        record = stepping(tmp_path / "results/lift")
+        place = {name: i for i, name in enumerate(record["order"])}
+        connections = json.loads((tmp_path / "results/lift/run.json").read_text())["connections"]
+        ends = {x: [end.rsplit(".", 1)[0] for end in x.split(" -> ")] for x in connections}
+        assert record["late_connections"] == [x for x, (a, b) in ends.items() if place[a] >= place[b]]
+        assert 0 < len(record["late_connections"]) < len(connections)
+    assert ",".join(record["order"]) == ORDER
+    assert "lift.reference.x_d -> lift.controller.x_d" in record["late_connections"]
+
+
+def test_the_record_of_other_algorithms(emla: Emla, tmp_path: Path) -> None:
+    for algorithm in ("jacobi", "strong"):
+        options = ("--algorithm", algorithm, "--stop-time", "0.001", "--no-plots", "--output", algorithm)
+        assert emla("run", "lift", *options).exit_code == 0
+    jacobi, strong = stepping(tmp_path / "jacobi"), stepping(tmp_path / "strong")
+    connections = json.loads((tmp_path / "jacobi/run.json").read_text())["connections"]
+    assert jacobi["late_connections"] == connections and jacobi["compiled"]
+    assert strong["late_connections"] == [] and "compiled" not in strong
+    assert [sorted(loop) for loop in strong["loops"]] == [
+        ["lift.controller", "lift.disturbance", "lift.observer", "lift.plant"]
+    ]
+    assert strong["sweeps_over_loops"] >= strong["steps"] == 10
+
+
 def test_enumerations_and_booleans_are_set_by_name(emla: Emla, tmp_path: Path) -> None:
     settings = ["lift.plant.torque_source=command", "lift.controller.limit_current=false"]
     options = [x for s in settings for x in ("--set", s)]
@@ -179,6 +213,42 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
         (
             ["run", "lift", "--algorithm", "euler"],
             ["no algorithm 'euler'", "jacobi, gauss-seidel and strong"],
+        ),
+        (
+            ["run", "lift", "--extrapolation", "cubic"],
+            ["no extrapolation 'cubic'", "none, master and fmu"],
+        ),
+        (["run", "lift", "--coupling-tolerance", "0"], ["coupling tolerance 0 must be between 0 and 1"]),
+        (["run", "lift", "--coupling-tolerance", "nan"], ["coupling tolerance nan must be"]),
+        (["run", "lift", "--error-tolerance", "0"], ["error tolerance 0 must be between 0 and 1"]),
+        (["run", "lift", "--error-tolerance", "1.5"], ["error tolerance 1.5 must be between 0 and 1"]),
+        (["run", "lift", "--realtime", "0"], ["real-time factor 0 must be a positive number"]),
+        (
+            ["run", "lift", "--order", "lift.pump"],
+            ["lacks lift.reference", "has lift.pump, unknown or twice"],
+        ),
+        (["run", "lift", "--order", "lift.plant,,"], ["lacks lift.reference", "has '', unknown or twice"]),
+        (["run", "lift", "--order", f"{ORDER},lift.plant"], ["once; it has lift.plant, unknown or twice."]),
+        (["run", "lift", "--order", ORDER.removeprefix("lift.plant,")], ["once; it lacks lift.plant."]),
+        (["run", "lift", "--step-multiple", "lift.pump=2"], ["no component 'lift.pump'"]),
+        (["run", "lift", "--step-multiple", "lift.plant=0"], ["step multiple 0 of lift.plant", "at least 1"]),
+        (["run", "lift", "--step-multiple", "lift.plant=-2"], ["multiple -2 of lift.plant", "at least 1"]),
+        (
+            ["run", "lift", "--step-multiple", "lift.plant=2.5"],
+            ["lift.plant=2.5 is not a whole number of steps"],
+        ),
+        (["run", "lift", "--step-multiple", "lift.plant"], ["--step-multiple lift.plant", "NAME=VALUE"]),
+        (
+            ["run", "lift", "--step-multiple", "lift.plant=7"],
+            ["100000 steps are no multiple of 7", "lift.plant", "another stop time"],
+        ),
+        (
+            ["run", "lift", "--step-multiple", "lift.plant=2", "--algorithm", "strong"],
+            ["the algorithm strong has no step multiples"],
+        ),
+        (
+            ["run", "lift", "--step-multiple", "lift.plant=2", "--error-tolerance", "0.1"],
+            ["step multiples need fixed steps"],
         ),
         (["run", "lift", "--flavour", "java"], ["no flavour 'java'", "native and python"]),
         (["run", "lift", "--controller", "pid"], ["no controller 'pid'", "robust and published"]),

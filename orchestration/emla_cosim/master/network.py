@@ -72,10 +72,13 @@ class Network:
         """Use this order of the slaves' names instead; CommandError unless it has each of them once."""
         position = {slave.name: i for i, slave in enumerate(self.slaves)}
         if sorted(names) != sorted(position):
-            wrong = [n for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1]
             missing = [n for n in position if n not in names]
-            problem = f"has {listed(wrong)}, unknown or twice" if wrong else f"lacks {listed(missing)}"
-            raise CommandError(f"the order of stepping must name every component once; it {problem}.")
+            wrong = [n or "''" for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1]
+            problems = [f"lacks {listed(missing)}"] if missing else []
+            problems += [f"has {listed(wrong)}, unknown or twice"] if wrong else []
+            raise CommandError(
+                f"the order of stepping must name every component once; it {', '.join(problems)}."
+            )
         self.order = [position[n] for n in names]
 
     def feedback(self) -> list[Link]:

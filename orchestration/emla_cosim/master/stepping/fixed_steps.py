@@ -1,5 +1,6 @@
 """Steps of one length."""
 
+from ...errors import RunError
 from ..algorithms.algorithm import Algorithm
 from .compilation import Kernel, compile_kernel
 from .stepping import Rows, Stepping
@@ -47,7 +48,11 @@ class FixedSteps(Stepping):
         algorithm, times = self.algorithm, self.times
         for k in range(algorithm.steps, min(algorithm.steps + most, times.steps)):
             algorithm.step(times.point(k), times.step)
-            algorithm.network.check_finite(times.point(k + 1))
+            try:
+                algorithm.network.check_finite(times.point(k + 1))
+            except RunError:
+                algorithm.steps = k  # as in compiled code: the step does not count
+                raise
             if (k + 1) % rows.every == 0:
                 self.record(rows)
 

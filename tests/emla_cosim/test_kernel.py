@@ -1,0 +1,224 @@
+"""The compiled stepping gives the same bits as the algorithms in Python, whatever it steps."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from emla_cosim.master.algorithms.explicit import Explicit
+from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
+from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.assembly import assembled
+from emla_cosim.master.network import Link, Network
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.timing import Timing, timing
+from emla_cosim.models import fmu_path
+from emla_cosim.system.model import Component, System
+from emla_cosim.system.scenarios import load_scenario
+from faulty_fmu import build_faulty_fmu
+from faulty_systems import faulty, open_system, wired
+from simulated import begun, recorded
+from slaves import FakeSlave
+
+KINDS: tuple[type[Explicit], ...] = (Jacobi, GaussSeidel)
+KERNEL = "emla_cosim.master.stepping.kernel"
+Make = Callable[[], Explicit]
+
+
+def rows(
+    network: Network, make: Make, times: Timing, *, compiled: bool, every: int = 1, room: int = 7
+) -> np.ndarray:
+    """All rows of a run in this way and no other."""
+    stepping = FixedSteps(begun(network, make(), times), times, compiled)
+    assert stepping.compiled == compiled
+    return recorded(stepping, every, room=room)
+
+
+def assert_same_bits(found: np.ndarray, expected: np.ndarray) -> None:
+    assert found.shape == expected.shape
+    assert (found.view("i8") == expected.view("i8")).all()
+
+
+# ---- our own FMUs ------------------------------------------------------------------------------
+
+
+def study_rows(
+    folder: Path, make: Make, steps: int, *, compiled: bool, every: int = 1, flavour: str = "native"
+) -> np.ndarray:
+    system = load_scenario("study").system
+    fmus = {c.name: fmu_path(c.model, flavour, folder) for c in system.components}
+    with assembled(system, fmus) as assembly:
+        return rows(assembly.network, make, timing(steps * 1e-4, 1e-4), compiled=compiled, every=every)
+
+
+@pytest.mark.parametrize("multiples", [{}, {"lift.controller": 2, "tilt.observer": 3, "tilt.reference": 6}])
+@pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_study_has_the_same_bits(
+    kind: type[Explicit], extrapolation: str, multiples: Mapping[str, int], fmu_folder: Path
+) -> None:
+    def make() -> Explicit:
+        return kind(extrapolation, multiples)
+
+    expected = study_rows(fmu_folder, make, 42, compiled=False)
+    assert np.isfinite(expected).all() and np.ptp(expected, axis=0).any()
+    assert_same_bits(study_rows(fmu_folder, make, 42, compiled=True), expected)
+    for compiled in (False, True):
+        assert_same_bits(study_rows(fmu_folder, make, 42, compiled=compiled, every=7), expected[::7])
+
+
+def test_pythonfmu_has_the_same_bits_compiled(python_fmu_folder: Path) -> None:
+    expected = study_rows(python_fmu_folder, GaussSeidel, 10, compiled=False)
+    assert_same_bits(
+        study_rows(python_fmu_folder, GaussSeidel, 10, compiled=True, flavour="python"), expected
+    )
+
+
+# ---- networks of all kinds ---------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def fmus(faulty_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A FMU that takes derivatives of inputs, and one that does not."""
+    return faulty_fmu, build_faulty_fmu(tmp_path_factory.mktemp("plain"), interpolate=False, name="Plain")
+
+
+def systems(fmus: tuple[Path, Path]) -> st.SearchStrategy[System]:
+    """Two to six instances; the first has no source, the others may read anyone."""
+    values = st.floats(-0.5, 0.5).map(lambda x: round(x, 3))
+
+    def of(count: int) -> st.SearchStrategy[System]:
+        names = [f"j.c{i}" for i in range(count)]
+        component = st.tuples(st.sampled_from(fmus), values, values, values)
+        source = st.none() | st.sampled_from([f"{name}.{output}" for name in names for output in "yz"])
+        drawn = st.tuples(st.tuples(*[component] * count), st.tuples(st.none(), *[source] * (count - 1)))
+
+        def put_together(x: tuple[tuple, tuple]) -> System:
+            components: list[Component] = []
+            wires = []
+            for name, (fmu, a, b, u), read in zip(names, *x, strict=True):
+                components.append(faulty(name, fmu, a=a, b=b, **({"u": u} if read is None else {})))
+                wires += [f"{read} -> {name}.u"] if read is not None else []
+            return wired(components, *wires)
+
+        return drawn.map(put_together)
+
+    return st.integers(2, 6).flatmap(of)
+
+
+@settings(max_examples=100)
+@given(data=st.data())
+def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Path]) -> None:
+    system = data.draw(systems(fmus), label="system")
+    names = [c.name for c in system.components]
+    order = data.draw(st.permutations(names), label="order")
+    kind = data.draw(st.sampled_from(KINDS), label="algorithm")
+    extrapolation = data.draw(st.sampled_from(EXTRAPOLATIONS), label="extrapolation")
+    multiples = data.draw(st.dictionaries(st.sampled_from(names), st.sampled_from([1, 2, 3, 4])))
+    every, room = data.draw(st.integers(1, 7), label="every"), data.draw(st.integers(1, 5), label="room")
+    times = timing(1.2, 0.05)
+    found = []
+    for compiled in (False, True):
+        with open_system(system) as assembly:
+            assembly.network.reorder(order)
+            found.append(
+                rows(
+                    assembly.network,
+                    lambda: kind(extrapolation, multiples),
+                    times,
+                    compiled=compiled,
+                    every=every,
+                    room=room,
+                )
+            )
+    expected, fast = found
+    assert len(expected) == 24 // every + 1
+    assert_same_bits(fast, expected)
+
+
+@pytest.mark.parametrize("room", [1, 2, 3, 1000])
+def test_the_room_for_rows_does_not_matter(room: int, faulty_fmu: Path) -> None:
+    system = wired([faulty("j.a", faulty_fmu, u=1.0), faulty("j.b", faulty_fmu, b=0.5)], "j.a.y -> j.b.u")
+    times = timing(10.0, 0.05)
+    found = []
+    for compiled, space in ((False, 7), (True, room)):
+        with open_system(system) as assembly:
+            found.append(rows(assembly.network, Jacobi, times, compiled=compiled, every=3, room=space))
+    assert len(found[0]) == 200 // 3 + 1
+    assert_same_bits(*found)
+
+
+# ---- where nothing can be compiled -------------------------------------------------------------
+
+
+def test_without_numba_everything_is_stepped_in_python(
+    faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times, found = timing(1.0, 0.1), []
+    for compiled in (True, False):
+        if not compiled:
+            monkeypatch.delitem(sys.modules, KERNEL, raising=False)
+            monkeypatch.setitem(sys.modules, "numba", None)
+        with open_system(wired([faulty("j.a", faulty_fmu, u=1.0)])) as assembly:
+            stepping = FixedSteps(begun(assembly.network, Jacobi(), times), times)
+            assert stepping.compiled == compiled
+            found.append(recorded(stepping))
+    assert_same_bits(*found)
+
+
+def test_a_slave_without_entry_points_is_stepped_in_python() -> None:
+    times, slave = timing(1.0, 0.1), FakeSlave("s", 1, [1.0], lambda u, x, t, h: x + u)
+    stepping = FixedSteps(begun(Network([slave], [Link(0, 0, 0, 0, False)]), GaussSeidel(), times), times)
+    assert not stepping.compiled
+    assert recorded(stepping)[-1, 1] == 2.0**10
+
+
+def test_strong_coupling_is_stepped_in_python(faulty_fmu: Path) -> None:
+    times = timing(1.0, 0.1)
+    with open_system(wired([faulty("j.a", faulty_fmu)])) as assembly:
+        assert not FixedSteps(begun(assembly.network, Strong(), times), times).compiled
+
+
+# ---- the machine code is kept ------------------------------------------------------------------
+
+_START = """
+import sys
+from pathlib import Path
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.stepping import kernel
+from emla_cosim.master.stepping.timing import timing
+from faulty_systems import faulty, open_system, wired
+from simulated import simulated
+system = wired([faulty("j.a", Path(sys.argv[1]), u=1.0)])
+with open_system(system) as assembly:
+    rows = simulated(assembly.network, Jacobi(), timing(1.0, 0.1))
+assert abs(rows[-1, 1] - 1.0) < 1e-12
+stats = kernel._run.stats
+print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
+"""
+
+
+def test_the_second_start_compiles_nothing(faulty_fmu: Path, tmp_path: Path) -> None:
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(tmp_path / "code"),
+        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+    }
+    for hits_and_misses in ("0 1", "1 0"):
+        done = subprocess.run(
+            [sys.executable, "-c", _START, str(faulty_fmu)],
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.strip() == hits_and_misses

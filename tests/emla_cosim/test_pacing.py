@@ -1,0 +1,105 @@
+"""Simulated time keeps the pace of the clock."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from emla_cosim.errors import CommandError
+from emla_cosim.master.stepping import pacing
+from emla_cosim.master.stepping.pacing import Pacing
+from faulty_fmu import Fault
+from faulty_systems import line_with_a_fault, run_system
+
+
+class Clock:
+    """A clock that moves only when somebody works or sleeps."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+        self.naps: list[float] = []
+
+    def perf_counter(self) -> float:
+        return self.now
+
+    def sleep(self, duration: float) -> None:
+        self.naps.append(duration)
+        self.now += duration
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(pacing, "time", clock)
+    return clock
+
+
+def begun(factor: float, simulated: float = 0.0) -> Pacing:
+    paced = Pacing(factor)
+    paced.begin(simulated)
+    return paced
+
+
+@pytest.mark.parametrize(("factor", "due"), [(1.0, 1002.0), (4.0, 1000.5), (0.5, 1004.0)])
+def test_it_waits_until_the_clock_has_come_as_far(factor: float, due: float, clock: Clock) -> None:
+    paced = begun(factor)
+    clock.now += 0.125
+    paced.wait(2.0, lambda: False)
+    assert clock.now == pytest.approx(due)
+    assert (paced.points, paced.overruns, paced.worst) == (1, 0, 0.0)
+
+
+def test_the_clock_begins_where_the_run_does(clock: Clock) -> None:
+    """A run that was continued at 5 s waits 1 s for its sixth."""
+    begun(1.0, 5.0).wait(6.0, lambda: False)
+    assert clock.now == pytest.approx(1001.0)
+
+
+def test_delays_are_counted_and_caught_up_with(clock: Clock) -> None:
+    paced = begun(1.0)
+    for worked, arrival in ((0.5, 1001.0), (1.5, 1002.5), (0.0, 1003.0), (1.25, 1004.25), (0.0, 1005.0)):
+        clock.now += worked
+        paced.wait(paced.points + 1.0, lambda: False)
+        assert clock.now == pytest.approx(arrival)
+    assert paced.report() == pytest.approx({"factor": 1.0, "points": 5, "overruns": 2, "worst_delay_s": 0.5})
+
+
+def test_an_interruption_is_noticed_while_waiting(clock: Clock) -> None:
+    begun(1.0).wait(100.0, lambda: clock.now > 1000.25)
+    assert clock.now < 1000.4
+    assert max(clock.naps) <= 0.1
+
+
+@pytest.mark.parametrize(
+    ("factor", "step", "steps"), [(1.0, 1e-4, 10), (100.0, 1e-4, 1000), (1.0, 0.1, 1), (0.01, 1e-4, 1)]
+)
+def test_the_clock_is_looked_at_every_millisecond(factor: float, step: float, steps: int) -> None:
+    assert Pacing(factor).steps(step) == steps
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_pace_that_makes_no_sense_is_refused(factor: float) -> None:
+    with pytest.raises(CommandError, match=f"real-time factor {factor:g} must be a positive number"):
+        Pacing(factor)
+
+
+@pytest.mark.parametrize("settings", [{}, {"algorithm": "strong"}, {"error_tolerance": 0.5}])
+def test_a_run_takes_its_time(settings: dict, faulty_fmu: Path, tmp_path: Path) -> None:
+    began = time.perf_counter()
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
+    result = run_system(system, tmp_path, stop_time=0.5, step_size=0.01, real_time=2.0, **settings)
+    assert result.problem is None
+    assert time.perf_counter() - began >= result.wall_s >= 0.25
+    metrics = json.loads((tmp_path / "metrics.json").read_text())["run"]
+    assert metrics["wall_s"] >= 0.25
+    report = metrics["real_time"]
+    assert set(report) == {"factor", "points", "overruns", "worst_delay_s"}
+    assert report["factor"] == 2.0 and 0 <= report["overruns"] <= report["points"]
+    assert 1 <= report["points"] <= 51
+    assert json.loads((tmp_path / "run.json").read_text())["settings"]["real_time_factor"] == 2.0
+
+
+def test_a_run_without_a_pace_has_no_report(faulty_fmu: Path, tmp_path: Path) -> None:
+    run_system(line_with_a_fault(faulty_fmu, Fault.NONE, 0.0), tmp_path)
+    assert "real_time" not in json.loads((tmp_path / "metrics.json").read_text())["run"]
