@@ -18,7 +18,7 @@ class Table:
     def __init__(self, width: int, every: int = 1, room: int = 7) -> None:
         self.every = every
         self._block = np.empty((room, width))
-        self._kept: list[np.ndarray] = []
+        self._kept: list[np.ndarray] = [np.empty((0, width))]
 
     def room(self, most: int) -> np.ndarray:
         return self._block[:most]

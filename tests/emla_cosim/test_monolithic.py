@@ -6,7 +6,7 @@ a tolerance far below anything asserted here.
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,6 @@ import reference_model as paper
 from emla_cosim.master.assembly import assembled
 from emla_cosim.master.simulation import ALGORITHMS
 from emla_cosim.master.stepping.timing import timing
-from emla_cosim.system.model import System
-from emla_cosim.system.scenarios import load_scenario
 from emla_fmu import Disturbance, DisturbanceReading, EmlaObserver, EmlaPlant, TorqueSource
 from fmublock import Block, Output, Parameter
 from fmublock.block import Values
@@ -27,6 +25,7 @@ from fmublock.instance import Instance, flatten
 from rsba_fmu import RsbaController
 from rsba_fmu.gains import PUBLISHED
 from simulated import simulated
+from smooth_lift import STATE_SIGNALS, lift, whole
 
 # ---- the co-simulated joint against the whole joint as one equation ----------------------------
 
@@ -37,41 +36,6 @@ STOP = 0.03
 SAMPLE = 5e-4
 """Times of comparison in s: multiples of every step."""
 FIRST_ORDER = ("x_L", "v_L", "i_q", "i_d", "x_hat", "v_hat")
-
-# The lift joint of the study in the middle of its move, with a number wherever the paper's own
-# makes a term vanish: L_d = L_q hides reluctance, 0 hides a part's inertia, friction and stiffness.
-MOVE_TIME = 15.0 * 0.026 / (8.0 * 0.0607)
-MOTION = paper.Motion(waypoints=(0.244, 0.270), starts=(-0.3 * MOVE_TIME,), durations=(MOVE_TIME,))
-PLANT = paper.Actuator(
-    L_d=2.0e-3,
-    J_c=1e-3,
-    J_GB=5e-4,
-    B_BS=50.0,
-    C_eq=2.0,
-    u_max=math.sqrt(2.0) * 315.0,
-    F=(0.01, 0.002, 0.001),  # (100)
-)
-SURROUNDINGS = paper.Surroundings(
-    levels=(57e3,),
-    sines_2=((0.8, 8.0, 0.0), (0.7, 20.0, 0.0)),  # (98)
-    arctan_2=1.2,
-    decay_2=3.0,
-    cosines_3=((0.42, 8.0, math.pi / 3.0), (0.032, 5.0, -math.pi / 2.0)),  # (99)
-    cosine_4=(-0.15, 12.0, math.pi / 6.0),
-)
-M_0 = 1e-4
-"""m of the observer. Its own 1e-6 lets f feel the kink of |y_bar| where y_bar is as small as the
-distance travelled in a step, so that the error has no expansion in powers of the step."""
-x_0, v_0, _ = paper.reference(MOTION, 0.0)
-START = {
-    "x_L": x_0 + 3e-6,  # within a_max / k^2 = 7.5e-6 m, where limit_acceleration does nothing
-    "v_L": v_0 + 1e-3,
-    "i_q": 5.0,
-    "i_d": 2.0,
-    "x_hat": x_0 + 3.5e-6,
-    "v_hat": v_0,
-    "eta_hat": 1.0,
-}
 
 
 @dataclass(frozen=True)
@@ -85,72 +49,13 @@ class Run:
     largest_P_1: float
 
 
-def lift() -> System:
-    """The lift joint as the scenario has it, in the setting above."""
-    given = {
-        "plant.motor.L_d": PLANT.L_d,
-        "plant.coupling.J_c": PLANT.J_c,
-        "plant.gearbox.J_GB": PLANT.J_GB,
-        "plant.screw.B_BS": PLANT.B_BS,
-        "plant.screw.C_eq": PLANT.C_eq,
-        "controller.model.C_eq": PLANT.C_eq,
-        "plant.sensor.resolution": 0.0,
-        "observer.m_0": M_0,
-        "reference.move.start[1]": MOTION.starts[0],
-        **{f"plant.{name}": START[name] for name in ("x_L", "v_L", "i_q", "i_d")},
-        **{f"observer.{name}": START[name] for name in ("x_hat", "v_hat", "eta_hat")},
-    }
-    system = load_scenario("lift", "robust").system
-    return system.with_parameters({f"lift.{name}": value for name, value in given.items()})
-
-
-def oracle(system: System) -> paper.Joint:
-    """The same joint for the reference model: gains from the scenario, all else from the paper."""
-    c: Mapping[str, Any] = system.component("lift.controller").parameters
-    o: Mapping[str, Any] = system.component("lift.observer").parameters
-    beta, zeta, delta, sigma = (
-        (c[f"{name}[1]"], c[f"{name}[2]"], c[f"{name}[3]"], c[f"{name}[4]"])
-        for name in ("beta", "zeta", "delta", "sigma")
-    )
-    nominal = paper.Actuator().known  # the controller knows neither of the plant's changes but C_eq
-    controller = paper.Controller(
-        replace(nominal, C_eq=PLANT.C_eq),
-        beta,
-        zeta,
-        delta,
-        sigma,
-        x_2d_in_a_1=False,
-        feed_acceleration=True,
-        a_max=c["limit.a_max"],
-        i_max=190.0 / (1.5 * 8 * 0.15),  # tau_max of Table "Technical data"
-        u_max=PLANT.u_max,
-        theta_max=1e6,
-        freeze=True,
-    )
-    observer = paper.Observer(
-        alpha=(o["alpha_1"], o["alpha_2"]),
-        Q=(o["Q_11"], o["Q_12"], o["Q_22"]),
-        H_0=o["H_0"],
-        m_0=M_0,
-        m_decay=o["m_decay"],
-        ell=o["ell"],
-        knows_command=o["use_model"],
-        A_2=float(nominal.A[1]),
-        friction=nominal.B_eq / nominal.A_eq,
-    )
-    return paper.Joint(PLANT, observer, controller, MOTION, SURROUNDINGS)
-
-
 @pytest.fixture(scope="module")
 def solution() -> paper.Vector:
     """The joint as one equation.
 
     Solved to 1e-12 instead, eta_hat moves by 6e-8 of its range, no other state by 1e-9.
     """
-    joint = oracle(lift())
-    start = [START.get(name, 0.0) for name in paper.JOINT_STATES]
-    times = np.linspace(0.0, STOP, round(STOP / SAMPLE) + 1)
-    return paper.solve(lambda t, s: paper.joint_rates(joint, t, s), start, times, rtol=1e-11, atol=1e-16)
+    return whole(np.linspace(0.0, STOP, round(STOP / SAMPLE) + 1))
 
 
 @pytest.fixture(scope="module", params=["jacobi", "gauss-seidel"])
@@ -162,15 +67,11 @@ def runs(request: pytest.FixtureRequest, fmu_folder: Path) -> list[Run]:
 def co_simulated(algorithm: str, step: float, folder: Path) -> Run:
     system = lift()
     fmus = {c.name: folder / c.model / f"{c.model}.fmu" for c in system.components}
-    owners = dict.fromkeys(paper.JOINT_STATES[:4], "plant") | dict.fromkeys(
-        paper.JOINT_STATES[4:7], "observer"
-    )
-    names = [f"lift.{owners.get(state, 'controller')}.{state}" for state in paper.JOINT_STATES]
     watched = ["lift.plant.inverter.saturated", "lift.controller.saturated", "lift.controller.P[1]"]
     with assembled(system, fmus) as assembly:
         columns = {name: 1 + i for i, name in enumerate(assembly.network.names)}
         rows = simulated(assembly.network, ALGORITHMS[algorithm](), timing(STOP, step))
-    states = rows[:: round(SAMPLE / step), [columns[name] for name in names]]
+    states = rows[:: round(SAMPLE / step), [columns[name] for name in STATE_SIGNALS]]
     largest = np.abs(rows[:, [columns[name] for name in watched]]).max(axis=0)
     return Run(states, float(max(largest[:2])), float(largest[2]))
 

@@ -80,6 +80,11 @@ class Algorithm(ABC):
         return self.exchange.order
 
     @property
+    def kept(self) -> list[Vector]:
+        """Arrays that go back with a snapshot."""
+        return [self.history.previous, self.history.at, self.history.before]
+
+    @property
     def history(self) -> History:
         """What the algorithm remembers besides the signals."""
         return self.exchange.history

@@ -9,6 +9,10 @@ length h then sees
 
 `master` uses the line's value in the middle of the step, `fmu` gives the line itself to
 `fmi2SetRealInputDerivatives`. A source that has been stepped already makes this an interpolation.
+
+In smooth motion held inputs make states exact to first order in the step, followed ones to second
+order. After `master` an output in which an input shows at once is still that of the middle of the
+step: exact to first order, and so is what it drives.
 """
 
 from dataclasses import dataclass
@@ -51,10 +55,6 @@ class History:
         """Take over all values of another history."""
         self.previous[:], self.at[:], self.before[:] = other.previous, other.at, other.before
 
-    def copy(self) -> "History":
-        """A history of its own with the same values."""
-        return History(self.previous.copy(), self.at.copy(), self.before.copy())
-
 
 class Exchange:
     """Passes signals on to the slaves, extrapolated or not, and reads them back.
@@ -78,8 +78,9 @@ class Exchange:
 
     @property
     def order(self) -> int:
-        """Order in the step of what a held or extrapolated input is exact to, in smooth motion."""
-        return 1 if _HOLD in self.modes else 2
+        """Order in the step of what is exchanged, in smooth motion."""
+        behind = any(link.direct and self.modes[link.target] == _MIDDLE for link in self.network.links)
+        return 1 if behind or _HOLD in self.modes else 2
 
     def begin(self, time: float) -> None:
         """The present signals are those of `time` in s, and there were none before."""

@@ -60,13 +60,17 @@ def _settle(network: Network, group: list[int]) -> None:
         sweep()
         return network.signals[cut]
 
-    def agreed(difference: Vector) -> bool:
-        scale = Scale(network)  # of the present values, because tries on the way may be huge
+    def present() -> Scale:
+        """Sizes of the present values, because tries on the way may be huge."""
+        scale = Scale(network)
         scale.see()
-        return bool((scale.relative(difference, cut) <= TOLERANCE).all())
+        return scale
+
+    def agreed(difference: Vector) -> bool:
+        return bool((present().relative(difference, cut) <= TOLERANCE).all())
 
     try:
-        QuasiNewton(len(cut)).solve(network.signals[cut], answer, agreed, SWEEPS)
+        QuasiNewton(len(cut)).solve(network.signals[cut], answer, agreed, SWEEPS, present().sizes(cut))
     except NoAgreementError as failure:
         raise RunError(_no_agreement(network, group, cut, failure)) from failure
 

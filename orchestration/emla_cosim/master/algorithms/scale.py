@@ -23,8 +23,13 @@ class Scale:
 
     def see(self) -> None:
         """Take the present signals into account."""
-        np.fmax(self.largest, np.abs(self._signals), out=self.largest)
+        sizes = np.abs(self._signals)
+        np.fmax(self.largest, sizes, out=self.largest, where=np.isfinite(sizes))
+
+    def sizes(self, which: Indices) -> Vector:
+        """The sizes of these signals."""
+        return self.largest[which] + self._floor[which]
 
     def relative(self, difference: Vector, which: Indices) -> Vector:
         """Absolute differences of these signals, relative to the signals' sizes."""
-        return np.abs(difference) / (self.largest[which] + self._floor[which])
+        return np.abs(difference) / self.sizes(which)

@@ -16,7 +16,7 @@ class Snapshot:
         self._members = [network.slaves[i] for i in (slaves or range(len(network.slaves)))]
         self._states: list[Any] = [None] * len(self._members)
         self._signals = network.signals.copy()
-        self._history = algorithm.history.copy()
+        self._kept = [a.copy() for a in algorithm.kept]
         self._steps = algorithm.steps
 
     def take(self) -> None:
@@ -24,14 +24,16 @@ class Snapshot:
         algorithm = self._algorithm
         self._states = [s.save(state) for s, state in zip(self._members, self._states, strict=True)]
         self._signals[:] = algorithm.network.signals
-        self._history.copy_from(algorithm.history)
+        for copy, present in zip(self._kept, algorithm.kept, strict=True):
+            copy[:] = present
         self._steps = algorithm.steps
 
     def restore(self) -> None:
         """Go back to what was taken."""
         self.restore_slaves()
         self._algorithm.network.signals[:] = self._signals
-        self._algorithm.history.copy_from(self._history)
+        for copy, present in zip(self._kept, self._algorithm.kept, strict=True):
+            present[:] = copy
         self._algorithm.steps = self._steps
 
     def restore_slaves(self) -> None:

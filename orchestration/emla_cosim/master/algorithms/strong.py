@@ -72,6 +72,11 @@ class Strong(Algorithm):
         """The loops found, each as the positions of its slaves."""
         return [group.members for group in self._groups if len(group.cut)]
 
+    @property
+    def kept(self) -> list[Vector]:
+        """Also the sizes of the signals."""
+        return [*super().kept, self._scale.largest]
+
     def memory(self) -> dict[str, Vector]:
         """Also what was learned about the loops."""
         learned = {f"jacobian/{i}": group.newton.jacobian for i, group in enumerate(self._groups)}
@@ -132,7 +137,7 @@ class Strong(Algorithm):
         def agreed(difference: Vector) -> bool:
             return bool((self._scale.relative(difference, group.cut) <= self.tolerance).all())
 
-        group.newton.solve(guess, answer, agreed, SWEEPS)
+        group.newton.solve(guess, answer, agreed, SWEEPS, self._scale.sizes(group.cut))
 
     def _sweep(self, group: _Group, time: float, step: float) -> None:
         for i in group.members:
@@ -146,6 +151,10 @@ class Strong(Algorithm):
         names = " -> ".join(self.network.slaves[i].name for i in [*group.members, group.members[0]])
         gaps = self._scale.relative(failure.gap, group.cut)
         worst = self.network.names[group.cut[gaps.argmax()]]
+        if not np.isfinite(gaps).all():
+            return RunError(
+                f"the loop {names} gives no finite {worst} on the step from t = {time:.9g} s of {step:.3g} s."
+            )
         return RunError(
             f"the loop {names} finds no agreement on the step from t = {time:.9g} s of {step:.3g} s in "
             f"{failure.sweeps} sweeps: {worst} still changes by {gaps.max():.2g} of its size."

@@ -56,6 +56,9 @@ class ErrorControl(Stepping):
         self._rejected: tuple[float, Vector] | None = None
         """The first step tried from here, and its errors, if it was rejected."""
         self._judged = _judged(algorithm)
+        self._jumped = np.zeros(len(self._judged), dtype=bool)
+        """Which signals were found to jump in the last step."""
+        self._unread = ~np.isin(self._judged, algorithm.network.read)
 
     @property
     def time(self) -> float:
@@ -94,8 +97,11 @@ class ErrorControl(Stepping):
         control = self.control
         progress = [self._time, self._points, control.step, control.last_error]
         counts = [control.accepted, control.rejected]
+        step, errors = self._rejected or (np.nan, np.full(len(self._judged), np.nan))
         return super().memory() | {
             "control": np.array([*progress, *counts], dtype=float),
+            "control/tried": np.array([step, *errors]),
+            "control/jumped": self._jumped.astype(float),
             "control/largest": self._scale.largest,
         }
 
@@ -108,6 +114,9 @@ class ErrorControl(Stepping):
         control.step, control.last_error = step, last_error
         control.accepted, control.rejected = int(accepted), int(rejected)
         self._scale.largest[:] = memory["control/largest"]
+        step, *errors = memory["control/tried"]
+        self._rejected = None if np.isnan(step) else (float(step), np.array(errors))
+        self._jumped = memory["control/jumped"] > 0.0
 
     def close(self) -> None:
         """Free the saved states."""
@@ -131,8 +140,8 @@ class ErrorControl(Stepping):
             except RunError:
                 raise discarded from None
             return False
-        smooth = ~self._stays(step, errors)
-        judged = np.where(smooth, errors, 0.0)
+        jumps = self._jumps(step, errors)
+        judged = np.where(jumps, 0.0, errors)
         failure = self._not_finite(step)
         try:
             accepted = self.control.judge(step, float(judged.max(initial=0.0)) / self.tolerance)
@@ -140,7 +149,7 @@ class ErrorControl(Stepping):
             name = self.algorithm.network.names[self._judged[judged.argmax()]]
             raise failure or RunError(f"{too_small} {name} differs most.") from None
         if accepted:
-            self._rejected = None
+            self._rejected, self._jumped = None, jumps
         else:
             self._rejected = self._rejected or (step, errors)
             self._start.restore()
@@ -155,14 +164,20 @@ class ErrorControl(Stepping):
         self._start.restore()
         algorithm.step(self._time, half)
         algorithm.step(self._time + half, half)
-        difference = (signals[self._judged] - whole) / (2.0**algorithm.order - 1.0)
-        return self._scale.relative(difference, self._judged)
+        with np.errstate(invalid="ignore"):  # infinity less infinity
+            difference = (signals[self._judged] - whole) / (2.0**algorithm.order - 1.0)
+        errors = self._scale.relative(difference, self._judged)
+        errors[self._unread & ~np.isfinite(errors)] = 0.0  # what nobody reads may be infinite
+        return errors
 
-    def _stays(self, step: float, errors: Vector) -> NDArray[np.bool_]:
-        """Which errors are as large as in a much longer step: those signals jump within both."""
+    def _jumps(self, step: float, errors: Vector) -> NDArray[np.bool_]:
+        """Which signals jump: their error is too large, and as large as in a much longer step.
+
+        Not those that did so in the step before, because an unstable coupling looks the same.
+        """
         if self._rejected is None or step > 0.5 * self._rejected[0]:
             return np.zeros(len(errors), dtype=bool)
-        return errors > 0.9 * self._rejected[1]
+        return (errors > self.tolerance) & (errors > 0.9 * self._rejected[1]) & ~self._jumped
 
     def _not_finite(self, step: float) -> RunError | None:
         try:

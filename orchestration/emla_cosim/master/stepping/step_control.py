@@ -43,11 +43,14 @@ class StepControl:
             self.rejected += 1
             self._shrink(step, SAFETY * error**-exponent if error < float("inf") else LARGEST_CUT)
             return False
-        growth = SAFETY * error ** (-0.7 * exponent) * self.last_error ** (0.4 * exponent)
+        cut_short = step < self.step  # by a point to be met: its small error is no trend
+        growth = SAFETY * error**-exponent
+        if not cut_short:
+            growth = SAFETY * error ** (-0.7 * exponent) * self.last_error ** (0.4 * exponent)
+            self.last_error = error
         proposed = max(step * min(LARGEST_GROWTH, max(LARGEST_CUT, growth)), self.smallest)
-        # a step cut short by a point to be met says little about how long the next may be
+        # and one cut very short says little about how long the next may be
         self.step = proposed if step >= 0.5 * self.step else max(proposed, self.step)
-        self.last_error = error
         self.accepted += 1
         return True
 
