@@ -1,0 +1,206 @@
+"""Draws images/accuracy.png: error against step and against cost, of the lift joint in smooth motion.
+
+Needs the project with the extra `test`: the whole joint as one equation comes from the tests.
+"""
+
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "tests"))
+
+from emla_cosim.master.algorithms.algorithm import Algorithm  # noqa: E402
+from emla_cosim.master.assembly import assembled  # noqa: E402
+from emla_cosim.master.network import Network  # noqa: E402
+from emla_cosim.master.simulation import ALGORITHMS  # noqa: E402
+from emla_cosim.master.stepping.error_control import ErrorControl  # noqa: E402
+from emla_cosim.master.stepping.fixed_steps import FixedSteps  # noqa: E402
+from emla_cosim.master.stepping.stepping import Stepping  # noqa: E402
+from emla_cosim.master.stepping.timing import timing  # noqa: E402
+from emla_cosim.models import build  # noqa: E402
+from simulated import begun, recorded  # noqa: E402
+from smooth_lift import STATE_SIGNALS, lift, whole  # noqa: E402
+
+STOP, SAMPLE = 0.03, 5e-4
+STEPS = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+FIRST_STEP = 1e-5
+COMPARED = slice(0, 6)
+"""Position, speed, currents and estimates; what adapts changes too little to be told in 0.03 s."""
+COLORS = {"jacobi": "#7a7a7a", "gauss-seidel": "#d9822b", "strong": "#2f6db3"}
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run: largest error of a state in parts of its range, and calls of doStep."""
+
+    error: float
+    calls: int
+
+
+class Joint:
+    """The joint's FMUs, and what they are compared with."""
+
+    def __init__(self, folder: Path) -> None:
+        self.system = lift()
+        built = {
+            model: build(model, "native", [], folder) for model in {c.model for c in self.system.components}
+        }
+        self.fmus = {c.name: built[c.model] for c in self.system.components}
+        self.solution = whole(np.linspace(0.0, STOP, round(STOP / SAMPLE) + 1))
+
+    def fixed(self, name: str, extrapolation: str, step: float) -> Point:
+        """A run in fixed steps."""
+        times = timing(STOP, step)
+        with assembled(self.system, self.fmus) as assembly, counted(assembly.network) as calls:
+            algorithm = begun(assembly.network, ALGORITHMS[name](extrapolation), times)
+            stepping = FixedSteps(algorithm, times)
+            rows = recorded(stepping)[:: round(SAMPLE / step)]
+            compiled_calls = len(assembly.network.slaves) * times.steps if stepping.compiled else 0
+            return self._point(assembly.network, rows, calls[0] + compiled_calls)
+
+    def controlled(self, name: str, tolerance: float) -> Point:
+        """A run with error control and extrapolated inputs."""
+        times = timing(STOP, FIRST_STEP)
+        with assembled(self.system, self.fmus) as assembly, counted(assembly.network) as calls:
+            algorithm: Algorithm = begun(assembly.network, ALGORITHMS[name]("fmu"), times)
+            stepping: Stepping = ErrorControl(algorithm, times, tolerance, SAMPLE)
+            return self._point(assembly.network, recorded(stepping), calls[0])
+
+    def _point(self, network: Network, rows: np.ndarray, calls: int) -> Point:
+        columns = [1 + network.names.index(name) for name in STATE_SIGNALS]
+        errors = np.abs(rows[:, columns] - self.solution).max(axis=0) / np.ptp(self.solution, axis=0)
+        return Point(float(errors[COMPARED].max()), calls)
+
+
+@contextmanager
+def counted(network: Network) -> Iterator[list[int]]:
+    """Counts the steps that Python asks slaves for; compiled code calls past it."""
+    calls = [0]
+
+    def counting(step: Callable[[float, float], None]) -> Callable[[float, float], None]:
+        def do_step(time: float, length: float) -> None:
+            calls[0] += 1
+            step(time, length)
+
+        return do_step
+
+    for slave in network.slaves:
+        slave.do_step = counting(slave.do_step)
+    yield calls
+
+
+def draw(fixed: dict[tuple[str, str], list[Point]], controlled: dict[str, list[Point]], path: Path) -> None:
+    """Two panels: error against step, error against calls."""
+    figure = Figure(figsize=(9.6, 4.4), dpi=120, layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    steps = 1e6 * np.array(STEPS)
+    for (name, extrapolation), points in fixed.items():
+        style = {"color": COLORS[name], "marker": "o", "markersize": 3, "linewidth": 1.3}
+        if extrapolation == "none":
+            style |= {"linestyle": (0, (4, 2)), "markerfacecolor": "white"}
+        left.plot(steps, [p.error for p in points], **style)
+        right.plot([p.calls for p in points], [p.error for p in points], **style)
+    for name, points in controlled.items():
+        right.plot(
+            [p.calls for p in points],
+            [p.error for p in points],
+            color=COLORS[name],
+            marker="D",
+            markersize=5,
+            linewidth=0.8,
+            linestyle=":",
+        )
+    guide(left, steps[-3:], fixed["jacobi", "none"][-2].error * 0.32, 1)
+    guide(left, steps[-3:], fixed["strong", "fmu"][-2].error * 0.32, 2)
+    for axes in (left, right):
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_ylim(1.3e-6, 1.5)
+        axes.grid(alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelsize=8)
+    left.set_xlabel("communication step / µs")
+    left.set_ylabel("largest error of a state / its range")
+    left.set_xticks([2.5, 5, 10, 20, 50, 100], ["2.5", "5", "10", "20", "50", "100"])
+    left.minorticks_off()
+    right.set_xlabel("calls of doStep, repeated and rejected ones included")
+    left.set_title("Error against step", fontsize=10, loc="left")
+    right.set_title("Error against cost", fontsize=10, loc="left")
+    label(left, fixed, steps)
+    legend(right)
+    figure.suptitle("Lift joint, five FMUs, 0.03 s of smooth motion", fontsize=12, fontweight="bold")
+    FigureCanvasAgg(figure).print_png(path)
+
+
+def guide(axes: Axes, steps: np.ndarray, error: float, order: int) -> None:
+    """A thin line of this order through an error at the middle step."""
+    axes.plot(steps, error * (steps / steps[1]) ** order, color="black", linewidth=0.7, alpha=0.6)
+    axes.annotate(
+        f"order {order}", (steps[1], error), (6, -11), textcoords="offset points", fontsize=8, alpha=0.7
+    )
+
+
+def label(axes: Axes, fixed: dict[tuple[str, str], list[Point]], steps: np.ndarray) -> None:
+    """Names along the extrapolated lines; the held ones lie on each other."""
+    for name, color in COLORS.items():
+        axes.annotate(
+            name,
+            (steps[-1], fixed[name, "fmu"][-1].error),
+            (3, 5),
+            textcoords="offset points",
+            rotation=25,  # order 2 in this figure
+            rotation_mode="anchor",
+            fontsize=8.5,
+            color=color,
+            fontweight="bold",
+        )
+    axes.annotate(
+        "inputs held: all three",
+        (steps[3], fixed["jacobi", "none"][3].error),
+        (-4, 9),
+        textcoords="offset points",
+        fontsize=8.5,
+        ha="right",
+    )
+
+
+def legend(axes: Axes) -> None:
+    """What dashes and markers mean; colors are named in the other panel."""
+    held = axes.plot([], [], "o", color="black", markersize=3, linestyle=(0, (4, 2)), markerfacecolor="white")
+    followed = axes.plot([], [], "o-", color="black", markersize=3)
+    controlled = axes.plot([], [], "D:", color="black", markersize=5, linewidth=0.8)
+    names = [
+        "fixed steps, inputs held",
+        "fixed steps, extrapolated (fmu)",
+        "error control, extrapolated (fmu)",
+    ]
+    axes.legend([*held, *followed, *controlled], names, fontsize=8, frameon=False, loc="lower left")
+
+
+def main() -> None:
+    """Run, print the numbers, draw."""
+    with tempfile.TemporaryDirectory() as folder:
+        joint = Joint(Path(folder))
+        fixed = {
+            (name, extrapolation): [joint.fixed(name, extrapolation, step) for step in STEPS]
+            for extrapolation in ("none", "fmu")
+            for name in ALGORITHMS
+        }
+        controlled = {name: [joint.controlled(name, t) for t in TOLERANCES] for name in ALGORITHMS}
+    for key, points in {**fixed, **controlled}.items():
+        print(key, *(f"{p.error:.2e} ({p.calls})" for p in points))
+    draw(fixed, controlled, HERE / "images" / "accuracy.png")
+
+
+if __name__ == "__main__":
+    main()
