@@ -16,7 +16,8 @@ ALGORITHMS: dict[str, type[Algorithm]] = {"jacobi": Jacobi, "gauss-seidel": Gaus
 STRETCH = 0.05
 """Wall time in s between two looks at the world outside; steps per stretch are chosen for it."""
 
-Between = Callable[[], None]
+MOST_STEPS = 2**20
+"""Steps in a stretch, at the most."""
 
 
 def simulate(
@@ -24,7 +25,7 @@ def simulate(
     rows: Rows,
     interrupted: Callable[[], bool] = lambda: False,
     pacing: Pacing | None = None,
-    between: Between = lambda: None,
+    between: Callable[[], None] = lambda: None,
 ) -> None:
     """Step to the end, or until `interrupted` says so, calling `between` from time to time.
 
@@ -37,7 +38,7 @@ def simulate(
         stepping.advance(rows, most if pacing is None else min(most, pacing.steps(stepping.times.step)))
         took = time.perf_counter() - began
         if took < 0.5 * STRETCH:
-            most *= 2
+            most = min(2 * most, MOST_STEPS)
         elif took > 2.0 * STRETCH:
             most = max(most // 2, 1)
         if pacing is not None:

@@ -17,7 +17,7 @@ RESULTS, METRICS, RECORD = "results.csv", "metrics.json", "run.json"
 
 
 class OutputFolder:
-    """A folder for the results of one run; an earlier run's files stay until `open`."""
+    """A folder for the results of one run; an earlier run's files stay until a `Recording` begins."""
 
     def __init__(self, path: Path) -> None:
         """Make the folder and see that it can be written; CommandError if not."""

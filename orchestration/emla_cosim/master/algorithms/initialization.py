@@ -18,13 +18,14 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     """Bring all slaves through initialization mode; signals then hold the initial outputs.
 
     Slaves get their inputs in the order in which initial values depend on each other; loops of
-    such dependencies are solved. Values are exchanged once more after initialization mode.
-    Raises RunError where a loop has no solution that can be found, SlaveError where a slave fails.
+    such dependencies are solved, beginning at the start values of the inputs. Values are
+    exchanged once more after initialization mode. Raises RunError where a loop has no solution
+    that can be found, SlaveError where a slave fails.
     """
     for slave in network.slaves:
         slave.enter_initialization(start_time, stop_time)
-    for slave in network.slaves:
-        slave.get_outputs()
+    for slave, sources in zip(network.slaves, network.sources, strict=True):
+        network.signals[sources] = slave.inputs  # start values stand in for what is not known yet
     for group in network.groups(_is_initial):
         _settle(network, group)
     for i in range(len(network.slaves)):  # inputs that no initial value depends on

@@ -1,7 +1,6 @@
 """A point of a simulation to which it can go back."""
 
-import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from .algorithm import Algorithm
@@ -47,13 +46,3 @@ class Snapshot:
             if state is not None:
                 slave.forget(state)
         self._states = [None] * len(self._members)
-
-
-@contextlib.contextmanager
-def snapshot(algorithm: Algorithm) -> Iterator[Snapshot]:
-    """A snapshot of everything that is freed afterwards."""
-    taken = Snapshot(algorithm)
-    try:
-        yield taken
-    finally:
-        taken.close()
