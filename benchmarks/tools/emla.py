@@ -3,12 +3,9 @@
 import time
 from pathlib import Path
 
-import numpy as np
-
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import assembled
 from emla_cosim.master.simulation import simulate
-from emla_cosim.master.slaves.slave import Vector
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.results.csv_file import CsvFile
@@ -18,21 +15,6 @@ from emla_cosim.system.scenarios import load_scenario
 from ..job import Job
 from ..study import SCENARIO
 from .worker import Measurement, main
-
-
-class Memory:
-    """All rows in one array."""
-
-    def __init__(self, rows: int, columns: int) -> None:
-        self._rows = np.zeros((rows, columns))
-        self._filled = 0
-
-    def write(self, rows: Vector) -> None:
-        self._rows[self._filled : self._filled + len(rows)] = rows
-        self._filled += len(rows)
-
-    def close(self) -> None:
-        pass
 
 
 def measure(job: Job, to_disk: bool = False) -> Measurement:
@@ -45,12 +27,14 @@ def measure(job: Job, to_disk: bool = False) -> Measurement:
         algorithm.setup(network)
         stepping = FixedSteps(algorithm, times)
         algorithm.initialize(times.start, times.stop)
-        width = 1 + len(network.signals)
+        width, rows = 1 + len(network.signals), job.steps // job.every + 1
         if to_disk:
-            sink = CsvFile(Path(job.scratch, "results.csv"), network.names, 1)
+            recorder = Recorder(
+                width, [CsvFile(Path(job.scratch, "results.csv"), network.names, 1)], job.every
+            )
         else:
-            sink = Memory(job.steps // job.every + 1, width)
-        recorder = Recorder(width, [sink], job.every)
+            recorder = Recorder(width, [], job.every, block_rows=rows)
+            recorder.room(rows).fill(0.0)  # the C loop touches its memory before, too
         stepping.record(recorder)
         started = time.perf_counter()
         simulate(stepping, recorder)

@@ -265,11 +265,9 @@ def _run(tables, first, count, start, step, every, rows):
                 )
                 if status > _WARNING:
                     return k, row, _GET_REAL, (i, status)
-        nothing = 0.0
         for s in read:
-            nothing += signals[s] - signals[s]  # 0 unless the signal is not finite
-        if nothing != 0.0:
-            return k, row, _NOT_FINITE, (0, 0)
+            if not np.isfinite(signals[s]):
+                return k, row, _NOT_FINITE, (0, 0)
         if _divides(every, k + 1):
             rows[row, 0] = start + (k + 1) * step
             rows[row, 1:] = signals
