@@ -28,9 +28,11 @@ class Tables(NamedTuple):
     """All that the loop needs, as arrays.
 
     One element per operation: `calls`, `targets`. One per slave: `multiples`, `modes`, the
-    addresses, and one more than slaves of `input_starts` and `output_starts`. One per input:
-    `sources`, `movable`, `inputs`, `derivatives`. One per signal: `owners`, `smooth`, `signals`,
-    `previous`. `read` lists the signals that have to be finite.
+    addresses, and where its inputs and outputs begin and end. One per input: `sources`,
+    `movable`, `inputs`, `derivatives`. One per signal: `owners`, `smooth`, `signals`, `previous`.
+    `read` lists the signals that have to be finite.
+
+    Indices are unsigned, because every access with a signed one would be checked for its sign.
     """
 
     calls: Any
@@ -48,8 +50,10 @@ class Tables(NamedTuple):
     input_addresses: Any
     derivative_addresses: Any
     output_addresses: Any
-    input_starts: Any
-    output_starts: Any
+    input_begins: Any
+    input_ends: Any
+    output_begins: Any
+    output_ends: Any
     sources: Any
     movable: Any
     inputs: Any
@@ -103,8 +107,8 @@ def _tables(algorithm: Explicit, points: list[EntryPoints]) -> Tables:
     def addresses(values: list[int]) -> Any:
         return np.array(values, dtype=np.intp)
 
-    def starts(parts: list[slice]) -> Any:
-        return addresses([0, *(part.stop for part in parts)])
+    def indices(values: Any) -> Any:
+        return np.array(values, dtype=np.uintp)
 
     def elements(values: Vector, parts: list[slice]) -> Any:
         return addresses([values.ctypes.data + values.itemsize * part.start for part in parts])
@@ -112,7 +116,7 @@ def _tables(algorithm: Explicit, points: list[EntryPoints]) -> Tables:
     movable = [np.empty(0, dtype=bool), *(slave.continuous_inputs for slave in network.slaves)]
     return Tables(
         calls=np.array([o.call for o in algorithm.operations], dtype=np.int64),
-        targets=addresses([o.slave for o in algorithm.operations]),
+        targets=indices([o.slave for o in algorithm.operations]),
         multiples=algorithm.multiples,
         modes=np.array(exchange.modes, dtype=np.int64),
         components=addresses([p.component for p in points]),
@@ -126,19 +130,21 @@ def _tables(algorithm: Explicit, points: list[EntryPoints]) -> Tables:
         input_addresses=elements(network.inputs, network.input_parts),
         derivative_addresses=elements(exchange.derivatives, network.input_parts),
         output_addresses=elements(network.signals, network.parts),
-        input_starts=starts(network.input_parts),
-        output_starts=starts(network.parts),
-        sources=np.concatenate([np.empty(0, dtype=np.intp), *network.sources]),
+        input_begins=indices([part.start for part in network.input_parts]),
+        input_ends=indices([part.stop for part in network.input_parts]),
+        output_begins=indices([part.start for part in network.parts]),
+        output_ends=indices([part.stop for part in network.parts]),
+        sources=indices([s for sources in network.sources for s in sources]),
         movable=np.concatenate(movable),
         inputs=network.inputs,
         derivatives=exchange.derivatives,
-        owners=exchange.owners,
+        owners=indices(exchange.owners),
         smooth=exchange.smooth,
         signals=network.signals,
         previous=exchange.history.previous,
         at=exchange.history.at,
         before=exchange.history.before,
-        read=network.read,
+        read=indices(network.read),
     )
 
 
@@ -200,7 +206,7 @@ def _run(tables, first, count, start, step, every, rows):
         components, set_real, get_real, do_step, set_derivatives,
         input_references, output_references, derivative_orders,
         input_addresses, derivative_addresses, output_addresses,
-        input_starts, output_starts,
+        input_begins, input_ends, output_begins, output_ends,
         sources, movable, inputs, derivatives,
         owners, smooth, signals, previous, at, before, read,
     ) = tables  # fmt: skip
@@ -216,10 +222,10 @@ def _run(tables, first, count, start, step, every, rows):
             if call == _STEP:
                 status = _step(do_step[i], (component, time, multiple * step, _NO_WAY_BACK))
                 if status > _WARNING:
-                    return k, row, _DO_STEP, (i, status)
+                    return k, row, _DO_STEP, (np.intp(i), status)
                 continue
             if call == _SET:  # see Exchange.pass_inputs
-                begin, end, mode = input_starts[i], input_starts[i + 1], modes[i]
+                begin, end, mode = input_begins[i], input_ends[i], modes[i]
                 if begin == end:
                     continue
                 middle = 0.5 * (multiple * step) if mode == _MIDDLE else 0.0
@@ -239,7 +245,7 @@ def _run(tables, first, count, start, step, every, rows):
                     set_real[i], (component, input_references[i], end - begin, input_addresses[i])
                 )
                 if status > _WARNING:
-                    return k, row, _SET_REAL, (i, status)
+                    return k, row, _SET_REAL, (np.intp(i), status)
                 if mode == _LINE:
                     status = _derive(
                         set_derivatives[i],
@@ -252,9 +258,9 @@ def _run(tables, first, count, start, step, every, rows):
                         ),
                     )
                     if status > _WARNING:
-                        return k, row, _SET_DERIVATIVES, (i, status)
+                        return k, row, _SET_DERIVATIVES, (np.intp(i), status)
                 continue
-            begin, end = output_starts[i], output_starts[i + 1]
+            begin, end = output_begins[i], output_ends[i]
             for s in range(begin, end):  # see Exchange.shift
                 previous[s] = signals[s]
             before[i] = at[i]
@@ -264,7 +270,7 @@ def _run(tables, first, count, start, step, every, rows):
                     get_real[i], (component, output_references[i], end - begin, output_addresses[i])
                 )
                 if status > _WARNING:
-                    return k, row, _GET_REAL, (i, status)
+                    return k, row, _GET_REAL, (np.intp(i), status)
         for s in read:
             if not np.isfinite(signals[s]):
                 return k, row, _NOT_FINITE, (0, 0)
