@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from emla_cosim.master.assembly import Assembly, assembled
-from emla_cosim.run import Progress, RunResult, Settings, run
+from emla_cosim.run import Progress, RunResult, run
+from emla_cosim.settings import Settings
 from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.system.scenarios import Scenario
 from faulty_fmu import Counts, Fault

@@ -41,8 +41,6 @@ def fmu_slave(
 class BlockSlave(Slave):
     """A block in process behind the slave protocol."""
 
-    rolls_back = True
-
     def __init__(self, block: Block, parameters: Mapping[str, Any] | None = None, name: str = "test") -> None:
         self.name = name
         self.instance = Instance(block, name)

@@ -29,7 +29,7 @@ def run_identity(
         "values set": {
             f"{c.name}.{n}": str(v) for c in system.components for n, v in sorted(c.parameters.items())
         },
-        "connections": [f"{x.source}.{x.output} -> {x.target}.{x.input}" for x in system.connections],
+        "connections": [str(x) for x in system.connections],
         "algorithm": algorithm,
         "extrapolation": settings.extrapolation,
         "coupling tolerance": settings.coupling_tolerance,

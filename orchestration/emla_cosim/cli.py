@@ -52,6 +52,7 @@ def _panel(title: str) -> Callable[..., Any]:
     return option
 
 
+_FLAVOUR = f"FMU flavour: {' or '.join(FLAVOURS)}."
 _system, _stepping, _output = _panel("What is run"), _panel("How it is stepped"), _panel("What comes out")
 
 
@@ -59,7 +60,7 @@ _system, _stepping, _output = _panel("What is run"), _panel("How it is stepped")
 @_one_sentence
 def build_command(
     models: Annotated[list[str] | None, typer.Argument(help="Models; all without any.")] = None,
-    flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
+    flavour: Annotated[str, typer.Option(help=_FLAVOUR)] = "native",
     platform: Annotated[
         list[str] | None,
         typer.Option(
@@ -117,7 +118,7 @@ def run_command(
         list[str] | None,
         _system("Use another FMU for a component (repeatable).", metavar="JOINT.COMPONENT=FILE.fmu"),
     ] = None,
-    flavour: Annotated[str, _system(f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
+    flavour: Annotated[str, _system(_FLAVOUR)] = "native",
     controller: Annotated[
         str | None, _system(f"Gains of controller and observer: {' or '.join(CONTROLLERS)}.")
     ] = None,

@@ -337,8 +337,8 @@ def test_a_discarded_step_is_done_in_halves() -> None:
     # x' = v, v' = -x by the implicit Euler method, four times
     expected = np.linalg.matrix_power(np.linalg.inv([[1.0, -0.25], [0.25, 1.0]]), 4) @ [1.0, 0.0]
     assert algorithm.network.signals == pytest.approx(expected, abs=1e-7)
-    assert algorithm.history.at.tolist() == [2.0, 2.0]
-    assert algorithm.history.before.tolist() == [1.75, 1.75]
+    assert algorithm.exchange.history.at.tolist() == [2.0, 2.0]
+    assert algorithm.exchange.history.before.tolist() == [1.75, 1.75]
     assert algorithm.steps == 1
 
 

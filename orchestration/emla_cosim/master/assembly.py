@@ -65,9 +65,10 @@ def _check_connections(system: System, files: Mapping[str, FmuFile]) -> None:
     for connection in system.connections:
         source = _end(system.component(connection.source), files, connection.output, "output")
         target = _end(system.component(connection.target), files, connection.input, "input")
-        text = f"{connection.source}.{connection.output} -> {connection.target}.{connection.input}"
         if source.unit != target.unit and source.unit and target.unit:
-            raise CommandError(f"the connection {text} joins the units {source.unit} and {target.unit}.")
+            raise CommandError(
+                f"the connection {connection} joins the units {source.unit} and {target.unit}."
+            )
         other = driven.setdefault((connection.target, connection.input), connection)
         if other is not connection:
             raise CommandError(f"{connection.target}.{connection.input} is driven by two outputs.")

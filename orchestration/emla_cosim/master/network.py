@@ -107,15 +107,21 @@ class Network:
         links = [x for x in self.feedback() if {x.source, x.target} <= inside and counts(x)]
         return np.unique(np.array([self.signal(x) for x in links], dtype=np.intp))
 
+    def loop_name(self, group: Sequence[int]) -> str:
+        """The slaves of a group as a loop: a -> b -> a."""
+        return " -> ".join(self.slaves[i].name for i in [*group, group[0]])
+
+    def not_finite(self, time: float) -> RunError | None:
+        """The error that names the first signal that is read but is not finite, if there is one."""
+        wrong = self.read[~np.isfinite(self.signals[self.read])]
+        if not len(wrong):
+            return None
+        return RunError(f"{self.names[wrong[0]]} became {self.signals[wrong[0]]} at t = {time:.9g} s.")
+
     def check_finite(self, time: float) -> None:
         """Raise RunError where a signal that somebody reads is not a number; `time` in s."""
-        if not np.isfinite(self.signals[self.read]).all():
-            raise self.not_finite(time)
-
-    def not_finite(self, time: float) -> RunError:
-        """The error that names the first such signal."""
-        i = next(int(i) for i in self.read if not np.isfinite(self.signals[i]))
-        return RunError(f"{self.names[i]} became {self.signals[i]} at t = {time:.9g} s.")
+        if (failure := self.not_finite(time)) is not None:
+            raise failure
 
 
 def _parts(lengths: Sequence[int]) -> list[slice]:

@@ -22,13 +22,12 @@ class Sink(Protocol):
 class Recorder:
     """Rows of `width` numbers for the stepping to fill; full blocks go to the sinks.
 
-    Every `every`-th communication point is to be recorded; `rows` counts those that were. Memory
-    stays the same however long the run is.
+    Every `every`-th communication point is to be recorded. Memory stays the same however long the
+    run is.
     """
 
     def __init__(self, width: int, sinks: list[Sink], every: int = 1, block_rows: int = 2000) -> None:
         self.every = every
-        self.rows = 0
         self._sinks = sinks
         self._block = np.empty((block_rows, width))
         self._filled = 0
@@ -40,7 +39,6 @@ class Recorder:
     def commit(self, count: int) -> None:
         """So many of them are filled. May raise OSError from a sink."""
         self._filled += count
-        self.rows += count
         if self._filled == len(self._block):
             self.flush()
 

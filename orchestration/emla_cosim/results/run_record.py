@@ -13,7 +13,7 @@ from ..master.assembly import Assembly
 from ..master.stepping.error_control import ErrorControl
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.stepping import Stepping
-from ..system.model import Connection, System
+from ..system.model import System
 
 _PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pythonfmu")
 
@@ -46,7 +46,7 @@ def run_record(
             }
             for c in system.components
         },
-        "connections": [_text(x) for x in system.connections],
+        "connections": [str(x) for x in system.connections],
     }
 
 
@@ -58,7 +58,7 @@ def stepping_record(stepping: Stepping, system: System) -> dict[str, Any]:
     slaves = algorithm.network.slaves
     record: dict[str, Any] = {
         "steps": stepping.steps,
-        "late_connections": [_text(x) for x, link in links if link in late],
+        "late_connections": [str(x) for x, link in links if link in late],
     }
     if isinstance(stepping, FixedSteps) and isinstance(algorithm, Explicit):
         record["compiled"] = stepping.compiled
@@ -70,10 +70,6 @@ def stepping_record(stepping: Stepping, system: System) -> dict[str, Any]:
     if not isinstance(algorithm, Jacobi):
         record["order"] = [slaves[i].name for i in algorithm.network.order]
     return record
-
-
-def _text(connection: Connection) -> str:
-    return f"{connection.source}.{connection.output} -> {connection.target}.{connection.input}"
 
 
 def _version(package: str) -> str | None:

@@ -33,6 +33,9 @@ class Connection:
     target: str
     input: str
 
+    def __str__(self) -> str:
+        return f"{self.source}.{self.output} -> {self.target}.{self.input}"
+
 
 @dataclass(frozen=True)
 class System:

@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import CommandError
 from ..network import Link, Network
 from ..slaves.slave import Slave, Vector
-from .extrapolation import Exchange, History
+from .extrapolation import Exchange
 from .initialization import initialize
 
 
@@ -54,18 +54,13 @@ class Algorithm(ABC):
 
     def memory(self) -> dict[str, Vector]:
         """What the algorithm remembers besides the signals, as arrays by name; see `remember`."""
-        history = self.history
-        return {
-            "steps": np.array([float(self.steps)]),
-            "previous": history.previous,
-            "at": history.at,
-            "before": history.before,
-        }
+        return self.kept | {"steps": np.array([float(self.steps)])}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
         """Take over what an algorithm of the same kind remembered."""
         self.steps = int(memory["steps"][0])
-        self.history.copy_from(History(memory["previous"], memory["at"], memory["before"]))
+        for name, present in self.kept.items():
+            present[:] = memory[name]
 
     def close(self) -> None:  # noqa: B027 - most hold nothing
         """Free what the algorithm holds of the slaves; never raises."""
@@ -80,14 +75,10 @@ class Algorithm(ABC):
         return self.exchange.order
 
     @property
-    def kept(self) -> list[Vector]:
-        """Arrays that go back with a snapshot."""
-        return [self.history.previous, self.history.at, self.history.before]
-
-    @property
-    def history(self) -> History:
-        """What the algorithm remembers besides the signals."""
-        return self.exchange.history
+    def kept(self) -> dict[str, Vector]:
+        """The arrays, by name, that go back with a snapshot; they are changed in place."""
+        history = self.exchange.history
+        return {"previous": history.previous, "at": history.at, "before": history.before}
 
 
 def require(slaves: Sequence[Slave], ability: str, flag: str, purpose: str) -> None:

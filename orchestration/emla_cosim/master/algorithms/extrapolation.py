@@ -20,7 +20,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from ...errors import CommandError
+from ...errors import check_choice
 from ..network import Indices, Network
 from ..slaves.slave import Vector
 
@@ -51,10 +51,6 @@ class History:
     at: Vector
     before: Vector
 
-    def copy_from(self, other: "History") -> None:
-        """Take over all values of another history."""
-        self.previous[:], self.at[:], self.before[:] = other.previous, other.at, other.before
-
 
 class Exchange:
     """Passes signals on to the slaves, extrapolated or not, and reads them back.
@@ -64,8 +60,7 @@ class Exchange:
     """
 
     def __init__(self, network: Network, extrapolation: str = "none") -> None:
-        if extrapolation not in EXTRAPOLATIONS:
-            raise CommandError(f"there is no extrapolation '{extrapolation}'.")
+        check_choice("extrapolation", extrapolation, EXTRAPOLATIONS)
         self.network = network
         count, size = len(network.slaves), len(network.signals)
         self.owners: Indices = np.zeros(size, dtype=np.intp)

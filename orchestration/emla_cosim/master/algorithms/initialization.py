@@ -77,11 +77,11 @@ def _settle(network: Network, group: list[int]) -> None:
 
 
 def _no_agreement(network: Network, group: list[int], cut: np.ndarray, failure: NoAgreementError) -> str:
-    names = " -> ".join(network.slaves[i].name for i in [*group, group[0]])
     lost = [network.names[s] for s in cut[~np.isfinite(failure.gap)]]
     moving = [network.names[s] for s in cut[failure.gap != 0.0]]
     problem = f"{listed(lost)} became infinite or no number" if lost else f"{listed(moving)} still change"
     return (
-        f"the initial values of the loop {names} do not settle in {failure.sweeps} exchanges: "
-        f"{problem}. Set other start values, or break the loop of direct feedthrough."
+        f"the initial values of the loop {network.loop_name(group)} do not settle in "
+        f"{failure.sweeps} exchanges: {problem}. Set other start values, or break the loop of "
+        "direct feedthrough."
     )

@@ -45,7 +45,7 @@ class QuasiNewton:
     """Solves x = F(x) for `count` values, better and better from call to call."""
 
     def __init__(self, count: int) -> None:
-        self.jacobian = np.eye(count) * (1.0 - RELAXATION)
+        self.jacobian = _unknown(count)
 
     def solve(
         self,
@@ -73,8 +73,12 @@ class QuasiNewton:
                 break
             self.jacobian = _learned(earlier, residuals, answers, sizes)
             x = answers[-1] - self.jacobian @ residuals[-1]
-        self.jacobian = np.eye(len(guess)) * (1.0 - RELAXATION)
+        self.jacobian = _unknown(len(guess))
         raise NoAgreementError(residuals[-1], len(residuals))
+
+
+def _unknown(count: int) -> Vector:
+    return np.eye(count) * (1.0 - RELAXATION)
 
 
 def _learned(jacobian: Vector, residuals: list[Vector], answers: list[Vector], sizes: Vector) -> Vector:

@@ -15,7 +15,7 @@ class Snapshot:
         self._members = [network.slaves[i] for i in (slaves or range(len(network.slaves)))]
         self._states: list[Any] = [None] * len(self._members)
         self._signals = network.signals.copy()
-        self._kept = [a.copy() for a in algorithm.kept]
+        self._kept = [present.copy() for present in algorithm.kept.values()]
         self._steps = algorithm.steps
 
     def take(self) -> None:
@@ -23,7 +23,7 @@ class Snapshot:
         algorithm = self._algorithm
         self._states = [s.save(state) for s, state in zip(self._members, self._states, strict=True)]
         self._signals[:] = algorithm.network.signals
-        for copy, present in zip(self._kept, algorithm.kept, strict=True):
+        for copy, present in zip(self._kept, algorithm.kept.values(), strict=True):
             copy[:] = present
         self._steps = algorithm.steps
 
@@ -31,7 +31,7 @@ class Snapshot:
         """Go back to what was taken."""
         self.restore_slaves()
         self._algorithm.network.signals[:] = self._signals
-        for copy, present in zip(self._kept, self._algorithm.kept, strict=True):
+        for copy, present in zip(self._kept, self._algorithm.kept.values(), strict=True):
             present[:] = copy
         self._algorithm.steps = self._steps
 

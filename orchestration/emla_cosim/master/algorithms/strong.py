@@ -73,15 +73,15 @@ class Strong(Algorithm):
         return [group.members for group in self._groups if len(group.cut)]
 
     @property
-    def kept(self) -> list[Vector]:
+    def kept(self) -> dict[str, Vector]:
         """Also the sizes of the signals."""
-        return [*super().kept, self._scale.largest]
+        return super().kept | {"strong/largest": self._scale.largest}
 
     def memory(self) -> dict[str, Vector]:
         """Also what was learned about the loops."""
         learned = {f"jacobian/{i}": group.newton.jacobian for i, group in enumerate(self._groups)}
         sweeps = np.array([float(self.sweeps)])
-        return super().memory() | learned | {"sweeps": sweeps, "strong/largest": self._scale.largest}
+        return super().memory() | learned | {"sweeps": sweeps}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
         """Take over what a strong coupling of the same network remembered."""
@@ -89,7 +89,6 @@ class Strong(Algorithm):
         for i, group in enumerate(self._groups):
             group.newton.jacobian = memory[f"jacobian/{i}"].copy()
         self.sweeps = int(memory["sweeps"][0])
-        self._scale.largest[:] = memory["strong/largest"]
 
     def close(self) -> None:
         """Free the saved states."""
@@ -148,7 +147,7 @@ class Strong(Algorithm):
     def _given_up(self, group: _Group, time: float, step: float, failure: Exception) -> Exception:
         if not isinstance(failure, NoAgreementError):
             return failure
-        names = " -> ".join(self.network.slaves[i].name for i in [*group.members, group.members[0]])
+        names = self.network.loop_name(group.members)
         gaps = self._scale.relative(failure.gap, group.cut)
         worst = self.network.names[group.cut[gaps.argmax()]]
         if not np.isfinite(gaps).all():

@@ -7,8 +7,6 @@ from ..algorithms.explicit import Explicit
 
 if TYPE_CHECKING:
     from .kernel import Kernel
-else:
-    Kernel = object
 
 
 def compile_kernel(algorithm: Algorithm) -> "Kernel | None":

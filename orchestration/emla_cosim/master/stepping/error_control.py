@@ -142,11 +142,11 @@ class ErrorControl(Stepping):
             return False
         jumps = self._jumps(step, errors)
         judged = np.where(jumps, 0.0, errors)
-        failure = self._not_finite(step)
         try:
             accepted = self.control.judge(step, float(judged.max(initial=0.0)) / self.tolerance)
         except RunError as too_small:
             name = self.algorithm.network.names[self._judged[judged.argmax()]]
+            failure = self.algorithm.network.not_finite(self._time + step)
             raise failure or RunError(f"{too_small} {name} differs most.") from None
         if accepted:
             self._rejected, self._jumped = None, jumps
@@ -178,13 +178,6 @@ class ErrorControl(Stepping):
         if self._rejected is None or step > 0.5 * self._rejected[0]:
             return np.zeros(len(errors), dtype=bool)
         return (errors > self.tolerance) & (errors > 0.9 * self._rejected[1]) & ~self._jumped
-
-    def _not_finite(self, step: float) -> RunError | None:
-        try:
-            self.algorithm.network.check_finite(self._time + step)
-        except RunError as failure:
-            return failure
-        return None
 
 
 def _judged(algorithm: Algorithm) -> Indices:

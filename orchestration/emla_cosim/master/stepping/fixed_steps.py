@@ -1,10 +1,14 @@
 """Steps of one length."""
 
-from ...errors import RunError
+from typing import TYPE_CHECKING
+
 from ..algorithms.algorithm import Algorithm
-from .compilation import Kernel, compile_kernel
+from .compilation import compile_kernel
 from .stepping import Rows, Stepping
 from .timing import Timing
+
+if TYPE_CHECKING:
+    from .kernel import Kernel
 
 
 class FixedSteps(Stepping):
@@ -15,7 +19,7 @@ class FixedSteps(Stepping):
 
     def __init__(self, algorithm: Algorithm, times: Timing, compiled: bool = True) -> None:
         super().__init__(algorithm, times)
-        self._kernel: Kernel | None = compile_kernel(algorithm) if compiled else None
+        self._kernel = compile_kernel(algorithm) if compiled else None
 
     @property
     def compiled(self) -> bool:
@@ -48,22 +52,20 @@ class FixedSteps(Stepping):
         algorithm, times = self.algorithm, self.times
         for k in range(algorithm.steps, min(algorithm.steps + most, times.steps)):
             algorithm.step(times.point(k), times.step)
-            try:
-                algorithm.network.check_finite(times.point(k + 1))
-            except RunError:
+            if (failure := algorithm.network.not_finite(times.point(k + 1))) is not None:
                 algorithm.steps = k  # as in compiled code: the step does not count
-                raise
+                raise failure
             if (k + 1) % rows.every == 0:
                 self.record(rows)
 
-    def _advance_compiled(self, kernel: Kernel, rows: Rows, most: int) -> None:
+    def _advance_compiled(self, kernel: "Kernel", rows: Rows, most: int) -> None:
         first, times, every = self.algorithm.steps, self.times, rows.every
         last = min(first + most, times.steps)
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
         count = min(last, fitting) - first
-        recorded = kernel.run(first, count, times.start, times.step, every, block)
+        recorded, failure = kernel.run(first, count, times.start, times.step, every, block)
         if recorded:
             rows.commit(recorded)
-        if kernel.error is not None:
-            raise kernel.error
+        if failure is not None:
+            raise failure

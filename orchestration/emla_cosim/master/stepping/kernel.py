@@ -77,16 +77,18 @@ class Kernel:
         self._tables = _tables(algorithm, entry_points)
         _run(self._tables, 0, 0, 0.0, 1.0, 1, np.empty((1, 1 + len(algorithm.network.signals))))
 
-    def run(self, first: int, count: int, start: float, step: float, every: int, rows: Vector) -> int:
-        """Do `count` steps from the one numbered `first`; returns how many rows were recorded.
+    def run(
+        self, first: int, count: int, start: float, step: float, every: int, rows: Vector
+    ) -> tuple[int, RunError | None]:
+        """Do `count` steps from the one numbered `first`.
 
         The step k begins at `start + k*step`, in s; each `every`-th point fills the next of
-        `rows`, time first. `error` is None, or what ended the run in step `algorithm.steps`.
+        `rows`, time first. Returns how many rows were recorded, and what ended the run in step
+        `algorithm.steps`, if anything did.
         """
         reached, recorded, code, detail = _run(self._tables, first, count, start, step, every, rows)
         self._algorithm.steps += reached - first
-        self.error = self._error(code, detail, start + reached * step, step)
-        return recorded
+        return recorded, self._error(code, detail, start + reached * step, step)
 
     def _error(self, code: int, detail: tuple[int, int], time: float, step: float) -> RunError | None:
         if code == _DONE:
