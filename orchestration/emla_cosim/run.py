@@ -94,12 +94,7 @@ def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress
         result = _Simulation(assembly, stepping, pacing, checkpoints, resumed, progress).run(
             output, system, every
         )
-        effective = settings.record() | {
-            "algorithm": name,
-            "start_time_s": times.start,
-            "stop_time_s": times.stop,
-            "step_size_s": times.step,
-        }
+        effective = settings.record(name, times)
         record = run_record(scenario.name, effective, system, assembly, result.stepping, result.problem)
     return _reported(result, output, record, system.joints if settings.plots else [], progress)
 

@@ -74,15 +74,22 @@ class Settings:
                 )
         return FixedSteps(algorithm, times, self.compiled)
 
-    def record(self) -> dict[str, object]:
-        """The settings as run.json has them, besides those that a scenario may fill in."""
+    def record(self, algorithm: str, times: Timing) -> dict[str, object]:
+        """The settings as run.json has them: what was in effect, for this algorithm and these times."""
+        interval = self.output_interval
+        if self.error_tolerance is None:
+            interval = self.steps_per_row(times) * times.step
         return {
+            "algorithm": algorithm,
+            "start_time_s": times.start,
+            "stop_time_s": times.stop,
+            "step_size_s": times.step,
             "extrapolation": self.extrapolation,
             "coupling_tolerance": self.coupling_tolerance,
             "error_tolerance": self.error_tolerance,
             "step_multiples": self.multiples,
             "order": list(self.order),
-            "output_interval_s": self.output_interval,
+            "output_interval_s": interval,
             "real_time_factor": self.real_time,
             "resumed_from": self.resume,
             "flavour": self.flavour,

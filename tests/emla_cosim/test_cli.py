@@ -68,6 +68,7 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
     record = json.loads((folder / "run.json").read_text())
     assert record["status"] == "completed"
     assert record["settings"]["step_size_s"] == 1e-4
+    assert record["settings"]["output_interval_s"] == pytest.approx(1e-3, rel=1e-12)
     assert record["components"]["lift.plant"]["parameters"]["motor.R_s"] == "0.2"
     assert len(record["components"]["lift.plant"]["sha256"]) == 64
     assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
