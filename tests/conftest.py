@@ -10,6 +10,7 @@ from hypothesis import settings
 
 from emla_cosim.models import MODELS, build, fmu_path
 from faulty_fmu import build_faulty_fmu
+from handwritten_fmu import build_handwritten_fmu
 from sessions import Session, opened
 from toy_fmu import build_toy
 
@@ -40,6 +41,13 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
 def faulty_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The faulty FMU, with states and interpolation of inputs."""
     return build_faulty_fmu(tmp_path_factory.mktemp("faulty"))
+
+
+@pytest.fixture(scope="session")
+def foreign_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An FMU of the plant that somebody else wrote; foreign_plant/ForeignPlant.ssm maps our names to its."""
+    path = tmp_path_factory.mktemp("foreign") / "ForeignPlant.fmu"
+    return build_handwritten_fmu(path, Path(__file__).parent / "foreign_plant" / "foreign_plant.c")
 
 
 @pytest.fixture(scope="session")

@@ -1,21 +1,12 @@
 """Builds the faulty model as an FMU, and counts what masters leave behind in it."""
 
 import ctypes
-import subprocess
-import sys
-import tempfile
 from enum import IntEnum
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 
 import fmpy
 
-from fmublock.archive import content_guid, write_archive
-from fmublock.native import TARGETS, host_platform
-
-_SOURCES = Path(__file__).parent / "faulty"
-_FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-s", "-Wall", "-Wextra"]
+from handwritten_fmu import build_handwritten_fmu
 
 
 class Fault(IntEnum):
@@ -86,33 +77,10 @@ def build_faulty_fmu(
     Without `rollback` it declares no FMU states, without `interpolate` no derivatives of inputs;
     it then refuses these calls with fmi2Error.
     """
-    template = Template((_SOURCES / "modelDescription.xml").read_text())
-    sources = {f.name: f.read_bytes() for f in sorted(_SOURCES.glob("*.[ch]"))}
-    values = {"name": name, "rollback": str(rollback).lower(), "interpolate": str(interpolate).lower()}
-    draft = template.safe_substitute(values).encode()
-    values["guid"] = content_guid({**sources, "modelDescription.xml": draft})
-    defines = {
-        "MODEL_GUID": f'"{values["guid"]}"',
-        "ROLLBACK": int(rollback),
-        "INTERPOLATE": int(interpolate),
-    }
-    library = f"binaries/{fmpy.platform}/{name}{fmpy.sharedLibraryExtension}"
-    path = folder / f"{name}.fmu"
-    content = {
-        "modelDescription.xml": template.substitute(values).encode(),
-        library: _compile([f"-D{key}={value}" for key, value in defines.items()]),
-    }
-    write_archive(path, content)
-    return path
-
-
-def _compile(defines: list[str]) -> bytes:
-    headers = str(files("fmpy").joinpath("c-code"))
-    with tempfile.TemporaryDirectory() as folder:
-        library = Path(folder, f"faulty{fmpy.sharedLibraryExtension}")
-        target, _ = TARGETS[host_platform()]
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS, *defines]
-        command += ["-I", headers, str(_SOURCES / "faulty.c"), "-o", str(library)]
-        compiled = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert compiled.returncode == 0, compiled.stderr
-        return library.read_bytes()
+    flags = {"rollback": rollback, "interpolate": interpolate}
+    return build_handwritten_fmu(
+        folder / f"{name}.fmu",
+        Path(__file__).parent / "faulty" / "faulty.c",
+        placeholders={key: str(value).lower() for key, value in flags.items()},
+        macros={key.upper(): int(value) for key, value in flags.items()},
+    )

@@ -1,0 +1,380 @@
+"""The plant that somebody else wrote does what ours does, so that it can take our plant's place."""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import cycle, islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Slave
+from fmpy.ssp.ssd import read_ssm
+from fmpy.validation import validate_fmu
+
+from emla_cosim.scenarios.reading import load_scenario
+from sessions import DISCARD, Session, opened, refused
+
+MAPPING = Path(__file__).parent / "foreign_plant" / "ForeignPlant.ssm"
+TOLERANCE = 1e-9
+"""Per largest value of an output; rounding makes 1e-13 of the fastest of them."""
+
+
+class Theirs(NamedTuple):
+    """Their variable is `scale` times ours, plus `offset`."""
+
+    name: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+INPUTS = {
+    "u_q": Theirs("Motor.Uq_V"),
+    "u_d": Theirs("Motor.Ud_V"),
+    "i_q_ref": Theirs("Motor.IqSetpoint_A"),
+    "F_L": Theirs("Load.Force_kN", -1e-3),
+    "d_2": Theirs("Load.Disturbance_mm_s2", 1e3),
+    "d_3": Theirs("Inverter.DisturbanceUq_V"),
+    "d_4": Theirs("Inverter.DisturbanceUd_V"),
+}
+PARAMETERS = {
+    "motor.R_s": Theirs("Motor.Rs_mOhm", 1e3),
+    "motor.L_d": Theirs("Motor.Ld_mH", 1e3),
+    "motor.L_q": Theirs("Motor.Lq_mH", 1e3),
+    "motor.Phi_PM": Theirs("Motor.Flux_mWb", 1e3),
+    "motor.N_p": Theirs("Motor.PolePairs"),
+    "motor.J_m": Theirs("Motor.Inertia_kgcm2", 1e4),
+    "motor.B_m": Theirs("Motor.Friction_mNms", 1e3),
+    "coupling.J_c": Theirs("Coupling.Inertia_kgcm2", 1e4),
+    "gearbox.rho": Theirs("Gearbox.ScrewTurns"),
+    "gearbox.J_GB": Theirs("Gearbox.Inertia_kgcm2", 1e4),
+    "gearbox.eta_GB": Theirs("Gearbox.Efficiency_pct", 100.0),
+    "screw.lead": Theirs("Screw.Lead_mm", 1e3),
+    "screw.M_BS": Theirs("Screw.Mass_kg"),
+    "screw.B_BS": Theirs("Screw.Friction_Ns_mm", 1e-3),
+    "screw.C_eq": Theirs("Screw.Spring_Nm_mm", 1e-3),
+    "inverter.u_max": Theirs("Inverter.Limit_V"),
+    "uncertainty.F_2": Theirs("Error.Motion_pct", 100.0),
+    "uncertainty.F_3": Theirs("Error.Iq_pct", 100.0),
+    "uncertainty.F_4": Theirs("Error.Id_pct", 100.0),
+    "sensor.resolution": Theirs("Sensor.Resolution_nm", 1e9),
+    "sensor.sigma": Theirs("Sensor.Noise_um", 1e6),
+    "sensor.seed": Theirs("Sensor.Seed"),
+    "solver.internal_step": Theirs("Solver.Step_us", 1e6),
+}
+OUTPUTS = {
+    "x_L": Theirs("Screw.Position_mm", 1e3, 850.0),
+    "v_L": Theirs("Screw.Speed_mm_s", 1e3),
+    "i_q": Theirs("Motor.Iq_A"),
+    "i_d": Theirs("Motor.Id_A"),
+    "x_measured": Theirs("Sensor.Position_mm", 1e3, 850.0),
+    "a_L": Theirs("Screw.Acceleration_mm_s2", 1e3),
+    "tau_m": Theirs("Motor.Torque_Nm"),
+    "omega_m": Theirs("Motor.Speed_rpm", 30.0 / math.pi),
+    "inverter.u_q": Theirs("Inverter.Uq_V"),
+    "inverter.u_d": Theirs("Inverter.Ud_V"),
+    "inverter.saturated": Theirs("Inverter.Saturation"),
+    "P_el": Theirs("Motor.Power_kW", 1e-3),
+    "P_L": Theirs("Load.Power_kW", 1e-3),
+    "phase.i_a": Theirs("Motor.Iu_A"),
+    "phase.i_b": Theirs("Motor.Iv_A"),
+    "phase.i_c": Theirs("Motor.Iw_A"),
+}
+ALL = {**INPUTS, **PARAMETERS, **OUTPUTS}
+ONLY_OURS = {"torque_source"}
+ONLY_THEIRS = {"Motor.Winding_K", "Screw.Retracted_mm", "Motor.IqError_A"}
+
+EVERYTHING = {
+    "motor.L_d": 2.3e-3,
+    "motor.L_q": 2.6e-3,
+    "coupling.J_c": 2e-3,
+    "gearbox.J_GB": 1e-3,
+    "screw.B_BS": 400.0,
+    "screw.C_eq": 80.0,
+    "uncertainty.F_2": 0.3,
+    "uncertainty.F_3": -0.2,
+    "uncertainty.F_4": 0.1,
+    "sensor.resolution": 1e-5,
+    "sensor.sigma": 2e-5,
+    "solver.internal_step": 3e-5,
+    "x_L": 0.31,
+    "v_L": 0.05,
+    "i_q": 12.0,
+    "i_d": -7.0,
+}
+"""What the study leaves at 0 or at its default, and axes that differ."""
+
+
+@pytest.fixture
+def theirs(foreign_plant: Path, tmp_path: Path) -> Iterator[Session]:
+    with opened(foreign_plant, tmp_path) as session:
+        yield session
+
+
+@pytest.fixture
+def ours(sessions: dict[str, Session]) -> Session:
+    return sessions["EmlaPlant"]
+
+
+# ---- both plants side by side ------------------------------------------------------------------
+
+
+def study(joint: str) -> dict[str, Any]:
+    """The start values of a joint's plant in the study."""
+    return dict(load_scenario("study").system.component(f"{joint}.plant").parameters)
+
+
+def inputs(t: float, u_max: float) -> dict[str, float]:
+    """Voltages that pass the inverter's limit for a part of the time, a load in both directions."""
+    return {
+        "u_q": u_max * (0.5 + 0.8 * math.sin(40.0 * t)),
+        "u_d": -0.2 * u_max * math.cos(55.0 * t),
+        "i_q_ref": 20.0 * math.sin(30.0 * t),
+        "F_L": 6e3 * math.cos(25.0 * t),
+        "d_2": 2.0 * math.sin(60.0 * t),
+        "d_3": 5.0 * math.cos(33.0 * t),
+        "d_4": 3.0 * math.sin(47.0 * t),
+    }
+
+
+def translated(values: dict[str, Any]) -> dict[str, Any]:
+    """Values of our variables as values of theirs; what has no scale keeps its type."""
+    result = {}
+    for name, value in values.items():
+        variable = ALL[name]
+        exact = variable.scale == 1.0 and variable.offset == 0.0
+        result[variable.name] = value if exact else variable.scale * value + variable.offset
+    return result
+
+
+def translated_outputs(theirs: Session, slave: FMU2Slave) -> list[float]:
+    """Their outputs as values of ours."""
+    values = theirs.get(slave, *(v.name for v in OUTPUTS.values()))
+    return [(y - v.offset) / v.scale for y, v in zip(values, OUTPUTS.values(), strict=True)]
+
+
+def both_outputs(
+    ours: Session, theirs: Session, start_values: dict[str, Any], steps: Sequence[float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """All outputs of both plants, a row for the start and one for every step."""
+    u_max = start_values["inverter.u_max"]
+    start = {**start_values, **inputs(0.0, u_max)}
+    our_plant, their_plant = ours.instance("test", **start), theirs.instance("test", **translated(start))
+
+    def row() -> tuple[list[float], list[float]]:
+        return ours.get(our_plant, *OUTPUTS), translated_outputs(theirs, their_plant)
+
+    time, rows = 0.0, [row()]
+    for step in steps:
+        values = inputs(time, u_max)
+        ours.set(our_plant, **values)
+        theirs.set(their_plant, **translated(values))
+        for plant in (our_plant, their_plant):
+            plant.doStep(time, step)
+        time += step
+        rows.append(row())
+    table = np.array(rows)
+    return table[:, 0], table[:, 1]
+
+
+def column(rows: np.ndarray, name: str) -> np.ndarray:
+    return rows[:, list(OUTPUTS).index(name)]
+
+
+def differences(found: np.ndarray, expected: np.ndarray) -> dict[str, float]:
+    """Largest difference of every output, per its largest value."""
+    largest = np.abs(expected).max(axis=0)
+    assert largest.min() > 0.0  # an output that stays 0 would not be compared
+    return dict(zip(OUTPUTS, np.abs(found - expected).max(axis=0) / largest, strict=True))
+
+
+def without_sensor(differences: dict[str, float]) -> dict[str, float]:
+    """What a step of the sensor, which rounding may move, cannot change."""
+    return {name: d for name, d in differences.items() if name != "x_measured"}
+
+
+@pytest.mark.parametrize(
+    ("joint", "changes"),
+    [("lift", {}), ("telescope", {}), ("lift", EVERYTHING)],
+    ids=["lift", "telescope", "everything"],
+)
+def test_outputs_are_those_of_our_plant(
+    joint: str, changes: dict[str, Any], ours: Session, theirs: Session
+) -> None:
+    start_values = {**study(joint), **changes}
+    steps = list(islice(cycle([1e-4, 1e-4, 2.5e-4, 1e-4, 3e-5]), 4000))
+    expected, found = both_outputs(ours, theirs, start_values, steps)
+    found_differences = differences(found, expected)
+    assert {n: d for n, d in without_sensor(found_differences).items() if d > TOLERANCE} == {}
+    apart = np.abs(column(found, "x_measured") - column(expected, "x_measured"))
+    assert apart.max() < 1.001 * start_values["sensor.resolution"]
+    assert np.mean(apart > 1e-12) < 0.01
+    assert 0.1 < column(expected, "inverter.saturated").mean() < 0.9
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("motor.R_s", 1.0 + 1e-6), ("uncertainty.F_3", 0.0), ("F_L", -1.0), ("solver.internal_step", 2.0)],
+)
+def test_comparison_sees_what_is_wrong(
+    name: str, factor: float, ours: Session, theirs: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(ALL, name, ALL[name]._replace(scale=factor * ALL[name].scale))
+    start_values = {**study("lift"), "solver.internal_step": 5e-5}
+    expected, found = both_outputs(ours, theirs, start_values, [1e-4] * 1000)
+    assert max(without_sensor(differences(found, expected)).values()) > 10.0 * TOLERANCE
+
+
+# ---- what they declare -------------------------------------------------------------------------
+
+
+def test_description_is_valid(foreign_plant: Path) -> None:
+    assert validate_fmu(str(foreign_plant)) == []
+
+
+def followers(theirs: Session, slave: FMU2Slave, name: str, value: Any) -> set[str]:
+    """Outputs that change, in initialization, when a start value is halved or doubled."""
+    outputs = theirs.names("output")
+    before, changed = theirs.get(slave, *outputs), set()
+    for factor in (0.5, 2.0):
+        theirs.set(slave, **{name: type(value)(factor * value)})
+        after = theirs.get(slave, *outputs)
+        changed |= {o for o, x, y in zip(outputs, before, after, strict=True) if x != y}
+    theirs.set(slave, **{name: value})
+    assert theirs.get(slave, *outputs) == before
+    return changed - {name}
+
+
+def test_dependencies_are_what_the_outputs_follow(theirs: Session) -> None:
+    start: dict[str, Any] = {
+        v.name: (int if v.type == "Integer" else float)(v.start)
+        for v in theirs.description.modelVariables
+        if v.start is not None
+    }
+    # zeros would hide what they multiply, a round position what the sensor rounds, and voltages far
+    # from the limit what saturates
+    start |= {name: 0.3 for name, value in start.items() if value == 0.0}
+    start |= {"Screw.Position_mm": 901.2345678, "Motor.Uq_V": 2.0, "Motor.Ud_V": 2.0, "Inverter.Limit_V": 2.5}
+    slave = theirs.instance("test", running=False, **start)
+    follow = {name: followers(theirs, slave, name, value) for name, value in start.items()}
+    initial, stepping = (
+        {u.variable.name: {known.name for known in u.dependencies} for u in unknowns}
+        for unknowns in (theirs.description.initialUnknowns, theirs.description.outputs)
+    )
+    assert initial == {o: {n for n in start if o in follow[n]} for o in initial}
+    inputs_alone = set(theirs.names("input"))
+    assert stepping == {o: initial.get(o, set()) & inputs_alone for o in theirs.names("output")}
+
+
+def test_start_values_are_those_declared(theirs: Session) -> None:
+    slave = theirs.new()
+    for variable in theirs.description.modelVariables:
+        if variable.start is not None:
+            get = slave.getInteger if variable.type == "Integer" else slave.getReal
+            assert get([variable.valueReference]) == [float(variable.start)], variable.name
+
+
+def test_defaults_are_not_ours(theirs: Session) -> None:
+    """What the study sets and a mapping forgets must show."""
+    same = {
+        name
+        for joint in ("lift", "tilt", "telescope")
+        for name, value in translated(study(joint)).items()
+        if float(theirs.variables[name].start) == value
+    }
+    assert same == {"Screw.Spring_Nm_mm"}
+
+
+# ---- the mapping -------------------------------------------------------------------------------
+
+
+def test_mapping_and_units_say_what_this_file_says(theirs: Session) -> None:
+    factors = {u.name: float(u.baseUnit.factor) for u in theirs.description.unitDefinitions if u.baseUnit}
+    entries = read_ssm(str(MAPPING)).mappingEntries
+    assert [e.source for e in entries] == list(ALL)
+    for entry in entries:
+        unit = theirs.variables[entry.target].unit
+        linear = entry.transformation
+        scale = (float(linear.factor) if linear else 1.0) / (factors[unit] if unit else 1.0)
+        offset = float(linear.offset) if linear else 0.0
+        expected = ALL[entry.source]
+        assert (entry.target, offset) == (expected.name, expected.offset)
+        assert scale == pytest.approx(expected.scale, rel=1e-15)
+
+
+def test_units_measure_the_same(ours: Session, theirs: Session) -> None:
+    exponents = [
+        {
+            u.name: [getattr(u.baseUnit, base) for base in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")]
+            for u in session.description.unitDefinitions
+        }
+        for session in (ours, theirs)
+    ]
+    for our_name, variable in ALL.items():
+        our_unit, their_unit = ours.variables[our_name].unit, theirs.variables[variable.name].unit
+        assert bool(our_unit) == bool(their_unit)
+        if our_unit:
+            assert exponents[0][our_unit] == exponents[1][their_unit], our_name
+
+
+def test_mapping_has_all_but_what_one_plant_alone_has(ours: Session, theirs: Session) -> None:
+    visible = {v.name for v in ours.description.modelVariables if v.causality != "local"}
+    assert visible - set(ALL) == ONLY_OURS
+    assert set(theirs.variables) - {v.name for v in ALL.values()} == ONLY_THEIRS
+    used, system = set(study("lift")), load_scenario("study").system
+    used |= {c.input for c in system.connections if c.target == "lift.plant"}
+    used |= {c.output for c in system.connections if c.source == "lift.plant"}
+    assert used <= set(ALL)
+
+
+# ---- FMU states, and what is refused -----------------------------------------------------------
+
+
+def test_state_brings_everything_back(theirs: Session) -> None:
+    start = {"Sensor.Noise_um": 5.0, "Motor.Uq_V": 100.0, "Sensor.Seed": 7}
+    slave, other = theirs.instance("test", **start), theirs.instance("other")
+    outputs = theirs.names("output")
+
+    def steps(plant: FMU2Slave) -> list[list[float]]:
+        rows = []
+        for k in range(5, 10):
+            plant.doStep(k * 1e-3, 1e-3)
+            rows.append(theirs.get(plant, *outputs))
+        return rows
+
+    for k in range(5):
+        slave.doStep(k * 1e-3, 1e-3)
+    state = slave.getFMUstate()
+    serialized = slave.serializeFMUstate(state)
+    expected = steps(slave)
+    slave.setFMUstate(state)
+    assert steps(slave) == expected
+    slave.freeFMUstate(state)
+    copied = other.deSerializeFMUstate(serialized)
+    other.setFMUstate(copied)
+    other.freeFMUstate(copied)
+    assert steps(other) == expected
+
+
+def test_outputs_stay_until_the_next_step(theirs: Session) -> None:
+    slave, outputs = theirs.instance("test"), theirs.names("output")
+    before = theirs.get(slave, *outputs)
+    theirs.set(slave, **dict.fromkeys(theirs.names("input"), 10.0))
+    assert theirs.get(slave, *outputs) == before
+    slave.doStep(0.0, 1e-4)
+    assert theirs.get(slave, *outputs) != before
+
+
+def test_step_that_overflows_is_discarded(theirs: Session) -> None:
+    slave = theirs.instance("test", **{"Inverter.Limit_V": 1e150, "Motor.Uq_V": 1e150})
+    before = theirs.get(slave, *theirs.names("output"))
+    with refused(DISCARD):
+        slave.doStep(0.0, 1.0)
+    assert theirs.get(slave, *theirs.names("output")) == before
+
+
+@pytest.mark.parametrize("name", ["Motor.Rs_mOhm", "Motor.PolePairs", "Screw.Position_mm", "Motor.Torque_Nm"])
+def test_inputs_alone_are_set_during_steps(name: str, theirs: Session) -> None:
+    slave = theirs.instance("test")
+    with refused():
+        theirs.set(slave, **{name: 3})
