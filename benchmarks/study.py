@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from emla_cosim.master.slaves.fmu_file import FmuFile, open_fmu
+from emla_cosim.fmu.file import FmuFile, open_fmu
 from emla_cosim.models import build
+from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import System
-from emla_cosim.system.scenarios import load_scenario
 
 from .job import Component, Input, Job, Output, StartValue
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.master.slaves.fmu_file import open_fmu
+from emla_cosim.fmu.file import open_fmu
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.master.slaves.fmu_slave import FmuSlave
 from emla_cosim.master.slaves.slave import Slave

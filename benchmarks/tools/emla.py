@@ -10,7 +10,7 @@ from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.results.csv_file import CsvFile
 from emla_cosim.results.recorder import Recorder
-from emla_cosim.system.scenarios import load_scenario
+from emla_cosim.scenarios.reading import load_scenario
 
 from ..job import Job
 from ..study import SCENARIO

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from fmpy.model_description import ModelVariable
 
-from emla_cosim.master.slaves.fmu_file import FmuFile
+from emla_cosim.fmu.file import FmuFile
 from emla_cosim.master.stepping.timing import Timing
 from emla_cosim.system.model import System, Value
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.master.slaves.fmu_file import FmuFile, open_fmu
+from emla_cosim.fmu.file import FmuFile, open_fmu
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.models import MODELS, fmu_path
 from interop.c_programs import Build, build

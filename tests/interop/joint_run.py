@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from emla_cosim.master.assembly import assembled
 from emla_cosim.master.simulation import ALGORITHMS
 from emla_cosim.models import fmu_path
+from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import System
-from emla_cosim.system.scenarios import load_scenario
 
 STEP = 1e-4
 """Communication step in s: the study's."""

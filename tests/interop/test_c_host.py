@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from emla_cosim.fmu.file import FmuFile
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import assembled
-from emla_cosim.master.slaves.fmu_file import FmuFile
 from emla_cosim.master.stepping.timing import Timing, timing
-from emla_cosim.system.scenarios import load_scenario
+from emla_cosim.scenarios.reading import load_scenario
 from interop.c_programs import Build, host_plan, needs_cc, run_program
 from simulated import simulated
 

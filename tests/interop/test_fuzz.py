@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.master.slaves.fmu_file import FmuFile
+from emla_cosim.fmu.file import FmuFile
 from emla_cosim.models import MODELS
 from interop.c_programs import Build, fuzz_plan, needs_cc, run_program
 

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import fmpy
-from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
+from fmpy.model_description import ModelDescription, ModelVariable
 
-from ...errors import CommandError
+from ..errors import CommandError
+from .interface import Interface, read_interface
+from .unpack import UnsafeArchiveError, unpack
 
 
 @dataclass(frozen=True)
@@ -16,11 +18,20 @@ class FmuFile:
 
     path: Path
     folder: Path
-    description: ModelDescription
+    interface: Interface
     model_identifier: str
     library: Path
-    variables: dict[str, ModelVariable]
     sha256: str
+
+    @property
+    def description(self) -> ModelDescription:
+        """The model description."""
+        return self.interface.description
+
+    @property
+    def variables(self) -> dict[str, ModelVariable]:
+        """Variables by name."""
+        return self.interface.variables
 
     def can(self, capability: str) -> bool:
         """Whether the FMU has a capability flag of the standard set, such as `canGetAndSetFMUstate`."""
@@ -32,29 +43,20 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
 
     Raises CommandError where the file is missing, is not an FMU, or cannot run here.
     """
-    if not path.is_file():
-        raise CommandError(f"there is no FMU file '{path}'.")
+    interface = read_interface(path)
     try:
-        description = fmpy.read_model_description(str(path))
-        fmpy.extract(str(path), folder)
-    except ValidationError as error:
-        raise CommandError(
-            f"'{path}' is not a valid FMU: {'; '.join(error.problems)}. `fmpy validate` shows more."
-        ) from error
-    except Exception as error:  # fmpy raises whatever zip and XML readers raise
+        unpack(path, folder)
+    except UnsafeArchiveError as error:
+        raise CommandError(f"the FMU '{path}' {error}.") from error
+    except Exception as error:  # whatever zip readers raise
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    if description.fmiVersion != "2.0":
-        raise CommandError(f"'{path}' is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0.")
-    if description.coSimulation is None:
-        raise CommandError(f"'{path}' is for model exchange only; this master needs co-simulation.")
-    identifier = str(description.coSimulation.modelIdentifier)
+    identifier = interface.model_identifier
     return FmuFile(
         path=path,
         folder=folder,
-        description=description,
+        interface=interface,
         model_identifier=identifier,
         library=_library(path, folder / "binaries", f"{identifier}{fmpy.sharedLibraryExtension}"),
-        variables={v.name: v for v in description.modelVariables},
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
     )
 

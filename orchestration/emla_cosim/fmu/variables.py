@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from fmpy.model_description import ModelVariable
 
-from ...errors import CommandError
+from ..errors import CommandError
 
 
 def find_variable(component: str, variables: Mapping[str, ModelVariable], name: str) -> ModelVariable:

@@ -6,23 +6,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from fmpy.model_description import ModelVariable, Unknown
+from fmpy.model_description import Unknown
 
-from ..errors import CommandError
-from ..system.model import Component, Connection, System
+from ..fmu.file import FmuFile, open_fmu
+from ..system.model import Alias, System
+from ..system.resolution import resolved
+from ..units import IDENTITY, LinearTransformation
 from .network import Link, Network
-from .slaves.fmu_file import FmuFile, open_fmu
 from .slaves.fmu_log import FmuLog
 from .slaves.fmu_slave import FmuSlave
-from .slaves.start_values import find_variable
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """A network of FMU instances, and the FMU file of every component."""
+    """A network of FMU instances, and the FMU file of every component.
+
+    Signals have the names that the system knows them by. Where it has them in other units than
+    the FMU, `shown` says what makes the system's value, by position.
+    """
 
     network: Network
     files: Mapping[str, FmuFile]
+    shown: Mapping[int, LinearTransformation]
 
 
 @contextlib.contextmanager
@@ -34,21 +39,21 @@ def assembled(system: System, fmus: Mapping[str, Path]) -> Iterator[Assembly]:
     """
     with TemporaryDirectory(prefix="emla-") as folder, contextlib.ExitStack() as instances:
         files = _open_files(fmus, Path(folder))
-        _check_connections(system, files)
+        plain = resolved(system, {name: file.interface for name, file in files.items()})
         inputs = {
-            c.name: [x.input for x in system.connections if x.target == c.name] for c in system.components
+            c.name: [x.input for x in plain.connections if x.target == c.name] for c in plain.components
         }
-        outputs = {c.name: _real_outputs(files[c.name]) for c in system.components}
+        outputs = {c.name: _real_outputs(files[c.name]) for c in plain.components}
         slaves, log = [], FmuLog()
-        for component in system.components:
+        for component in plain.components:
             name = component.name
             slave = FmuSlave(name, files[name], inputs[name], outputs[name], log)
             instances.callback(slave.close)
             slave.set_start_values(component.parameters)
             slaves.append(slave)
-        links = _links(system, files, inputs, outputs)
-        names = [f"{c.name}.{output}" for c in system.components for output in outputs[c.name]]
-        yield Assembly(Network(slaves, links, names), files)
+        links = _links(plain, files, inputs, outputs)
+        names, shown = _signals(system, outputs)
+        yield Assembly(Network(slaves, links, names), files, shown)
 
 
 def _open_files(fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
@@ -60,33 +65,19 @@ def _real_outputs(file: FmuFile) -> list[str]:
     return [v.name for v in file.variables.values() if v.causality == "output" and v.type == "Real"]
 
 
-def _check_connections(system: System, files: Mapping[str, FmuFile]) -> None:
-    driven: dict[tuple[str, str], Connection] = {}
-    for connection in system.connections:
-        source = _end(system.component(connection.source), files, connection.output, "output")
-        target = _end(system.component(connection.target), files, connection.input, "input")
-        if source.unit != target.unit and source.unit and target.unit:
-            raise CommandError(
-                f"the connection {connection} joins the units {source.unit} and {target.unit}."
-            )
-        other = driven.setdefault((connection.target, connection.input), connection)
-        if other is not connection:
-            raise CommandError(f"{connection.target}.{connection.input} is driven by two outputs.")
-        if connection.input in system.component(connection.target).parameters:
-            raise CommandError(
-                f"{connection.target}.{connection.input} cannot be set: it is driven by "
-                f"{connection.source}.{connection.output}."
-            )
-
-
-def _end(component: Component, files: Mapping[str, FmuFile], name: str, causality: str) -> ModelVariable:
-    variable = find_variable(component.name, files[component.name].variables, name)
-    if variable.causality != causality or variable.type != "Real":
-        raise CommandError(
-            f"{component.name}.{name} must be a Real {causality} to be connected, but it is "
-            f"{variable.causality}, {variable.type}."
-        )
-    return variable
+def _signals(
+    system: System, outputs: Mapping[str, list[str]]
+) -> tuple[list[str], dict[int, LinearTransformation]]:
+    """Names of all signals as the system has them, and what makes the system's values of the FMUs'."""
+    names, shown = [], {}
+    for component in system.components:
+        known = {alias.variable: (name, alias) for name, alias in component.aliases.items()}
+        for output in outputs[component.name]:
+            name, alias = known.get(output, (output, Alias(output)))
+            if alias.transformation != IDENTITY:
+                shown[len(names)] = alias.transformation.inverse()
+            names.append(f"{component.name}.{name}")
+    return names, shown
 
 
 def _links(
@@ -105,6 +96,8 @@ def _links(
             input=inputs[x.target].index(x.input),
             direct=_depends(used[x.target], files[x.target].description.outputs, x.input),
             initial=_depends(used[x.target], files[x.target].description.initialUnknowns, x.input),
+            factor=(x.transformation or IDENTITY).factor,
+            offset=(x.transformation or IDENTITY).offset,
         )
         for x in system.connections
     ]

@@ -28,6 +28,8 @@ class Link:
     input: int
     direct: bool
     initial: bool = True
+    factor: float = 1.0
+    offset: float = 0.0
 
 
 class Network:

@@ -5,33 +5,56 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..errors import CommandError, listed
+from ..units import IDENTITY, LinearTransformation, Unit
 
 Value = float | int | bool | str
+
+
+@dataclass(frozen=True)
+class Alias:
+    """A variable that the FMU has under another name, or in another unit, than the system.
+
+    `transformation` makes the FMU's value of the system's, `unit` is the system's.
+    """
+
+    variable: str
+    transformation: LinearTransformation = IDENTITY
+    unit: Unit | None = None
 
 
 @dataclass(frozen=True)
 class Component:
     """One FMU instance in a system, and the start values it gets.
 
-    `name` is joint.component, `model` the name of one of our FMUs; `fmu` is a file to use
-    instead. `parameters` maps FMI variable names to values; enumerations by number or by the
-    literal's name.
+    `name` is a path with dots, such as joint.component. `model` is the name of one of our FMUs,
+    or `fmu` a file. `parameters` maps variable names to values; enumerations by number or by the
+    literal's name. `aliases` has the variables that the FMU knows under another name or unit.
     """
 
     name: str
-    model: str
+    model: str = ""
     parameters: Mapping[str, Value] = field(default_factory=dict)
     fmu: Path | None = None
+    aliases: Mapping[str, Alias] = field(default_factory=dict)
+
+    def alias(self, name: str) -> Alias:
+        """What the FMU knows a variable of the system by."""
+        return self.aliases.get(name) or Alias(name)
 
 
 @dataclass(frozen=True)
 class Connection:
-    """An output of one component that drives an input of another."""
+    """An output of one component that drives an input of another.
+
+    Without a `transformation`, values are converted from the output's unit to the input's; with
+    one, it makes the input of the output whatever their units.
+    """
 
     source: str
     output: str
     target: str
     input: str
+    transformation: LinearTransformation | None = None
 
     def __str__(self) -> str:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
@@ -62,10 +85,14 @@ class System:
 
     def split(self, path: str) -> tuple[Component, str]:
         """joint.component.variable as component and variable name (which may hold dots itself)."""
-        parts = path.split(".", 2)
-        if len(parts) < 3 or not parts[2]:
-            raise CommandError(f"'{path}' is not a variable; write joint.component.variable.")
-        return self.component(".".join(parts[:2])), parts[2]
+        inside = [c for c in self.components if path.startswith(f"{c.name}.") and path != f"{c.name}."]
+        if not inside:
+            names = path.split(".")
+            if len(names) < 3 or not names[-1]:
+                raise CommandError(f"'{path}' is not a variable; write joint.component.variable.")
+            raise CommandError(self._unknown(".".join(names[:2])))
+        component = max(inside, key=lambda c: len(c.name))
+        return component, path.removeprefix(f"{component.name}.")
 
     def with_parameters(self, values: Mapping[str, Value]) -> "System":
         """The system with further start values, given as joint.component.variable."""
@@ -77,17 +104,16 @@ class System:
             self, components=tuple(replace(c, parameters=changed[c.name]) for c in self.components)
         )
 
-    def with_fmus(self, files: Mapping[str, Path]) -> "System":
-        """The system with some components replaced by these FMU files."""
-        for name in files:
-            self.component(name)
+    def with_component(self, changed: Component) -> "System":
+        """The system with the component of this name changed."""
+        self.component(changed.name)
         return replace(
-            self, components=tuple(replace(c, fmu=files.get(c.name, c.fmu)) for c in self.components)
+            self, components=tuple(changed if c.name == changed.name else c for c in self.components)
         )
 
     def _unknown(self, name: str) -> str:
         joint = name.split(".")[0]
         if joint not in self.joints:
             return f"there is no joint '{joint}'; the system has {listed(self.joints)}."
-        inside = [c.name for c in self.components if c.name.startswith(f"{joint}.")]
+        inside = [c.name for c in self.components if c.name.startswith(f"{joint}.")] or [joint]
         return f"there is no component '{name}'; the joint has {listed(inside)}."

@@ -11,10 +11,10 @@ from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 
 from ...errors import CommandError
-from .fmu_file import FmuFile
+from ...fmu.file import FmuFile
+from ...fmu.variables import find_variable, start_value
 from .fmu_log import FmuLog
 from .slave import EndRequestedError, EntryPoints, Slave, SlaveError, StepDiscardedError, Vector
-from .start_values import find_variable, start_value
 
 _STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 _WARNING, _DISCARD, _FATAL = 1, 2, 4

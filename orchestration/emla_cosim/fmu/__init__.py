@@ -1,0 +1,1 @@
+"""FMUs as files: opened, checked, and their variables and units."""

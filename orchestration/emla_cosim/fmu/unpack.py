@@ -1,0 +1,57 @@
+"""Zip files of strangers, unpacked without harm."""
+
+import zipfile
+from pathlib import Path, PurePosixPath
+from stat import S_ISLNK
+from typing import IO
+
+LARGEST = 4 * 2**30
+"""Bytes that a file may have when unpacked, all its entries together."""
+
+_BLOCK = 2**20
+
+
+class UnsafeArchiveError(Exception):
+    """What is wrong with an archive, as the end of a sentence that begins with its name."""
+
+
+def unpack(path: Path, folder: Path) -> None:
+    """Unpack a zip file to a folder, and nothing outside of it.
+
+    Raises UnsafeArchiveError before anything is written, zipfile.BadZipFile and OSError as zipfile does.
+    """
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.infolist()
+        for entry in entries:
+            _check_name(entry)
+        if (total := sum(entry.file_size for entry in entries)) > LARGEST:
+            raise UnsafeArchiveError(
+                f"would unpack to {total / 2**30:.1f} GiB; the limit is {LARGEST // 2**30} GiB"
+            )
+        for entry in entries:
+            target = folder / entry.filename
+            if entry.is_dir():
+                target.mkdir(parents=True, exist_ok=True)
+                continue
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with archive.open(entry) as source, target.open("wb") as stream:
+                _copy(source, stream, entry)
+
+
+def _check_name(entry: zipfile.ZipInfo) -> None:
+    name = entry.filename
+    outside = name.startswith("/") or ":" in name or ".." in PurePosixPath(name).parts
+    if outside or "\\" in entry.orig_filename:
+        raise UnsafeArchiveError(f"has the entry '{entry.orig_filename}', which is no path inside it")
+    if S_ISLNK(entry.external_attr >> 16):
+        raise UnsafeArchiveError(f"has the entry '{name}', which is a link")
+
+
+def _copy(source: IO[bytes], target: IO[bytes], entry: zipfile.ZipInfo) -> None:
+    """Copy no more than the entry says it has; its directory may lie."""
+    left = entry.file_size
+    while block := source.read(_BLOCK):
+        left -= len(block)
+        if left < 0:
+            raise UnsafeArchiveError(f"has the entry '{entry.filename}', which is longer than it says")
+        target.write(block)

@@ -1,0 +1,68 @@
+"""Units of measurement, and linear transformations of values: from one unit to another, or as prescribed."""
+
+from dataclasses import dataclass
+
+BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+"""SI base units in the order of `Unit.exponents`; the radian counts as one, as in FMI and SSP."""
+
+
+@dataclass(frozen=True)
+class LinearTransformation:
+    """target = factor source + offset."""
+
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def __call__(self, value: float) -> float:
+        """The target of a source."""
+        return self.factor * value + self.offset
+
+    def __str__(self) -> str:
+        offset = f" {'+' if self.offset > 0.0 else '-'} {abs(self.offset):.9g}" if self.offset else ""
+        return f"x {self.factor:.9g}{offset}"
+
+    def after(self, first: "LinearTransformation") -> "LinearTransformation":
+        """Both in one, `first` first."""
+        return LinearTransformation(self.factor * first.factor, self.factor * first.offset + self.offset)
+
+    def inverse(self) -> "LinearTransformation":
+        """The way back; ZeroDivisionError where there is none."""
+        return LinearTransformation(1.0 / self.factor, -self.offset / self.factor)
+
+
+IDENTITY = LinearTransformation()
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit by its name; a value in SI base units is factor value + offset.
+
+    `exponents` are those of `BASE_UNITS`, None where nobody says what the unit is made of.
+    """
+
+    name: str
+    exponents: tuple[int, ...] | None = None
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def __str__(self) -> str:
+        return self.name
+
+
+def conversion(source: Unit | None, target: Unit | None) -> LinearTransformation:
+    """From one unit to another; none where one of them is not known.
+
+    Raises ValueError for units that measure different things, or of which nobody says what they
+    measure. The radian is not looked at: a torque in N.m is one in N.m/rad.
+    """
+    if source is None or target is None or source == target:
+        return IDENTITY
+    if source.exponents is None or target.exponents is None:
+        if source.name == target.name:
+            return IDENTITY
+        raise ValueError(f"the units {source} and {target}, of which one is not defined")
+    if source.exponents[:-1] != target.exponents[:-1]:
+        raise ValueError(f"the units {source} and {target}")
+    return LinearTransformation(
+        source.factor / target.factor, (source.offset - target.offset) / target.factor
+    )
