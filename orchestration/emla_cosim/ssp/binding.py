@@ -1,0 +1,164 @@
+"""Values that parameter bindings give to the variables of FMUs."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ..errors import CommandError
+from ..units import IDENTITY, LinearTransformation, Unit, conversion
+from .structure import (
+    Component,
+    Element,
+    MappingEntry,
+    Parameter,
+    ParameterBinding,
+    ParameterSet,
+    SystemElement,
+    TableTransformation,
+)
+from .wiring import Node, Path_, Wiring
+
+Value = float | int | bool | str
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A value for a connector or variable; of several, the one with the highest rank counts.
+
+    The rank is the height of the system whose binding it is, and then its place in the file.
+    """
+
+    parameter: Parameter
+    entry: MappingEntry | None
+    rank: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The start value of a variable, in its own unit, and the parameter that it was made of.
+
+    `entry` is the one of the mapping that the FMU's component has for it, if there is one.
+    """
+
+    value: Value
+    parameter: Parameter
+    entry: MappingEntry | None
+
+
+def bound_values(root: SystemElement, wiring: Wiring) -> tuple[dict[Path_, dict[str, Bound]], list[str]]:
+    """Start values of every FMU by path and variable, and parameters that nobody has.
+
+    A variable that an output drives gets none. Raises CommandError for units that do not fit.
+    """
+    collected = _Collected(wiring)
+    collected.element(root, ())
+    values: dict[Path_, dict[str, Bound]] = {path: {} for path in wiring.fmus}
+    for path, fmu in wiring.fmus.items():
+        for name in fmu.interface.variables:
+            chain = list(wiring.chain((path, name)))
+            if chain[-1][0] in wiring.fmus and len(chain) > 1:
+                continue  # an output drives it
+            given = [(collected.given[node], node) for node in chain if node in collected.given]
+            if given:
+                best, node = max(given, key=lambda g: g[0].rank)
+                own = best.entry if best.rank[0] == -len(path) else None
+                value = _value(wiring, best, node, (path, name))
+                values[path][name] = Bound(value, best.parameter, own)
+    return values, collected.unused()
+
+
+class _Collected:
+    """All bindings of a structure, by the connector or variable that they are for."""
+
+    def __init__(self, wiring: Wiring) -> None:
+        self._wiring = wiring
+        self.given: dict[Node, _Given] = {}
+        self._sets: dict[int, tuple[ParameterSet, set[str]]] = {}
+        self._count = 0
+
+    def element(self, element: Element, path: Path_) -> None:
+        """Take the bindings of an element and of all inside; outer ones override inner ones."""
+        if isinstance(element, SystemElement):
+            for inside in element.elements:
+                self.element(inside, (*path, inside.name))
+        for binding in element.bindings:
+            self._binding(binding, element, path)
+
+    def unused(self) -> list[str]:
+        """Parameters that matched nothing, each with its set."""
+        matched: dict[ParameterSet, set[str]] = {}
+        for parameter_set, names in self._sets.values():
+            matched.setdefault(parameter_set, set()).update(names)
+        return [
+            f"{s.name}: {p.name}" for s, names in matched.items() for p in s.parameters if p.name not in names
+        ]
+
+    def _binding(self, binding: ParameterBinding, element: Element, path: Path_) -> None:
+        values = binding.values
+        if not isinstance(values, ParameterSet):
+            raise TypeError("the structure is not loaded")
+        _, matched = self._sets.setdefault(id(values), (values, set()))
+        for parameter in values.parameters:
+            name = f"{binding.prefix}{parameter.name}"
+            for target, entry in _targets(name, binding.mapping):
+                node = self._node(element, path, target)
+                if node is not None:
+                    matched.add(parameter.name)
+                    self._count += 1
+                    self.given[node] = _Given(parameter, entry, (-len(path), self._count))
+
+    def _node(self, element: Element, path: Path_, name: str) -> Node | None:
+        """What a hierarchical name means, seen from an element."""
+        if (path, name) in self._wiring.connectors:
+            return path, name
+        if isinstance(element, Component):
+            return (path, name) if name in self._wiring.fmus[path].interface.variables else None
+        if isinstance(element, SystemElement):
+            for inside in element.elements:
+                if name.startswith(f"{inside.name}."):
+                    rest = name.removeprefix(f"{inside.name}.")
+                    found = self._node(inside, (*path, inside.name), rest)
+                    if found is not None:
+                        return found
+        return None
+
+
+def _targets(name: str, mapping: object) -> Iterator[tuple[str, MappingEntry | None]]:
+    """What a parameter of a set is called in the element; nothing if there is a mapping without it."""
+    if not isinstance(mapping, tuple):
+        yield name, None
+        return
+    for entry in mapping:
+        if entry.source == name:
+            yield entry.target, entry
+
+
+def _value(wiring: Wiring, given: _Given, node: Node, variable: Node) -> Value:
+    """The value for a variable that was given to it, or to a connector in its chain."""
+    value, parameter = given.parameter.value, given.parameter
+    transformation = given.entry.transformation if given.entry is not None else None
+    if isinstance(transformation, TableTransformation):
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        return dict(transformation.entries).get(text, value)
+    if isinstance(value, (bool, str)):
+        return value
+    steps: list[LinearTransformation] = []
+    if given.entry is None or not given.entry.suppress_unit_conversion:
+        steps.append(_conversion(wiring, parameter, wiring.unit(node), node))
+    if transformation is not None:
+        steps.append(transformation)
+    steps.append(wiring.arriving(variable, node))
+    for step in steps:
+        value = value if step == IDENTITY else step(value)
+    return value
+
+
+def _conversion(
+    wiring: Wiring, parameter: Parameter, target: Unit | None, node: Node
+) -> LinearTransformation:
+    try:
+        return conversion(parameter.unit, target)
+    except ValueError as error:
+        path, name = node
+        raise CommandError(
+            f"'{wiring.where}': the parameter '{parameter.name}' and {'.'.join((*path, name))} have {error}."
+        ) from error

@@ -1,0 +1,201 @@
+"""From a system of FMUs to the elements of an SSP."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ..errors import CommandError
+from ..fmu.interface import Interface
+from ..system.model import Component, Connection, System
+from ..units import IDENTITY, Unit
+from . import structure as ssp
+from .layout import canvas, layout, route
+
+
+@dataclass(frozen=True)
+class Part:
+    """What the structure has to know of a component: its FMU, its URI there and its binding."""
+
+    interface: Interface
+    source: str
+    bindings: tuple[ssp.ParameterBinding, ...]
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a component is: the names of its elements, from the root inwards."""
+
+    path: tuple[str, ...]
+    component: Component
+
+
+@dataclass(frozen=True)
+class _Wire:
+    """A connection between two places, by their paths."""
+
+    source: tuple[str, ...]
+    target: tuple[str, ...]
+    connection: Connection
+
+
+def root_system(name: str, system: System, parts: Mapping[str, Part], nested: bool) -> ssp.SystemElement:
+    """The root system for a resolved system, whose `parts` are by component name.
+
+    Flat, `lift.plant` is an element `lift_plant` with the id `lift.plant`; nested, it is `plant` in
+    a system `lift`, which has connectors where it is connected with others.
+    """
+    paths = {
+        c.name: tuple(c.name.split(".")) if nested else (c.name.replace(".", "_"),) for c in system.components
+    }
+    if len(set(paths.values())) < len(paths):
+        raise CommandError(
+            "two components have names that differ only in dots and underscores; export --nested."
+        )
+    places = [_Place(paths[c.name], c) for c in system.components]
+    wires = [_Wire(paths[x.source], paths[x.target], x) for x in system.connections]
+    return _Builder(parts).system(name, (), places, wires)
+
+
+class _Builder:
+    def __init__(self, parts: Mapping[str, Part]) -> None:
+        self._parts = parts
+
+    def system(
+        self, name: str, path: tuple[str, ...], places: Sequence[_Place], wires: Sequence[_Wire]
+    ) -> ssp.SystemElement:
+        """The system at a path, with the components and wires that are inside of it or touch it."""
+        depth = len(path)
+        children = list(dict.fromkeys(p.path[depth] for p in places))
+        elements = [self._element(path, child, places, wires) for child in children]
+        connections = [c for w in wires for c in self._connections(path, w)]
+        own = {c.name: c for w in wires for c in self._own_connectors(path, w)}
+        return _drawn(
+            ssp.SystemElement(
+                name, tuple(own.values()), elements=tuple(elements), connections=tuple(connections)
+            )
+        )
+
+    def _element(
+        self, path: tuple[str, ...], child: str, places: Sequence[_Place], wires: Sequence[_Wire]
+    ) -> ssp.Element:
+        inside = (*path, child)
+        depth = len(inside)
+        members = [p for p in places if p.path[:depth] == inside]
+        touching = [w for w in wires if inside in (w.source[:depth], w.target[:depth])]
+        if members[0].path == inside:
+            return self._component(members[0], touching)
+        return self.system(child, inside, members, touching)
+
+    def _component(self, place: _Place, wires: Sequence[_Wire]) -> ssp.Component:
+        part = self._parts[place.component.name]
+        outputs = {w.connection.output for w in wires if w.source == place.path}
+        inputs = {w.connection.input for w in wires if w.target == place.path}
+        connectors = [
+            ssp.Connector(v, kind, "Real", part.interface.unit(v))
+            for kind, used in (("input", inputs), ("output", outputs))
+            for v in part.interface.variables
+            if v in used
+        ]
+        (name,) = place.path[-1:]
+        dotted = place.component.name != name and len(place.path) == 1
+        return ssp.Component(
+            name,
+            tuple(connectors),
+            part.bindings,
+            id=place.component.name if dotted and _is_id(place.component.name) else None,
+            source=part.source,
+        )
+
+    def _connections(self, path: tuple[str, ...], wire: _Wire) -> list[ssp.Connection]:
+        """The part of a wire that runs between the elements of the system at a path, and its border."""
+        depth = len(path)
+        leaves, arrives = wire.source[:depth] == path, wire.target[:depth] == path
+        start_element, start = self._end(depth, wire.source, wire.connection.output, leaves, wire)
+        end_element, end = self._end(depth, wire.target, wire.connection.input, arrives, wire)
+        if leaves and arrives:
+            if start_element == end_element and len(wire.source) > depth + 1:
+                return []  # inside the element
+            return [
+                self._transformed(ssp.Connection(start_element, start, end_element, end), wire.connection)
+            ]
+        return [ssp.Connection(start_element, start, end_element, end)]
+
+    def _end(
+        self, depth: int, place: tuple[str, ...], variable: str, inside: bool, wire: _Wire
+    ) -> tuple[str | None, str]:
+        if not inside:  # the border's connector is named after the end that is inside
+            other, name = (
+                (wire.target, wire.connection.input)
+                if place == wire.source
+                else (wire.source, wire.connection.output)
+            )
+            return None, ".".join((*other[depth:], name))
+        return place[depth], ".".join((*place[depth + 1 :], variable))
+
+    def _own_connectors(self, path: tuple[str, ...], wire: _Wire) -> list[ssp.Connector]:
+        depth, x = len(path), wire.connection
+        if wire.source[:depth] != path:
+            unit = self._parts[x.target].interface.unit(x.input)
+            return [ssp.Connector(".".join((*wire.target[depth:], x.input)), "input", "Real", unit)]
+        if wire.target[:depth] != path:
+            unit = self._parts[x.source].interface.unit(x.output)
+            return [ssp.Connector(".".join((*wire.source[depth:], x.output)), "output", "Real", unit)]
+        return []
+
+    def _transformed(self, plain: ssp.Connection, connection: Connection) -> ssp.Connection:
+        """With the transformation written out, for tools that do not convert units."""
+        source = self._parts[connection.source].interface.unit(connection.output)
+        target = self._parts[connection.target].interface.unit(connection.input)
+        transformation = connection.transformation or IDENTITY
+        if transformation != IDENTITY:
+            return replace(plain, transformation=transformation, suppress_unit_conversion=True)
+        return replace(plain, suppress_unit_conversion=not _same(source, target))
+
+
+def _same(source: Unit | None, target: Unit | None) -> bool:
+    return source is None or target is None or replace(source, name="") == replace(target, name="")
+
+
+def _is_id(name: str) -> bool:
+    """Whether a name may be an id in XML."""
+    return not name[0].isdigit() and all(c.isalnum() or c in "._" for c in name)
+
+
+def _drawn(system: ssp.SystemElement) -> ssp.SystemElement:
+    """With coordinates for everything inside."""
+    if not system.elements:
+        return system
+    links = [
+        (c.start_element, c.end_element)
+        for c in system.connections
+        if c.start_element is not None and c.end_element is not None
+    ]
+    sides = {e.name: _sides(e) for e in system.elements}
+    names = {e.name: e.id or e.name for e in system.elements}
+    corners = layout(list(sides), names, links, {n: max(map(len, s)) for n, s in sides.items()})
+    elements = tuple(
+        replace(e, extent=corners[e.name], connectors=_positioned(e.connectors)) for e in system.elements
+    )
+    placed = replace(
+        system,
+        elements=elements,
+        canvas=canvas(corners.values()),
+        connectors=_positioned(system.connectors),
+    )
+    return replace(placed, connections=route(placed))
+
+
+def _sides(element: ssp.Element) -> tuple[list[str], list[str]]:
+    inputs = [c.name for c in element.connectors if c.kind == "input"]
+    return inputs, [c.name for c in element.connectors if c.kind == "output"]
+
+
+def _positioned(connectors: Sequence[ssp.Connector]) -> tuple[ssp.Connector, ...]:
+    """Inputs at the left side, outputs at the right, evenly from top to bottom."""
+    count = {kind: sum(1 for c in connectors if c.kind == kind) for kind in ("input", "output")}
+    seen = {"input": 0, "output": 0}
+    placed = []
+    for connector in connectors:
+        seen[connector.kind] += 1
+        y = 1.0 - seen[connector.kind] / (count[connector.kind] + 1)
+        placed.append(replace(connector, position=(0.0 if connector.kind == "input" else 1.0, round(y, 6))))
+    return tuple(placed)

@@ -1,0 +1,152 @@
+"""Where the elements of a system are drawn: signals run from left to right, feedback below."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from .structure import Connection, SystemElement
+
+Corners = tuple[float, float, float, float]
+
+_FLOW = ("reference", "disturbance", "controller", "plant", "observer")
+"""Components of a joint in the order of its signal flow."""
+
+_WIDTH, _GAP_Y, _PITCH, _MARGIN = 40.0, 10.0, 5.0, 20.0
+"""Lengths in mm: of a box, between boxes, from line to line, around everything."""
+
+
+def layout(
+    elements: Sequence[str],
+    names: Mapping[str, str],
+    links: Iterable[tuple[str, str]],
+    connectors: Mapping[str, int],
+) -> dict[str, Corners]:
+    """Corners x1, y1, x2, y2 in mm of every element.
+
+    `names` says what each element is called elsewhere, `links` who drives whom, once for every
+    connection, and `connectors` how many there are on the fuller side. Elements that are joined are
+    a row, each right of those that drive it; loops close below their row, and rows follow each other
+    downwards.
+    """
+    links = list(links)
+    corners: dict[str, Corners] = {}
+    top = 0.0
+    for group in _groups(elements, links):
+        order = sorted(group, key=lambda e: _flow(names[e]))
+        columns = _columns(order, links)
+        left = _column_positions(columns, links)
+        filled = dict.fromkeys(columns.values(), top)
+        for element in order:
+            column, height = columns[element], _PITCH * (connectors[element] + 1)
+            x, y = left[column], filled[column]
+            corners[element] = (x, y - height, x + _WIDTH, y)
+            filled[column] = y - height - _GAP_Y
+        below = sum(1 for a, b in links if a in columns and not _adjacent(columns, a, b))
+        top = min(filled.values()) - _PITCH * (below + 2)
+    return corners
+
+
+def canvas(corners: Iterable[Corners]) -> Corners:
+    """Corners of a canvas that holds all elements and lines, with a margin."""
+    x1, y1, x2, y2 = zip(*corners, strict=True)
+    wide = 4 * _MARGIN
+    return min(x1) - wide, min(y1) - wide, max(x2) + wide, max(y2) + _MARGIN
+
+
+def route(system: SystemElement) -> tuple[Connection, ...]:
+    """The connections of a system whose elements have their places, with the corners of their lines."""
+    ends = {
+        (e.name, c.name): _point(e.extent, c.position)
+        for e in system.elements
+        for c in e.connectors
+        if e.extent is not None and c.position is not None
+    }
+    rows = _rows(system)
+    lanes: dict[object, int] = {}
+
+    def lane(where: object) -> float:
+        lanes[where] = lanes.get(where, 0) + 1
+        return _PITCH * lanes[where]
+
+    routed = []
+    for connection in system.connections:
+        start = ends.get((connection.start_element or "", connection.start_connector))
+        end = ends.get((connection.end_element or "", connection.end_connector))
+        if start is None or end is None:
+            routed.append(connection)
+            continue
+        floor = rows[connection.start_element or ""]
+        out = start[0] + lane(("right of", floor, start[0]))
+        gap = end[0] - start[0]
+        if 0.0 < gap and not _between(system, start[0], end[0]):
+            points = ((out, start[1]), (out, end[1]))
+        else:
+            y = floor - lane(("below", floor))
+            into = end[0] - lane(("left of", floor, end[0]))
+            points = ((out, start[1]), (out, y), (into, y), (into, end[1]))
+        routed.append(replace(connection, waypoints=points))
+    return tuple(routed)
+
+
+def _point(extent: Corners, position: tuple[float, float]) -> tuple[float, float]:
+    x1, y1, x2, y2 = extent
+    return round(x1 + position[0] * (x2 - x1), 3), round(y1 + position[1] * (y2 - y1), 3)
+
+
+def _between(system: SystemElement, left: float, right: float) -> bool:
+    """Whether a column of elements lies between two places."""
+    return any(e.extent is not None and left < e.extent[0] and e.extent[2] < right for e in system.elements)
+
+
+def _rows(system: SystemElement) -> dict[str, float]:
+    """The lowest edge of the row that each element is in."""
+    links = [(c.start_element, c.end_element) for c in system.connections]
+    inside = [(a, b) for a, b in links if a is not None and b is not None]
+    extents = {e.name: e.extent for e in system.elements if e.extent is not None}
+    lowest = {}
+    for group in _groups(list(extents), inside):
+        lowest |= dict.fromkeys(group, min(extents[e][1] for e in group))
+    return lowest
+
+
+def _flow(name: str) -> int:
+    role = name.rpartition(".")[2]
+    return _FLOW.index(role) if role in _FLOW else len(_FLOW)
+
+
+def _groups(elements: Sequence[str], links: Sequence[tuple[str, str]]) -> list[list[str]]:
+    """Elements that are joined directly or through others, groups and members in their order."""
+    group = {e: [e] for e in elements}
+    for a, b in links:
+        if group[a] is not group[b]:
+            joined = group[a] + group[b]
+            group |= dict.fromkeys(joined, joined)
+    order = {e: i for i, e in enumerate(elements)}
+    return list({id(g): sorted(g, key=order.__getitem__) for g in group.values()}.values())
+
+
+def _columns(order: Sequence[str], links: Sequence[tuple[str, str]]) -> dict[str, int]:
+    """Columns so that links that run forward in this order run to the right."""
+    columns: dict[str, int] = {}
+    for element in order:
+        before = [columns[a] for a, b in links if b == element and a in columns and a != b]
+        columns[element] = max(before, default=-1) + 1
+    return columns
+
+
+def _adjacent(columns: Mapping[str, int], a: str, b: str) -> bool:
+    return columns[b] == columns[a] + 1
+
+
+def _column_positions(columns: Mapping[str, int], links: Sequence[tuple[str, str]]) -> dict[int, float]:
+    """The left edge of every column; between columns there is room for all lines that begin or end there."""
+    lines = dict.fromkeys(range(max(columns.values()) + 2), 0)
+    for a, b in links:
+        if a in columns:
+            lines[columns[a] + 1] += 1
+            lines[columns[b]] += not _adjacent(columns, a, b)
+    left, x = {}, 0.0
+    for column in range(max(columns.values()) + 1):
+        x += _PITCH * (lines[column] + 2) if column else 0.0
+        left[column] = x
+        x += _WIDTH
+    return left

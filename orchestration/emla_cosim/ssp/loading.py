@@ -1,0 +1,158 @@
+"""An SSP with everything that it names: parameter files read, systems in other files put in place."""
+
+import contextlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from ..errors import CommandError
+from .package import Package, inside_fmu, opened
+from .parameters import parse_mapping, parse_parameter_set
+from .ssd import parse_structure
+from .structure import (
+    FMU,
+    SSD,
+    SSP,
+    Component,
+    Element,
+    ParameterBinding,
+    Reference,
+    Structure,
+    SystemElement,
+)
+
+
+def loaded(package: Package, held: contextlib.ExitStack) -> Structure:
+    """The structure of a package, in which components are FMUs only and bindings have their values.
+
+    The source of a component is the path of its file. Packages inside are open as long as `held`.
+    Raises CommandError for what is missing, not supported, or inside itself.
+    """
+    return _Loader(package, held, ()).structure()
+
+
+class _Loader:
+    """Loads one SSD; `around` are the files of the SSDs that it is inside of, and ids within them."""
+
+    def __init__(self, package: Package, held: contextlib.ExitStack, around: tuple[str, ...]) -> None:
+        self._package, self._held, self._around = package, held, around
+        self._where = package.name
+        self._by_id: dict[str, SystemElement] = {}
+
+    def _fault(self, text: str) -> CommandError:
+        return CommandError(f"'{self._where}': {text}")
+
+    def structure(self) -> Structure:
+        """The structure with all that it names."""
+        read = parse_structure(_content(self._package.ssd), self._where)
+        self._by_id = {s.id: s for s in _systems(read.system) if s.id is not None}
+        return replace(read, system=self._system(read.system))
+
+    def _system(self, system: SystemElement) -> SystemElement:
+        return replace(
+            system,
+            bindings=tuple(self._binding(b, None) for b in system.bindings),
+            elements=tuple(self._element(e) for e in system.elements),
+        )
+
+    def _element(self, element: Element) -> Element:
+        if isinstance(element, SystemElement):
+            return self._system(element)
+        if not isinstance(element, Component):
+            return element
+        match element.type:
+            case _ if element.source.startswith("#"):
+                return self._same_document(element)
+            case t if t == FMU:
+                return self._fmu(element)
+            case t if t in (SSD, SSP):
+                return self._other_document(element)
+            case other:
+                raise self._fault(
+                    f"the component '{element.name}' is of type '{other}'; this master runs FMUs and systems."
+                )
+
+    def _fmu(self, component: Component) -> Component:
+        if not component.source:
+            raise self._fault(f"the component '{component.name}' has no source.")
+        if component.implementation not in ("any", "CoSimulation"):
+            raise self._fault(
+                f"the component '{component.name}' asks for {component.implementation}; this "
+                "master does CoSimulation."
+            )
+        fmu = self._package.file(component.source, self._where)
+        return replace(
+            component, source=str(fmu), bindings=tuple(self._binding(b, fmu) for b in component.bindings)
+        )
+
+    def _same_document(self, component: Component) -> SystemElement:
+        found = self._by_id.get(component.source[1:])
+        if found is None:
+            raise self._fault(
+                f"the component '{component.name}' names '{component.source}', and no system has this id."
+            )
+        inner = self._inside(f"{self._package.ssd.resolve()}{component.source}", component)
+        inner._by_id = self._by_id
+        return self._placed(component, inner._system(found))
+
+    def _other_document(self, component: Component) -> SystemElement:
+        parts = urlsplit(component.source)
+        file = self._package.file(parts._replace(fragment="").geturl(), self._where)
+        if component.type == SSD:
+            package = Package(self._package.folder, file, f"{self._where}/{component.source}")
+        else:
+            name = f"{file.name}#{parts.fragment}" if parts.fragment else file.name
+            package = self._held.enter_context(opened(file.with_name(name)))
+        inner = self._inside(f"{file}#{parts.fragment}", component)
+        inner._package, inner._where = package, f"{self._where}/{component.source}"
+        return self._placed(component, inner.structure().system)
+
+    def _inside(self, file: str, component: Component) -> "_Loader":
+        around = self._around or (f"{self._package.ssd.resolve()}#",)
+        if file in around:
+            raise self._fault(
+                f"the component '{component.name}' is '{component.source}', which it is part of."
+            )
+        return _Loader(self._package, self._held, (*around, file))
+
+    def _placed(self, component: Component, system: SystemElement) -> SystemElement:
+        """A system in the place of the component that names it; the component's bindings come last."""
+        own = tuple(self._binding(b, None) for b in component.bindings)
+        connectors = {c.name: c for c in (*system.connectors, *component.connectors)}
+        return replace(
+            system,
+            name=component.name,
+            id=component.id,
+            bindings=(*system.bindings, *own),
+            connectors=tuple(connectors.values()),
+        )
+
+    def _binding(self, binding: ParameterBinding, fmu: Path | None) -> ParameterBinding:
+        values, mapping = binding.values, binding.mapping
+        if isinstance(values, Reference):
+            values = parse_parameter_set(*self._referenced(values, fmu))
+        if isinstance(mapping, Reference):
+            mapping = parse_mapping(*self._referenced(mapping, fmu))
+        return replace(binding, values=values, mapping=mapping)
+
+    def _referenced(self, reference: Reference, fmu: Path | None) -> tuple[bytes, str]:
+        """Content and name of a file."""
+        if reference.base == "component" and fmu is not None:
+            content = inside_fmu(fmu, reference.source, self._where)
+            return content, f"{fmu.name}/{reference.source}"
+        return _content(self._package.file(reference.source, self._where)), reference.source
+
+
+def _systems(system: SystemElement) -> Any:
+    yield system
+    for element in system.elements:
+        if isinstance(element, SystemElement):
+            yield from _systems(element)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise CommandError(f"'{path.name}' cannot be read: {error.strerror}.") from error

@@ -1,0 +1,114 @@
+"""Where the files of an SSP are: a package, a folder, or an SSD beside its resources."""
+
+import contextlib
+import posixpath
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from urllib.parse import unquote, urlsplit
+
+from ..errors import CommandError, listed
+from ..fmu.unpack import UnsafeArchiveError, unpack
+
+DEFAULT_SSD = "SystemStructure.ssd"
+
+
+@dataclass(frozen=True)
+class Package:
+    """A folder that files may come from, and the SSD to read; `name` is for messages."""
+
+    folder: Path
+    ssd: Path
+    name: str
+
+    def file(self, uri: str, where: str) -> Path:
+        """The file that a relative URI in `where` names, from the folder of the SSD.
+
+        Raises CommandError for other URIs, for what is not there, and for all outside the folder.
+        """
+        parts = urlsplit(uri)
+        path = unquote(parts.path)
+        if parts.scheme or parts.netloc or path.startswith("/") or "\\" in path:
+            raise CommandError(
+                f"'{where}' names '{uri}', but only relative URIs inside the package can be read."
+            )
+        found = (self.ssd.parent / path).resolve()
+        if not found.is_relative_to(self.folder.resolve()):
+            raise CommandError(f"'{where}' names '{uri}', which is outside the package.")
+        if not found.is_file():
+            raise CommandError(f"'{where}' names the file '{uri}', which is not there.")
+        return found
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[Package]:
+    """Open a package (.ssp), a folder, or an SSD; what was unpacked is removed afterwards.
+
+    `PACKAGE#Variant.ssd` chooses another SSD than SystemStructure.ssd. Raises CommandError where
+    there is nothing to read.
+    """
+    file, variant = _variant(path)
+    if file.is_dir():
+        yield _package(file, variant, str(path))
+    elif not file.is_file():
+        raise CommandError(f"there is no file '{file}'.")
+    elif file.suffix.lower() == ".ssd":
+        yield Package(file.parent, file, file.name)
+    else:
+        with TemporaryDirectory(prefix="emla-ssp-") as temporary, _names_of_users(f"{temporary}/"):
+            folder = Path(temporary) / file.name
+            _unpack(file, folder)
+            yield _package(folder, variant, str(path))
+
+
+@contextlib.contextmanager
+def _names_of_users(temporary: str) -> Iterator[None]:
+    """Messages call files inside a package PACKAGE.ssp/resources/..., not by where they were unpacked."""
+    try:
+        yield
+    except CommandError as error:
+        raise CommandError(str(error).replace(temporary, "")) from error
+
+
+def _variant(path: Path) -> tuple[Path, str]:
+    if path.exists():
+        return path, ""
+    name, hash_, variant = path.name.partition("#")
+    return (path.with_name(name), variant) if hash_ and name else (path, "")
+
+
+def _unpack(file: Path, folder: Path) -> None:
+    try:
+        unpack(file, folder)
+    except UnsafeArchiveError as error:
+        raise CommandError(f"the package '{file}' {error}.") from error
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+        raise CommandError(f"'{file}' is not an SSP that can be read: {error}.") from error
+    except OSError as error:
+        raise CommandError(f"'{file}' cannot be unpacked: {error.strerror or error}.") from error
+
+
+def _package(folder: Path, variant: str, name: str) -> Package:
+    ssd = folder / (variant or DEFAULT_SSD)
+    if not ssd.is_file() or ssd.resolve().parent != folder.resolve():
+        present = sorted(p.name for p in folder.glob("*.ssd"))
+        instead = (
+            f"it has {listed(present)}; write '{name.partition('#')[0]}#{present[0]}'"
+            if present
+            else ("an SSP has one at its top")
+        )
+        raise CommandError(f"'{name}' has no '{ssd.name}'; {instead}.")
+    return Package(folder, ssd, variant or ssd.name)
+
+
+def inside_fmu(fmu: Path, uri: str, where: str) -> bytes:
+    """The content of a file inside an FMU; CommandError where it is not there."""
+    try:
+        with zipfile.ZipFile(fmu) as archive:
+            return archive.read(posixpath.normpath(unquote(uri)))
+    except (KeyError, OSError, zipfile.BadZipFile) as error:
+        raise CommandError(
+            f"'{where}' names the file '{uri}' inside '{fmu.name}', which is not there."
+        ) from error

@@ -1,0 +1,114 @@
+"""Parameter sets (SSV) and parameter mappings (SSM) as XML."""
+
+from collections.abc import Iterable
+
+from ..errors import CommandError
+from .structure import MappingEntry, Parameter, ParameterSet
+from .xml import (
+    XmlElement,
+    add,
+    add_transformation,
+    add_units,
+    boolean,
+    children,
+    document,
+    local_name,
+    number,
+    parse,
+    read_transformation,
+    read_unit,
+    read_units,
+    to_bytes,
+)
+
+_FLOATS = ("Real", "Float64", "Float32")
+
+
+def parse_parameter_set(content: bytes, where: str) -> ParameterSet:
+    """An SSV file; `where` is its name in messages. Raises CommandError for what is none."""
+    return read_parameter_set(parse(content, where, "ssv"), where)
+
+
+def read_parameter_set(root: XmlElement, where: str) -> ParameterSet:
+    """A ParameterSet element; CommandError for what it may not hold."""
+    units = read_units(root, "ssv")
+    parameters: dict[str, Parameter] = {}
+    for element in children(root, "ssv:Parameters", "ssv:Parameter"):
+        name, typed = element.get("name"), element[0]
+        if name in parameters:
+            raise CommandError(f"'{where}' line {element.sourceline} gives '{name}' a second value.")
+        parameters[name] = Parameter(name, local_name(typed), _value(typed), read_unit(typed, units, where))
+    return ParameterSet(root.get("name"), tuple(parameters.values()), root.get("description", ""))
+
+
+def _value(typed: XmlElement) -> float | int | bool | str:
+    kind, text = local_name(typed), typed.get("value", "")
+    if kind in _FLOATS:
+        return float(text)
+    if kind == "Boolean":
+        return boolean(text)
+    return int(text) if "Int" in kind else text
+
+
+def add_parameter_set(root: XmlElement, parameter_set: ParameterSet) -> None:
+    """Fill a ParameterSet element."""
+    group = add(root, "ssv:Parameters")
+    for parameter in parameter_set.parameters:
+        unit = parameter.unit.name if parameter.unit is not None else None
+        element = add(group, "ssv:Parameter", name=parameter.name)
+        add(element, f"ssv:{parameter.type}", value=_text(parameter), unit=unit)
+    add_units(root, "ssv", [p.unit for p in parameter_set.parameters])
+
+
+def _text(parameter: Parameter) -> str:
+    if parameter.type in _FLOATS:
+        return number(float(parameter.value))
+    return str(parameter.value).lower() if parameter.type == "Boolean" else str(parameter.value)
+
+
+def format_parameter_set(parameter_set: ParameterSet) -> bytes:
+    """A parameter set as an SSV file."""
+    root = document("ssv", name=parameter_set.name, description=parameter_set.description or None)
+    add_parameter_set(root, parameter_set)
+    return to_bytes(root)
+
+
+def parse_mapping(content: bytes, where: str) -> tuple[MappingEntry, ...]:
+    """An SSM file; `where` is its name in messages. Raises CommandError for what is none."""
+    return read_mapping(parse(content, where, "ssm"), where)
+
+
+def read_mapping(root: XmlElement, where: str) -> tuple[MappingEntry, ...]:
+    """A ParameterMapping element; CommandError for two entries of one target."""
+    entries: dict[str, MappingEntry] = {}
+    for element in children(root, "ssm:MappingEntry"):
+        source, target = element.get("source"), element.get("target")
+        if target in entries:
+            raise CommandError(
+                f"'{where}' line {element.sourceline} maps '{source}' to '{target}', as it does "
+                f"'{entries[target].source}'."
+            )
+        suppress = boolean(element.get("suppressUnitConversion"))
+        entries[target] = MappingEntry(source, target, read_transformation(element), suppress)
+    return tuple(entries.values())
+
+
+def add_mapping(root: XmlElement, entries: Iterable[MappingEntry]) -> None:
+    """Fill a ParameterMapping element."""
+    for entry in entries:
+        suppress = "true" if entry.suppress_unit_conversion else None
+        element = add(
+            root,
+            "ssm:MappingEntry",
+            source=entry.source,
+            target=entry.target,
+            suppressUnitConversion=suppress,
+        )
+        add_transformation(element, entry.transformation)
+
+
+def format_mapping(entries: Iterable[MappingEntry]) -> bytes:
+    """A mapping as an SSM file."""
+    root = document("ssm")
+    add_mapping(root, entries)
+    return to_bytes(root)

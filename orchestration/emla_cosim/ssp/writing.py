@@ -1,0 +1,83 @@
+"""From a system of FMUs to an SSP file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from fmublock.archive import write_archive
+
+from ..errors import CommandError, RunError
+from ..fmu.interface import Interface, read_interface
+from ..system.model import System
+from ..system.resolution import resolved
+from .building import Part, root_system
+from .package import DEFAULT_SSD
+from .parameter_files import parameter_files
+from .ssd import format_structure
+from .structure import Structure
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """How a system is run: times in s."""
+
+    start_time: float
+    stop_time: float
+    step_size: float
+
+
+def write_ssp(
+    path: Path,
+    name: str,
+    description: str,
+    system: System,
+    fmus: Mapping[str, Path],
+    experiment: Experiment,
+    nested: bool = False,
+) -> None:
+    """Write a system with its FMUs, by component, as a package.
+
+    Its bytes depend on its content alone. `nested` makes one system per joint. Raises CommandError
+    for what does not fit, RunError where the file cannot be written.
+    """
+    if path.suffix.lower() != ".ssp":
+        raise CommandError(f"an SSP is written to a file that ends in .ssp, not to '{path}'.")
+    interfaces = _interfaces(fmus)
+    plain = resolved(system, interfaces)
+    uris = _uris(fmus)
+    parameters = parameter_files(system, interfaces)
+    parts = {
+        c.name: Part(interfaces[c.name], uris[fmus[c.name]], parameters.bindings[c.name])
+        for c in system.components
+    }
+    structure = Structure(
+        name,
+        root_system(name, plain, parts, nested),
+        experiment.start_time,
+        experiment.stop_time,
+        experiment.step_size,
+        description,
+    )
+    contents = {uri: file.read_bytes() for file, uri in uris.items()}
+    contents |= parameters.contents | {DEFAULT_SSD: format_structure(structure)}
+    try:
+        write_archive(path, contents)
+    except OSError as error:
+        raise RunError(f"the package '{path}' cannot be written: {error.strerror or error}.") from error
+
+
+def _interfaces(fmus: Mapping[str, Path]) -> dict[str, Interface]:
+    read = {file: read_interface(file) for file in dict.fromkeys(fmus.values())}
+    return {name: read[file] for name, file in fmus.items()}
+
+
+def _uris(fmus: Mapping[str, Path]) -> dict[Path, str]:
+    """A place in the package for every FMU; files of the same name are numbered."""
+    uris: dict[Path, str] = {}
+    for file in dict.fromkeys(fmus.values()):
+        stem, number = file.stem, 1
+        while f"resources/{stem}.fmu" in uris.values():
+            number += 1
+            stem = f"{file.stem}_{number}"
+        uris[file] = f"resources/{stem}.fmu"
+    return uris
