@@ -7,9 +7,9 @@ from typing import Any
 
 from emla_cosim.master.assembly import Assembly, assembled
 from emla_cosim.run import Progress, RunResult, run
+from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.settings import Settings
 from emla_cosim.system.model import Component, Connection, System
-from emla_cosim.system.scenarios import Scenario
 from faulty_fmu import Counts, Fault
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from emla_cosim.cli import app
 from emla_cosim.models import MODELS
-from emla_cosim.system.scenarios import load_scenario
+from emla_cosim.scenarios.reading import load_scenario
 from fmublock.description import Producer
 from fmublock.export import Documents
 from fmublock.native import build_native, host_platform, native_draft

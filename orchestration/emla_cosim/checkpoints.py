@@ -29,7 +29,8 @@ def run_identity(
         "values set": {
             f"{c.name}.{n}": str(v) for c in system.components for n, v in sorted(c.parameters.items())
         },
-        "connections": [str(x) for x in system.connections],
+        "mappings": {f"{c.name}.{n}": str(a) for c in system.components for n, a in c.aliases.items()},
+        "connections": [f"{x} {x.transformation}" for x in system.connections],
         "algorithm": algorithm,
         "extrapolation": settings.extrapolation,
         "coupling tolerance": settings.coupling_tolerance,

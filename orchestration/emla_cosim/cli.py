@@ -10,12 +10,15 @@ from rich.markup import escape
 from rich.table import Table
 
 from .errors import CommandError, CosimError, check_choice
+from .export import export
 from .master.algorithms.extrapolation import EXTRAPOLATIONS
 from .master.simulation import ALGORITHMS
 from .models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
+from .replacement import Replacement
 from .run import run
+from .scenarios.reading import describe_scenario, opened_scenario, scenario_names
 from .settings import Settings
-from .system.scenarios import CONTROLLERS, describe_scenario, load_scenario, scenario_names
+from .system.study import CONTROLLERS
 from .terminal import ERR, OUT, BarProgress, show_result
 
 app = typer.Typer(
@@ -106,23 +109,38 @@ def list_command() -> None:
         OUT.print(table)
 
 
+_Set = Annotated[
+    list[str] | None,
+    _system("Other start value (repeatable).", "--set", metavar="JOINT.COMPONENT.VARIABLE=VALUE"),
+]
+_Parameters = Annotated[
+    list[Path] | None, _system("Start values from a file (repeatable); --set overrides.", metavar="FILE.ssv")
+]
+_Replace = Annotated[
+    list[str] | None,
+    _system("Use another FMU for a component (repeatable).", metavar="JOINT.COMPONENT=FILE.fmu"),
+]
+_Mapping = Annotated[
+    list[str] | None,
+    _system("What the other FMU calls its variables (repeatable).", metavar="JOINT.COMPONENT=FILE.ssm"),
+]
+_Flavour = Annotated[str | None, _system(_FLAVOUR)]
+_Controller = Annotated[str | None, _system(f"Gains of controller and observer: {' or '.join(CONTROLLERS)}.")]
+_Fmus = Annotated[Path, _system("Folder of our FMUs; missing ones are built.")]
+_SOURCE = "Name of a scenario (`emla list` shows them), scenario file (.toml), or SSP (.ssp, .ssd, folder)."
+
+
 @app.command("run")
 @_one_sentence
 def run_command(
-    scenario: Annotated[str, typer.Argument(help="Name of a scenario; `emla list` shows them.")],
-    set_: Annotated[
-        list[str] | None,
-        _system("Other start value (repeatable).", "--set", metavar="JOINT.COMPONENT.VARIABLE=VALUE"),
-    ] = None,
-    replace: Annotated[
-        list[str] | None,
-        _system("Use another FMU for a component (repeatable).", metavar="JOINT.COMPONENT=FILE.fmu"),
-    ] = None,
-    flavour: Annotated[str, _system(_FLAVOUR)] = "native",
-    controller: Annotated[
-        str | None, _system(f"Gains of controller and observer: {' or '.join(CONTROLLERS)}.")
-    ] = None,
-    fmus: Annotated[Path, _system("Folder of our FMUs; missing ones are built.")] = FMU_FOLDER,
+    scenario: Annotated[str, typer.Argument(help=_SOURCE)],
+    set_: _Set = None,
+    parameters: _Parameters = None,
+    replace: _Replace = None,
+    mapping: _Mapping = None,
+    flavour: _Flavour = None,
+    controller: _Controller = None,
+    fmus: _Fmus = FMU_FOLDER,
     stop_time: Annotated[float | None, _stepping("End of the run in s.")] = None,
     step_size: Annotated[float | None, _stepping("Communication step in s.")] = None,
     error_tolerance: Annotated[
@@ -133,10 +151,13 @@ def run_command(
         _stepping("Step a component at every N-th step (repeatable).", metavar="JOINT.COMPONENT=N"),
     ] = None,
     algorithm: Annotated[str | None, _stepping(f"{', '.join(ALGORITHMS)}.")] = None,
-    extrapolation: Annotated[str, _stepping(f"Inputs during a step: {', '.join(EXTRAPOLATIONS)}.")] = "none",
+    extrapolation: Annotated[
+        str | None, _stepping(f"Inputs during a step: {', '.join(EXTRAPOLATIONS)}.")
+    ] = None,
     coupling_tolerance: Annotated[
-        float, _stepping("What `--algorithm strong` agrees to, relative to each signal's size.")
-    ] = 1e-8,
+        float | None,
+        _stepping("What `--algorithm strong` agrees to, relative to each signal's size; 1e-8 without."),
+    ] = None,
     order: Annotated[
         str | None, _stepping("Components in the order of stepping, comma between; the graph's without.")
     ] = None,
@@ -145,45 +166,107 @@ def run_command(
         float | None, _stepping("Simulate so many seconds per second, not more.", metavar="FACTOR")
     ] = None,
     output: Annotated[Path | None, _output("Output folder; results/SCENARIO without.")] = None,
+    signals: Annotated[
+        list[str] | None,
+        _output("Signals of results.csv, * for anything (repeatable); all without.", metavar="PATTERN"),
+    ] = None,
     output_interval: Annotated[
         float | None, _output("Time between rows of results.csv in s; 1 ms without.")
     ] = None,
-    plots: Annotated[bool, _output("Draw plots.")] = True,
+    plots: Annotated[bool | None, _output("Draw plots.")] = None,
     checkpoint: Annotated[
         Path | None, _output("Write checkpoints to this file: every minute, and at the end.")
     ] = None,
     resume: Annotated[Path | None, _output("Continue the run of this checkpoint.")] = None,
 ) -> None:
     """Run a scenario: progress, a table of results, and an output folder with data and plots."""
-    check_choice("flavour", flavour, FLAVOURS)
-    chosen = load_scenario(scenario, controller)
-    settings = Settings(
-        values=_pairs("--set", set_),
-        replacements={name: Path(file) for name, file in _pairs("--replace", replace).items()},
-        algorithm=algorithm,
-        extrapolation=extrapolation,
-        coupling_tolerance=coupling_tolerance,
-        error_tolerance=error_tolerance,
-        multiples={
-            name: _whole(name, text) for name, text in _pairs("--step-multiple", step_multiple).items()
-        },
-        order=[name.strip() for name in order.split(",")] if order else [],
-        step_size=step_size,
-        stop_time=stop_time,
-        output_interval=output_interval,
-        flavour=flavour,
-        fmus=fmus,
-        plots=plots,
-        compiled=kernel,
-        real_time=realtime,
-        checkpoint=checkpoint,
-        resume=resume,
-    )
-    with BarProgress() as progress:
-        result = run(chosen, settings, output or Path("results") / scenario, progress)
-    show_result(scenario, result)
+    given = _system_settings(set_, parameters, replace, mapping, flavour, fmus) | {
+        "algorithm": algorithm,
+        "extrapolation": extrapolation,
+        "coupling_tolerance": coupling_tolerance,
+        "error_tolerance": error_tolerance,
+        "multiples": {n: _whole(n, text) for n, text in _pairs("--step-multiple", step_multiple).items()},
+        "order": [name.strip() for name in order.split(",")] if order else None,
+        "step_size": step_size,
+        "stop_time": stop_time,
+        "output": output,
+        "output_interval": output_interval,
+        "signals": signals,
+        "plots": plots,
+        "compiled": kernel,
+        "real_time": realtime,
+        "checkpoint": checkpoint,
+        "resume": resume,
+    }
+    with opened_scenario(scenario, controller) as chosen:
+        settings = Settings.merged(chosen.settings, _only_given(given))
+        check_choice("flavour", settings.flavour, FLAVOURS)
+        with BarProgress() as progress:
+            result = run(chosen, settings, settings.output or Path("results") / chosen.name, progress)
+        show_result(chosen, result)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {result.folder}.")
+
+
+@app.command("export")
+@_one_sentence
+def export_command(
+    scenario: Annotated[str, typer.Argument(help=_SOURCE)],
+    file: Annotated[Path, typer.Argument(help="The package to write.", metavar="FILE.ssp")],
+    nested: Annotated[
+        bool, _output("One system per joint; libcosim and Ecos read flat systems only.")
+    ] = False,
+    set_: _Set = None,
+    parameters: _Parameters = None,
+    replace: _Replace = None,
+    mapping: _Mapping = None,
+    flavour: _Flavour = None,
+    controller: _Controller = None,
+    platform: Annotated[
+        list[str] | None,
+        _system(
+            f"FMI platform of our FMUs' binaries (repeatable); this one without: {', '.join(PLATFORMS)}."
+        ),
+    ] = None,
+    fmus: _Fmus = FMU_FOLDER,
+) -> None:
+    """Write a scenario as an SSP package, which other tools run."""
+    given = _system_settings(set_, parameters, replace, mapping, flavour, fmus) | {"platforms": platform}
+    with opened_scenario(scenario, controller) as chosen, BarProgress() as progress:
+        settings = Settings.merged(chosen.settings, _only_given(given))
+        check_choice("flavour", settings.flavour, FLAVOURS)
+        export(chosen, settings, file, nested, progress)
+    size = file.stat().st_size / 1024
+    OUT.print(f"{file}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)
+
+
+def _system_settings(
+    set_: list[str] | None,
+    parameters: list[Path] | None,
+    replace: list[str] | None,
+    mapping: list[str] | None,
+    flavour: str | None,
+    fmus: Path,
+) -> dict[str, Any]:
+    """Settings that say what is run."""
+    mappings = _pairs("--mapping", mapping)
+    replacements = {
+        name: Replacement(Path(fmu), Path(mappings.pop(name)) if name in mappings else None)
+        for name, fmu in _pairs("--replace", replace).items()
+    }
+    for name, file in mappings.items():
+        raise CommandError(f"--mapping {name}={file} needs --replace {name}=FILE.fmu.")
+    return {
+        "values": _pairs("--set", set_),
+        "parameter_sets": parameters,
+        "replacements": replacements,
+        "flavour": flavour,
+        "fmus": fmus,
+    }
+
+
+def _only_given(options: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:

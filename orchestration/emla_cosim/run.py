@@ -2,13 +2,13 @@
 
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from .checkpoints import Checkpoints, resumable, run_identity
-from .errors import RunError
+from .errors import CommandError, RunError
 from .interruption import interruption
 from .master.assembly import Assembly, assembled
 from .master.simulation import simulate
@@ -16,14 +16,14 @@ from .master.stepping.checkpoint import Checkpoint, check_can_save
 from .master.stepping.pacing import Pacing
 from .master.stepping.stepping import Stepping
 from .master.stepping.timing import Timing, timing
-from .models import build
+from .preparation import Fit, prepared
 from .results.metrics import JointMetrics, as_json
 from .results.output_folder import METRICS, RECORD, OutputFolder, Recording
 from .results.plots import FIGURES
 from .results.run_record import run_record, stepping_record
+from .scenarios.scenario import Scenario
 from .settings import Settings
 from .system.model import System
-from .system.scenarios import Scenario
 
 FLUSH_INTERVAL = 1.0
 """Wall time in s after which rows go to disk even if there are few."""
@@ -59,6 +59,9 @@ class Progress:
     def advance(self, count: int) -> None:
         """So many units more are done."""
 
+    def replaced(self, fit: Fit) -> None:
+        """A component is replaced; this is how the other FMU fits."""
+
 
 def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress) -> RunResult:
     """Run a scenario and write results.csv, metrics.json, run.json and plots to `folder`.
@@ -69,16 +72,14 @@ def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress
     """
     name = settings.algorithm or scenario.algorithm
     algorithm = settings.make_algorithm(name)
-    system = scenario.system.with_parameters(settings.values).with_fmus(settings.replacements)
-    times = timing(
-        _given(settings.stop_time, scenario.stop_time), _given(settings.step_size, scenario.step_size)
-    )
+    times = run_times(scenario, settings)
     every = settings.steps_per_row(times)
     pacing = Pacing(settings.real_time) if settings.real_time is not None else None
     output = OutputFolder(folder)
-    fmus = _fmu_files(system, settings, progress)
+    system, fmus = prepared(scenario.system, settings, progress)
     with contextlib.ExitStack() as held:
         assembly = held.enter_context(assembled(system, fmus))
+        selected = settings.selected(assembly.network.names)
         if settings.order:
             assembly.network.reorder(settings.order)
         algorithm.setup(assembly.network)
@@ -91,30 +92,22 @@ def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress
         if settings.checkpoint is not None:
             check_can_save(settings.checkpoint, assembly.network)
         checkpoints = Checkpoints(settings.checkpoint, identity)
-        result = _Simulation(assembly, stepping, pacing, checkpoints, resumed, progress).run(
-            output, system, every
-        )
+        simulation = _Simulation(assembly, stepping, pacing, checkpoints, resumed, progress)
+        result = simulation.run(output, system, every, selected)
         effective = settings.record(name, times)
         record = run_record(scenario.name, effective, system, assembly, result.stepping, result.problem)
     return _reported(result, output, record, system.joints if settings.plots else [], progress)
 
 
-def _given(value: float | None, default: float) -> float:
-    return default if value is None else value
-
-
-def _fmu_files(system: System, settings: Settings, progress: Progress) -> dict[str, Path]:
-    """The FMU file of every component, ours built where missing or out of date.
-
-    Begins a task of preparing that has one unit more, for what follows.
-    """
-    models = list(dict.fromkeys(c.model for c in system.components if c.fmu is None))
-    progress.begin("preparing", len(models) + 1)
-    built = {}
-    for model in models:
-        built[model] = build(model, settings.flavour, [], settings.fmus)
-        progress.advance(1)
-    return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
+def run_times(scenario: Scenario, settings: Settings) -> Timing:
+    """The communication points of a run; CommandError where nobody says how long it is or its steps."""
+    stop = scenario.stop_time if settings.stop_time is None else settings.stop_time
+    step = scenario.step_size if settings.step_size is None else settings.step_size
+    if stop is None:
+        raise CommandError(f"'{scenario.name}' does not say when to stop; give --stop-time.")
+    if step is None:
+        raise CommandError(f"'{scenario.name}' does not say how long a step is; give --step-size.")
+    return timing(stop, step, scenario.start_time)
 
 
 @dataclass
@@ -128,14 +121,17 @@ class _Simulation:
     resumed: Checkpoint | None
     progress: Progress
 
-    def run(self, output: OutputFolder, system: System, every: int) -> RunResult:
+    def run(
+        self, output: OutputFolder, system: System, every: int, selected: Sequence[int] | None
+    ) -> RunResult:
         """Step to the end, or as far as it goes, recording to the output folder."""
         stepping, names = self.stepping, self.assembly.network.names
         after = self.resumed.notes["recording"] if self.resumed is not None else None
         began, recording, problem = time.perf_counter(), None, None
         first = (0, stepping.times.start)
         try:
-            recording = Recording(output, system.joints, names, every, after)
+            shown = self.assembly.shown
+            recording = Recording(output, system.joints, names, every, after, selected, shown)
             try:
                 with interruption() as interrupted:
                     first = self._begin(recording)

@@ -1,8 +1,11 @@
 """What the user may change about a run, and what follows from it."""
 
+import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 from .errors import CommandError, check_choice
 from .master.algorithms.algorithm import Algorithm
@@ -15,6 +18,7 @@ from .master.stepping.fixed_steps import FixedSteps
 from .master.stepping.stepping import Stepping
 from .master.stepping.timing import Timing
 from .models import FMU_FOLDER
+from .replacement import Replacement
 from .system.model import Value
 
 DEFAULT_INTERVAL = 1e-3
@@ -25,13 +29,17 @@ DEFAULT_INTERVAL = 1e-3
 class Settings:
     """What the user may change about a run; None takes the scenario's, or the default. Times in s.
 
-    `error_tolerance` chooses the steps by their error, `coupling_tolerance` is what the strong
-    algorithm agrees to, `multiples` gives components that step more rarely, `order` the order of
-    stepping one after the other, `real_time` how many seconds to simulate per second.
+    `parameter_sets` are SSV files, which `values` override. `signals` are patterns of what results.csv
+    is to hold, all without any. `error_tolerance` chooses the steps by their error,
+    `coupling_tolerance` is what the strong algorithm agrees to, `multiples` gives components that
+    step more rarely, `order` the order of stepping one after the other, `real_time` how many seconds
+    to simulate per second. `platforms` are those that native FMUs are built for.
     """
 
     values: Mapping[str, Value] = field(default_factory=dict)
-    replacements: Mapping[str, Path] = field(default_factory=dict)
+    parameter_sets: Sequence[Path] = ()
+    replacements: Mapping[str, Replacement] = field(default_factory=dict)
+    signals: Sequence[str] = ()
     algorithm: str | None = None
     extrapolation: str = "none"
     coupling_tolerance: float = 1e-8
@@ -43,11 +51,23 @@ class Settings:
     output_interval: float | None = None
     flavour: str = "native"
     fmus: Path = FMU_FOLDER
+    platforms: Sequence[str] = ()
+    output: Path | None = None
     plots: bool = True
     compiled: bool = True
     real_time: float | None = None
     checkpoint: Path | None = None
     resume: Path | None = None
+
+    @classmethod
+    def merged(cls, *layers: Mapping[str, Any]) -> "Settings":
+        """Settings by name from several layers: later ones win, tables are merged."""
+        total: dict[str, Any] = {}
+        for layer in layers:
+            for name, value in layer.items():
+                known = total.get(name)
+                total[name] = {**known, **value} if isinstance(known, dict) else value
+        return cls(**total)
 
     def make_algorithm(self, name: str) -> Algorithm:
         """The algorithm of this name with its options; CommandError where they do not fit."""
@@ -74,6 +94,20 @@ class Settings:
                 )
         return FixedSteps(algorithm, times, self.compiled)
 
+    def selected(self, names: Sequence[str]) -> list[int] | None:
+        """Positions of the signals to record, None for all; CommandError for a pattern without any."""
+        if not self.signals:
+            return None
+        chosen: set[int] = set()
+        for pattern in self.signals:
+            found = [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
+            if not found:
+                near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.5)
+                meant = f"did you mean {' or '.join(near)}?" if near else "results.csv shows all without."
+                raise CommandError(f"no signal is called '{pattern}'; {meant}")
+            chosen.update(found)
+        return sorted(chosen)
+
     def record(self, algorithm: str, times: Timing) -> dict[str, object]:
         """The settings as run.json has them: what was in effect, for this algorithm and these times."""
         interval = self.output_interval
@@ -93,6 +127,7 @@ class Settings:
             "real_time_factor": self.real_time,
             "resumed_from": self.resume,
             "flavour": self.flavour,
+            "parameters": list(self.parameter_sets),
             "set": self.values,
             "replace": self.replacements,
         }

@@ -4,12 +4,15 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as RichProgress
 from rich.table import Table
 
+from .replacement import Fit
 from .results.metrics import JointMetrics
 from .run import Progress, RunResult
+from .scenarios.scenario import Scenario
 
 OUT, ERR = Console(), Console(stderr=True)
 """Results go to standard output, progress and errors to standard error."""
@@ -43,11 +46,25 @@ class BarProgress(Progress):
         """So many units more are done."""
         self._bars.advance(self._task, count)
 
+    def replaced(self, fit: Fit) -> None:
+        """A component is replaced: what fits, what is converted and what is missing, as a table."""
+        table = Table(title=f"{fit.fmu} as {fit.component}", title_justify="left")
+        for column in ("", "here", "there", ""):
+            table.add_column(column)
+        for match in fit.matches:
+            style = "bold red" if match.fatal else "yellow" if match.verdict in _WORTH_A_LOOK else ""
+            table.add_row(*map(escape, (match.kind, match.ours, match.theirs, match.verdict)), style=style)
+        if fit.same:
+            table.add_row("", f"{fit.same} more", "", "same name and unit")
+        self._bars.console.print(table)
+
     def finish(self) -> None:
         """The task is done, if with fewer units than expected."""
         task = next(t for t in self._bars.tasks if t.id == self._task)
         self._bars.update(self._task, completed=task.total)
 
+
+_WORTH_A_LOOK = ("is left out", "keeps its start value")
 
 _ROWS: tuple[tuple[str, Callable[[JointMetrics], float], str], ...] = (
     ("position error", lambda m: 1e6 * m.position_error_m, "µm"),
@@ -60,11 +77,11 @@ _ROWS: tuple[tuple[str, Callable[[JointMetrics], float], str], ...] = (
 )
 
 
-def show_result(scenario: str, result: RunResult) -> None:
+def show_result(scenario: Scenario, result: RunResult) -> None:
     """The results as a table, how the steps were made, and where everything is."""
     end = result.end_s - result.times.start
     if result.metrics:
-        table = Table(title=f"{scenario}, {end:g} s simulated", title_justify="left")
+        table = Table(title=f"{scenario.name}, {end:g} s simulated", title_justify="left")
         table.add_column("")
         for joint in result.metrics:
             table.add_column(joint, justify="right")
@@ -75,6 +92,8 @@ def show_result(scenario: str, result: RunResult) -> None:
         late = [j for j, m in result.metrics.items() if m.convergence_time_s > end - 0.5 * result.times.step]
         if late:
             OUT.print(f"Not converged by the end: {', '.join(late)}.", highlight=False)
+    for note in scenario.notes:
+        OUT.print(f"Note: {note}.", highlight=False, soft_wrap=True)
     for line in _speed(result):
         OUT.print(line, highlight=False, soft_wrap=True)
     OUT.print(f"Wrote {result.folder}/: results.csv, metrics.json, run.json", highlight=False, soft_wrap=True)

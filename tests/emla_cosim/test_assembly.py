@@ -8,8 +8,8 @@ from emla_cosim.errors import CommandError
 from emla_cosim.master.assembly import assembled
 from emla_cosim.master.slaves.slave import SlaveError
 from emla_cosim.models import fmu_path
+from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import Component, Connection, System
-from emla_cosim.system.scenarios import load_scenario
 
 
 def files(system: System, folder: Path) -> dict[str, Path]:

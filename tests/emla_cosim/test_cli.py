@@ -20,7 +20,7 @@ from typer.testing import CliRunner, Result
 from emla_cosim.cli import app
 from emla_cosim.models import PLATFORMS
 from emla_cosim.results.plots import FIGURES
-from emla_cosim.system.scenarios import scenario_names
+from emla_cosim.scenarios.reading import scenario_names
 
 Emla = Callable[..., Result]
 PICTURES = {f"{name}.png" for name in FIGURES}
@@ -332,7 +332,7 @@ def test_a_corrupt_fmu_is_named(emla: Emla, fmu_folder: Path, tmp_path: Path) ->
 def test_an_fmu_that_does_not_fit_is_explained(emla: Emla, fmu_folder: Path) -> None:
     other = fmu_folder / "Reference" / "Reference.fmu"
     text = sentence(emla("run", "lift", "--replace", f"lift.plant={other}"), 2)
-    assert "lift.plant has no variable" in text
+    assert "Reference.fmu' does not fit in the place of lift.plant: the input F_L [N] is missing" in text
 
 
 def test_an_fmu_without_a_binary_for_this_machine_is_explained(

@@ -1,5 +1,6 @@
 """Whatever a slave does, a run ends in one sentence, and everything up to there is kept."""
 
+import contextlib
 import errno
 import json
 import os
@@ -31,8 +32,8 @@ from emla_cosim.master.stepping.timing import timing
 from emla_cosim.results.csv_file import CsvFile
 from emla_cosim.results.recorder import Recorder
 from emla_cosim.run import RunResult
+from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.system.model import System
-from emla_cosim.system.scenarios import Scenario
 from faulty_fmu import Counts, Fault, build_faulty_fmu
 from faulty_systems import counts_of, faulty, line_with_a_fault, loop_with_a_fault, run_system, wired
 from full_disk import files_of_at_most
@@ -126,7 +127,7 @@ def assert_tidy(counts: list[Counts], *, died: bool = False) -> None:
 def invoked(system: System, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Result:
     """`emla run` of a system."""
     scenario = Scenario("test", "A test.", system, 1.0, 0.1)
-    monkeypatch.setattr(emla_cosim.cli, "load_scenario", lambda name, controller: scenario)
+    monkeypatch.setattr(emla_cosim.cli, "opened_scenario", lambda *_: contextlib.nullcontext(scenario))
     return CliRunner().invoke(emla_cosim.cli.app, ["run", "test", "--no-plots", "--output", str(folder)])
 
 

@@ -19,7 +19,7 @@ from emla_cosim.master.assembly import assembled
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.models import fmu_path
-from emla_cosim.system.scenarios import load_scenario
+from emla_cosim.scenarios.reading import load_scenario
 from faulty_fmu import Fault
 from faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired
 from simulated import begun

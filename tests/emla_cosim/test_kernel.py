@@ -21,8 +21,8 @@ from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import Timing, timing
 from emla_cosim.models import fmu_path
+from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import Component, System
-from emla_cosim.system.scenarios import load_scenario
 from faulty_fmu import build_faulty_fmu
 from faulty_systems import faulty, open_system, wired
 from simulated import begun, recorded

@@ -10,8 +10,8 @@ from fmpy import read_model_description
 from lxml import etree
 
 from emla_cosim.models import MODELS, fmu_path
+from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import Connection
-from emla_cosim.system.scenarios import load_scenario
 
 FILE = "terminalsAndIcons/terminalsAndIcons.xml"
 Terminals = dict[tuple[str, str], str]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from emla_cosim.system.joint import start_values
-from emla_cosim.system.scenarios import STUDY, VOLTAGE_DISTURBANCES
+from emla_cosim.system.study import STUDY, VOLTAGE_DISTURBANCES
 from emla_fmu import Disturbance, DisturbanceReading, Reference
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, rest_to_rest

@@ -8,10 +8,11 @@ from tempfile import TemporaryFile
 from typing import Any
 
 from ..errors import CommandError
+from ..units import LinearTransformation
 from .csv_file import CsvFile, Position
 from .metrics import JointMetrics, MetricsSink
 from .plots import FIGURES, plot_run
-from .recorder import Recorder
+from .recorder import Recorder, Selection
 
 RESULTS, METRICS, RECORD = "results.csv", "metrics.json", "run.json"
 
@@ -52,7 +53,8 @@ class OutputFolder:
 class Recording:
     """Everything that takes rows while a run goes on: results.csv with every n-th row, and the metrics.
 
-    `after` is the memory of an earlier recording that this one continues.
+    `selected` are the positions of the signals that results.csv holds, `shown` what is recorded in
+    another unit, see `Recorder`. `after` is the memory of an earlier recording that this one continues.
     """
 
     def __init__(
@@ -62,15 +64,19 @@ class Recording:
         names: Sequence[str],
         every: int,
         after: Mapping[str, Any] | None = None,
+        selected: Sequence[int] | None = None,
+        shown: Mapping[int, LinearTransformation] | None = None,
     ) -> None:
         """Begin the files; raises OSError."""
         folder.clear(keep_results=after is not None)
         position = Position(**after["results"]) if after is not None else None
-        self._csv_file = CsvFile(folder.results, list(names), every, position)
+        chosen = range(len(names)) if selected is None else selected
+        self._csv_file = CsvFile(folder.results, [names[i] for i in chosen], every, position)
         self._metrics = MetricsSink(joints, names)
         if after is not None:
             self._metrics.remember(after["metrics"])
-        self.recorder = Recorder(1 + len(names), [self._csv_file, self._metrics])
+        table = self._csv_file if selected is None else Selection(self._csv_file, selected)
+        self.recorder = Recorder(1 + len(names), [table, self._metrics], shown=shown)
 
     def memory(self) -> dict[str, Any]:
         """Plain data from which another recording can continue. May raise OSError."""

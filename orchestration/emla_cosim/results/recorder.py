@@ -1,10 +1,12 @@
 """Rows of signals, collected in blocks and handed on."""
 
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from ..master.slaves.slave import Vector
+from ..units import LinearTransformation
 
 
 class Sink(Protocol):
@@ -19,16 +21,40 @@ class Sink(Protocol):
         ...
 
 
+class Selection:
+    """Passes on some of the signals only, by position."""
+
+    def __init__(self, sink: Sink, signals: Sequence[int]) -> None:
+        self._sink = sink
+        self._columns = [0, *(1 + i for i in signals)]
+
+    def write(self, rows: Vector) -> None:
+        """Take the next rows."""
+        self._sink.write(rows[:, self._columns])
+
+    def close(self) -> None:
+        """The run is over."""
+        self._sink.close()
+
+
 class Recorder:
     """Rows of `width` numbers for the stepping to fill; full blocks go to the sinks.
 
     Every `every`-th communication point is to be recorded. Memory stays the same however long the
-    run is.
+    run is. `shown` has signals, by position, that are passed on in another unit.
     """
 
-    def __init__(self, width: int, sinks: list[Sink], every: int = 1, block_rows: int = 2000) -> None:
+    def __init__(
+        self,
+        width: int,
+        sinks: list[Sink],
+        every: int = 1,
+        block_rows: int = 2000,
+        shown: Mapping[int, LinearTransformation] | None = None,
+    ) -> None:
         self.every = every
         self._sinks = sinks
+        self._shown = shown or {}
         self._block = np.empty((block_rows, width))
         self._filled = 0
 
@@ -46,6 +72,9 @@ class Recorder:
         """Pass on what is there. May raise OSError from a sink."""
         rows, self._filled = self._block[: self._filled], 0
         if len(rows):
+            for signal, transformation in self._shown.items():
+                column = rows[:, 1 + signal]
+                column[:] = transformation.factor * column + transformation.offset
             for sink in self._sinks:
                 sink.write(rows)
 

@@ -2,6 +2,7 @@
 
 import platform
 from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -43,10 +44,13 @@ def run_record(
                 "sha256": assembly.files[c.name].sha256,
                 "guid": assembly.files[c.name].description.guid,
                 "parameters": dict(c.parameters),
+                "mapping": {n: f"{a.variable} = {n} {a.transformation}" for n, a in c.aliases.items()},
             }
             for c in system.components
         },
-        "connections": [str(x) for x in system.connections],
+        "connections": [
+            f"{x} {x.transformation}" if x.transformation is not None else str(x) for x in system.connections
+        ],
     }
 
 
@@ -84,4 +88,8 @@ def _plain(value: Any) -> Any:
     """A setting as JSON has it."""
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
     return str(value) if isinstance(value, Path) else value

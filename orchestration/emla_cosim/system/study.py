@@ -1,4 +1,4 @@
-"""The built-in scenarios: systems with their references, loads, disturbances and settings."""
+"""The built-in systems: joints of the paper's study with their references, loads and disturbances."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -14,18 +14,6 @@ from rsba_fmu import gains
 from ..errors import check_choice
 from .joint import joint
 from .model import System
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """A system and how it is run: times in s, the algorithm by name."""
-
-    name: str
-    description: str
-    system: System
-    stop_time: float
-    step_size: float
-    algorithm: str = "gauss-seidel"
 
 
 @dataclass(frozen=True)
@@ -144,54 +132,19 @@ def _one_joint(name: str) -> Callable[[str], System]:
     return lambda controller: _study_joint(name, controller)
 
 
-@dataclass(frozen=True)
-class _Recipe:
-    description: str
-    build: Callable[[str], System]
-    controller: str = "robust"
-    stop_time: float = 10.0
-    step_size: float = 1e-4
-
-
-_RECIPES = {
-    "study": _Recipe(
-        "Three joints: repaired RSBA and observer, true torque, limits, all disturbances", _three_joints
-    ),
-    **{name: _Recipe(f"The {name} joint of the study alone", _one_joint(name)) for name in STUDY},
-    "published": _Recipe(
-        "Three joints as printed: published gains and observer, torque from the commanded current",
-        lambda controller: _three_joints(controller, as_printed=True),
-        controller="published",
-        # the adaptation grows so fast that longer steps end in overflow within a millisecond
-        stop_time=1.0,
-        step_size=5e-6,
-    ),
-    "published-true-states": _Recipe(
-        "As published, but the controller is given the true position and speed",
-        lambda controller: _three_joints(controller, as_printed=True, true_feedback=True),
-        controller="published",
+SYSTEMS: dict[str, Callable[[str], System]] = {
+    "study": _three_joints,
+    **{name: _one_joint(name) for name in STUDY},
+    "published": lambda controller: _three_joints(controller, as_printed=True),
+    "published-true-states": lambda controller: _three_joints(
+        controller, as_printed=True, true_feedback=True
     ),
 }
+"""Systems by name, made for one of the gain sets of `CONTROLLERS`."""
 
 
-def scenario_names() -> list[str]:
-    """Names of the built-in scenarios."""
-    return list(_RECIPES)
-
-
-def describe_scenario(name: str) -> str:
-    """One line on a built-in scenario."""
-    return _RECIPES[name].description
-
-
-def load_scenario(name: str, controller: str | None = None) -> Scenario:
-    """A built-in scenario, with other gains if `controller` names them.
-
-    Raises CommandError for a name that does not exist.
-    """
-    check_choice("scenario", name, _RECIPES)
-    recipe = _RECIPES[name]
-    controller = recipe.controller if controller is None else controller
+def built_in_system(name: str, controller: str) -> System:
+    """A system by name; CommandError for a name or a controller that does not exist."""
+    check_choice("system", name, SYSTEMS)
     check_choice("controller", controller, CONTROLLERS)
-    system = recipe.build(controller)
-    return Scenario(name, recipe.description, system, recipe.stop_time, recipe.step_size)
+    return SYSTEMS[name](controller)

@@ -1,0 +1,98 @@
+"""A system made ready to run or to export: FMUs built, parameter files applied, components replaced."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from .errors import CommandError
+from .fmu.interface import Interface, read_interface
+from .models import build
+from .replacement import Fit, Replacement, fitted
+from .settings import Settings
+from .ssp.parameters import parse_parameter_set
+from .system.model import System, Value
+from .units import conversion
+
+
+class Listener(Protocol):
+    """Hears how the preparation goes on."""
+
+    def begin(self, task: str, total: int) -> None:
+        """A task of `total` units begins."""
+        ...
+
+    def advance(self, count: int) -> None:
+        """So many units more are done."""
+        ...
+
+    def replaced(self, fit: Fit) -> None:
+        """A component is replaced; this is how the other FMU fits."""
+        ...
+
+
+def prepared(system: System, settings: Settings, listener: Listener) -> tuple[System, dict[str, Path]]:
+    """The system with all that the settings change, and the FMU file of every component.
+
+    Begins a task of preparing that has one unit more, for what follows. Raises CommandError for
+    what does not fit, RunError where FMUs cannot be built.
+    """
+    system.with_parameters(settings.values)  # unknown names are found before anything is built
+    for name in settings.replacements:
+        system.component(name)
+    fmus = _fmu_files(system, settings, listener)
+    if settings.parameter_sets:
+        system = _with_parameter_sets(system, settings.parameter_sets, fmus)
+    system = system.with_parameters(settings.values)
+    for name, replacement in settings.replacements.items():
+        system = _replaced(system, name, replacement, fmus, listener)
+        fmus[name] = replacement.fmu
+    return system, fmus
+
+
+def _fmu_files(system: System, settings: Settings, listener: Listener) -> dict[str, Path]:
+    """The FMU file of every component, ours built where missing or out of date."""
+    models = list(dict.fromkeys(c.model for c in system.components if c.fmu is None))
+    listener.begin("preparing", len(models) + 1)
+    built = {}
+    for model in models:
+        built[model] = build(model, settings.flavour, settings.platforms, settings.fmus)
+        listener.advance(1)
+    return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
+
+
+def _with_parameter_sets(system: System, files: Sequence[Path], fmus: Mapping[str, Path]) -> System:
+    """The system with the values of SSV files, converted to the units of the variables."""
+    interfaces: dict[Path, Interface] = {}
+    values: dict[str, Value] = {}
+    for file in files:
+        try:
+            content = file.read_bytes()
+        except OSError as error:
+            raise CommandError(f"the parameter set '{file}' cannot be read: {error.strerror}.") from error
+        for parameter in parse_parameter_set(content, str(file)).parameters:
+            component, name = system.split(parameter.name)
+            fmu = fmus[component.name]
+            if fmu not in interfaces:
+                interfaces[fmu] = read_interface(fmu)
+            unit = interfaces[fmu].unit(name) if name in interfaces[fmu].variables else None
+            value = parameter.value
+            if parameter.unit is not None and unit is not None:
+                try:
+                    value = conversion(parameter.unit, unit)(float(value))
+                except ValueError as error:
+                    raise CommandError(f"'{parameter.name}' of '{file}' has {error}.") from error
+            values[parameter.name] = value
+    return system.with_parameters(values)
+
+
+def _replaced(
+    system: System, name: str, replacement: Replacement, fmus: Mapping[str, Path], listener: Listener
+) -> System:
+    changed, fit = fitted(system, name, replacement, read_interface(fmus[name]))
+    listener.replaced(fit)
+    if fit.problems:
+        first = fit.problems[0]
+        raise CommandError(
+            f"'{replacement.fmu}' does not fit in the place of {name}: {first}; a mapping may help."
+        )
+    return changed

@@ -1,0 +1,200 @@
+"""One component replaced by an FMU of somebody else: what fits, what is converted, what is missing."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fmpy.model_description import ModelVariable
+
+from .errors import CommandError
+from .fmu.interface import Interface, read_interface
+from .ssp.parameters import parse_mapping
+from .ssp.structure import MappingEntry, TableTransformation
+from .system.model import Alias, Component, System
+from .units import IDENTITY, LinearTransformation, Unit, conversion
+
+
+@dataclass(frozen=True)
+class Replacement:
+    """The FMU to use instead, and a file (SSM) that maps our names to its names, if they differ."""
+
+    fmu: Path
+    mapping: Path | None = None
+
+
+@dataclass(frozen=True)
+class Match:
+    """A variable of the component and its counterpart; `verdict` says how they fit.
+
+    `fatal` is true where the system cannot run like this.
+    """
+
+    kind: str
+    ours: str
+    theirs: str
+    verdict: str
+    fatal: bool = False
+
+    def __str__(self) -> str:
+        return " ".join(filter(None, ("the", self.kind, self.ours, self.theirs, self.verdict)))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How an FMU fits in the place of a component: matches worth a line, and how many need none."""
+
+    component: str
+    fmu: Path
+    matches: Sequence[Match]
+    same: int
+
+    @property
+    def problems(self) -> list[Match]:
+        """What keeps the system from running."""
+        return [m for m in self.matches if m.fatal]
+
+
+def fitted(system: System, name: str, replacement: Replacement, original: Interface) -> tuple[System, Fit]:
+    """The system with one component replaced, and how it fits.
+
+    `original` is the interface of the FMU that was there. Names and units of the system stay: those
+    of the other FMU are converted. Raises CommandError for files that cannot be read and for
+    mappings that name what neither FMU has.
+    """
+    component = system.component(name)
+    other = read_interface(replacement.fmu)
+    entries = _entries(replacement, original, other)
+    matching = _Matching(system, component, original, other, entries)
+    kept = {n: v for n, v in component.parameters.items() if n not in matching.left_out}
+    changed = replace(component, model="", fmu=replacement.fmu, parameters=kept, aliases=matching.aliases)
+    fit = Fit(name, replacement.fmu, matching.matches, matching.same)
+    return system.with_component(changed), fit
+
+
+def _entries(replacement: Replacement, original: Interface, other: Interface) -> dict[str, MappingEntry]:
+    path = replacement.mapping
+    if path is None:
+        return {}
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise CommandError(f"the mapping '{path}' cannot be read: {error.strerror}.") from error
+    entries: dict[str, MappingEntry] = {}
+    for entry in parse_mapping(content, str(path)):
+        for name, interface in ((entry.source, original), (entry.target, other)):
+            if name not in interface.variables:
+                model = interface.description.modelName
+                raise CommandError(f"the mapping '{path}' names '{name}', which {model} does not have.")
+        if isinstance(entry.transformation, TableTransformation):
+            raise CommandError(
+                f"the mapping '{path}' has a {entry.transformation.kind}MappingTransformation for "
+                f"'{entry.source}'; a replacement can have linear ones."
+            )
+        if entry.source in entries:
+            raise CommandError(f"the mapping '{path}' maps '{entry.source}' twice.")
+        entries[entry.source] = entry
+    return entries
+
+
+class _Matching:
+    """Matches all variables that the system uses of a component, or could show."""
+
+    def __init__(
+        self,
+        system: System,
+        component: Component,
+        original: Interface,
+        other: Interface,
+        entries: Mapping[str, MappingEntry],
+    ) -> None:
+        self._original, self._other, self._entries = original, other, entries
+        self.aliases: dict[str, Alias] = {}
+        self.matches: list[Match] = []
+        self.left_out: set[str] = set()
+        self.same = 0
+        inputs = [x.input for x in system.connections if x.target == component.name]
+        outputs = list(dict.fromkeys(x.output for x in system.connections if x.source == component.name))
+        for name in inputs:
+            self._needed("input", name)
+        for name in outputs:
+            self._needed("output", name)
+        for name in component.parameters:
+            self._parameter(name)
+        self._shown(outputs)
+        self.matches += self._free(inputs)
+
+    def _target(self, name: str) -> str:
+        entry = self._entries.get(name)
+        return entry.target if entry is not None else name
+
+    def _needed(self, kind: str, name: str) -> None:
+        """A variable that is connected."""
+        variable = self._other.variables.get(self._target(name))
+        if variable is None:
+            self._say(kind, name, "", "is missing", fatal=True)
+        elif variable.causality != kind or variable.type != "Real":
+            self._say(
+                kind,
+                name,
+                variable.name,
+                f"is not a Real {kind}, but {variable.causality}, {variable.type}",
+                fatal=True,
+            )
+        else:
+            self._converted(kind, name, variable)
+
+    def _parameter(self, name: str) -> None:
+        """A variable that has a start value."""
+        variable = self._other.variables.get(self._target(name))
+        if variable is None:
+            self.left_out.add(name)
+            self._say("parameter", name, "", "is left out")
+        else:
+            self._converted("parameter", name, variable)
+
+    def _shown(self, connected: Sequence[str]) -> None:
+        """Outputs that nobody reads but that are recorded under our names."""
+        for name, variable in self._original.variables.items():
+            theirs = self._other.variables.get(self._target(name))
+            if variable.causality != "output" or name in connected or theirs is None:
+                continue
+            if theirs.causality == "output" and theirs.type == variable.type == "Real":
+                self._converted("output", name, theirs)
+
+    def _free(self, inputs: Sequence[str]) -> Iterator[Match]:
+        """Inputs of the other FMU that nothing drives."""
+        driven = {self._target(name) for name in inputs}
+        for name, variable in self._other.variables.items():
+            if variable.causality == "input" and name not in driven:
+                yield Match("input", "", self._with_unit(name, self._other), "keeps its start value")
+
+    def _converted(self, kind: str, name: str, variable: ModelVariable) -> None:
+        ours, theirs = self._original.unit(name), self._other.unit(variable.name)
+        try:
+            transformation = self._transformation(name, ours, theirs)
+            if transformation.factor == 0.0 and kind == "output":
+                raise ValueError("a factor of 0, which has no way back")
+        except ValueError as error:
+            self._say(kind, name, variable.name, f"has {error}", fatal=True)
+            return
+        if variable.name == name and transformation == IDENTITY:
+            self.same += 1
+            return
+        self.aliases[name] = Alias(variable.name, transformation, ours)
+        self._say(kind, name, variable.name, "fits" if transformation == IDENTITY else str(transformation))
+
+    def _transformation(self, name: str, ours: Unit | None, theirs: Unit | None) -> LinearTransformation:
+        entry = self._entries.get(name)
+        if entry is None:
+            return conversion(ours, theirs)
+        prescribed = entry.transformation
+        linear = prescribed if isinstance(prescribed, LinearTransformation) else IDENTITY
+        return linear if entry.suppress_unit_conversion else linear.after(conversion(ours, theirs))
+
+    def _say(self, kind: str, ours: str, theirs: str, verdict: str, fatal: bool = False) -> None:
+        their = self._with_unit(theirs, self._other) if theirs else ""
+        self.matches.append(Match(kind, self._with_unit(ours, self._original), their, verdict, fatal))
+
+    def _with_unit(self, name: str, interface: Interface) -> str:
+        unit = interface.unit(name) if name in interface.variables else None
+        return f"{name} [{unit}]" if unit is not None else name

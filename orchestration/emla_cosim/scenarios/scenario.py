@@ -1,0 +1,26 @@
+"""What a scenario is."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..system.model import System
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A system and how it is run: times in s, the algorithm by name; None where nobody said.
+
+    `settings` are further ones by the names of `Settings`; `notes` are sentences for the user on
+    what was read but means nothing.
+    """
+
+    name: str
+    description: str
+    system: System
+    stop_time: float | None
+    step_size: float | None
+    algorithm: str = "gauss-seidel"
+    start_time: float = 0.0
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    notes: Sequence[str] = ()
