@@ -1,0 +1,108 @@
+within EMLA;
+package Functions "From rotary to linear motion, limits and pseudo-random numbers"
+  function alpha_RL "Motor angle per screw travel (equation:alpha)"
+    input Real rho "Screw turns per motor turn";
+    input Real lead(unit = "m") "Screw travel per turn";
+    output Real y(unit = "rad/m");
+  algorithm
+    y := 2.0 * pi / (rho * lead);
+  end alpha_RL;
+
+  function A_eq "Motor torque per screw acceleration (equation:MotionLaw)"
+    input Real alpha_RL(unit = "rad/m");
+    input Real J(unit = "kg.m2") "J_m + J_c + J_GB";
+    input Real M_BS(unit = "kg") "Mass moved by the screw";
+    output Real y(unit = "kg.m");
+  algorithm
+    y := alpha_RL * (J + M_BS / (alpha_RL * alpha_RL));
+  end A_eq;
+
+  function B_eq "Motor torque per screw speed (equation:MotionLaw)"
+    input Real alpha_RL(unit = "rad/m");
+    input Real B_m(unit = "N.m.s/rad") "Viscous friction of the rotor";
+    input Real B_BS(unit = "N.s/m") "Viscous friction of the screw";
+    output Real y(unit = "kg.m/s");
+  algorithm
+    y := alpha_RL * (B_m + B_BS / (alpha_RL * alpha_RL));
+  end B_eq;
+
+  function C_eq "Stiffness of the drive train as printed (equation:MotionLaw)"
+    input Real alpha_RL(unit = "rad/m");
+    input Real rho "Screw turns per motor turn";
+    input Real k_tau[3](each unit = "N.m/rad") "Torsional stiffnesses k_tau1 to k_tau3";
+    input Real k_L(unit = "N/m") "Linear stiffness";
+    output Real y(unit = "N/m");
+  algorithm
+    y := alpha_RL * alpha_RL / (1.0 / k_tau[1] + 1.0 / k_tau[2] + 1.0 / (rho * rho * k_tau[3]) + alpha_RL * alpha_RL / k_L);
+    annotation(Documentation(info = "<html>
+<p>The printed formula gives N/m where equation:motor_torque needs a torque per travel, N. Either way it ties the load
+to the ground: with realistic stiffnesses no motor could move it. The plant's default is a rigid screw, C_eq = 0.</p>
+</html>"));
+  end C_eq;
+
+  function D_eq "Motor torque per load force (equation:MotionLaw)"
+    input Real alpha_RL(unit = "rad/m");
+    input Real eta_GB "Efficiency of gearbox and screw";
+    output Real y(unit = "m");
+  algorithm
+    y := 1.0 / (alpha_RL * eta_GB);
+  end D_eq;
+
+  function k_L "Stiffness of bearing, screw, nut and tube in series (equation:linear_components_stiffness)"
+    input Real bearing(unit = "N/m");
+    input Real screw(unit = "N/m");
+    input Real nut(unit = "N/m");
+    input Real tube(unit = "N/m");
+    output Real y(unit = "N/m");
+  algorithm
+    y := 1.0 / (1.0 / bearing + 1.0 / screw + 1.0 / nut + 1.0 / tube);
+  end k_L;
+
+  function clamp "The value, but not below low nor above high"
+    input Real x;
+    input Real low;
+    input Real high;
+    output Real y;
+  algorithm
+    y := min(max(x, low), high);
+  end clamp;
+
+  function shortening "Factor that shortens the vector (x, y) to a length of at most limit > 0"
+    input Real x;
+    input Real y;
+    input Real limit;
+    output Real scale "1 where the vector is not too long";
+  algorithm
+    scale := limit / max(sqrt(x * x + y * y), limit);
+  end shortening;
+
+  function lehmer "Next state of the generator of Park and Miller (CACM 31, 1988)"
+    input Real x "Whole number between 1 and 2^31 - 2";
+    output Real next "16807 x mod (2^31 - 1), exact in Real";
+  algorithm
+    next := mod(16807.0 * x, 2147483647.0);
+  end lehmer;
+
+  function uniform "State of the generator as a number strictly between 0 and 1"
+    input Real x "State of the generator";
+    output Real y;
+  algorithm
+    y := x / 2147483647.0;
+  end uniform;
+
+  function normal "Two states of the generator as one draw from N(0, 1) (Box and Muller, 1958)"
+    input Real x1 "State of the generator";
+    input Real x2 "State of the generator";
+    output Real y;
+  algorithm
+    y := sqrt(-2.0 * log(uniform(x1))) * cos(2.0 * pi * uniform(x2));
+  end normal;
+
+  function quantized "Position rounded to a resolution; 0 is no rounding"
+    input Real x(unit = "m");
+    input Real resolution(unit = "m");
+    output Real y(unit = "m");
+  algorithm
+    y := if resolution > 0.0 then resolution * floor(x / resolution + 0.5) else x;
+  end quantized;
+end Functions;

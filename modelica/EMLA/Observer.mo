@@ -1,0 +1,83 @@
+within EMLA;
+block Observer "Adaptive robust observer of screw position and speed"
+  extends Interfaces.Block;
+
+  record Known "The actuator as the observer knows it"
+    Integer N_p(min = 1) = 8 "Number of pole pairs, as the observer knows it";
+    Real Phi_PM(unit = "Wb") = 0.15 "Magnet flux, as the observer knows it";
+    Real A_eq(unit = "kg.m", min = 1e-9) = 35.26 "Equivalent inertia, as the observer knows it";
+    Real B_eq(unit = "kg.m/s", min = 0.0) = 3.67 "Equivalent friction, as the observer knows it";
+  end Known;
+
+  Interfaces.RealInput y(unit = "m", nominal = 0.1) "Measured screw position"
+    annotation(Placement(transformation(extent = {{-120, 40}, {-100, 60}})));
+  Interfaces.RealInput i_q_ref(unit = "A", nominal = 10.0) "Commanded q-axis current i_q*, used with use_model"
+    annotation(Placement(transformation(extent = {{-120, -60}, {-100, -40}})));
+
+  parameter Real alpha_1(unit = "1/s", min = 1e-9) = 0.3192 "Gain on the position estimate";
+  parameter Real alpha_2(unit = "1/s2", min = 1e-9) = 0.3129 "Gain on the speed estimate";
+  parameter Real Q_11(min = 1e-9) = 0.7752 "Q of the Lyapunov equation (18), row 1";
+  parameter Real Q_12 = -0.0775 "Q of the Lyapunov equation (18), off the diagonal";
+  parameter Real Q_22(min = 1e-9) = 0.3949 "Q of the Lyapunov equation (18), row 2";
+  parameter Real H_0(min = 0.0) = 20.0 "H(y) = H_0 (cos(y)^4 + sin(y)^4), y in m (102)";
+  parameter Real m_0(min = 1e-30) = 200.0 "m(t) = m_0 exp(-m_decay t) of (21) and (23) at t = 0";
+  parameter Real m_decay(unit = "1/s", min = 1e-12) = 1e-3 "Decay of m(t), so that (22) holds";
+  parameter Real ell(min = 0.0) = 1.0 "Adaptation gain of (23)";
+  parameter Boolean use_model = true "Include B u + g of (20): commanded torque and viscous friction";
+  parameter Known known "The actuator as the observer knows it";
+
+  Interfaces.RealOutput x_hat(start = 0.24, fixed = true, unit = "m", nominal = 0.1) "Estimated screw position"
+    annotation(Placement(transformation(extent = {{100, 70}, {120, 90}})));
+  Interfaces.RealOutput v_hat(start = 0.0, fixed = true, unit = "m/s", nominal = 0.1) "Estimated screw speed"
+    annotation(Placement(transformation(extent = {{100, 30}, {120, 50}})));
+  Interfaces.RealOutput eta_hat(start = 1.0, fixed = true, min = 0.0) "Estimated bound of the uncertainty"
+    annotation(Placement(transformation(extent = {{100, -10}, {120, 10}})));
+  Interfaces.RealOutput y_bar(unit = "m") "Innovation y - x_hat"
+    annotation(Placement(transformation(extent = {{100, -50}, {120, -30}})));
+  Interfaces.RealOutput f "Robust term of (21)"
+    annotation(Placement(transformation(extent = {{100, -90}, {120, -70}})));
+protected
+  // solution p of (18) for A_bar = [-alpha_1, 1; -alpha_2, 0]
+  final parameter Real p_12 = -0.5 * Q_22;
+  final parameter Real p_11 = (Q_11 + alpha_2 * Q_22) / (2.0 * alpha_1);
+  final parameter Real p_22 = (p_11 - alpha_1 * p_12 + Q_12) / alpha_2;
+  final parameter Real determinant = p_11 * p_22 - p_12 * p_12;
+  Real H "Bound of the uncertainty by (102)";
+  Real m "Decaying term of (21) and (23), whose integral is bounded (22)";
+  Real y_bar_abs(unit = "m") "||y_bar|| of (21) and (23)";
+  Real bound "Bound of the robust term, eta_hat H (25)";
+  Real modelled(unit = "m/s2") "B u + g of (20)";
+equation
+  y_bar = y - x_hat;
+  y_bar_abs = noEvent(abs(y_bar));
+  H = H_0 * (cos(y) ^ 4 + sin(y) ^ 4);
+  m = m_0 * exp(-m_decay * time);
+
+  // (21)
+  bound = eta_hat * H;
+  f = bound * bound * y_bar / (bound * y_bar_abs + m);
+
+  // (20) with A = [0, 1; 0, 0] and C = [1, 0]; p^-1 C' multiplies f
+  modelled = if use_model then (1.5 * known.N_p * known.Phi_PM * i_q_ref - known.B_eq * v_hat) / known.A_eq else 0.0;
+  der(x_hat) = v_hat + alpha_1 * y_bar + p_22 / determinant * f;
+  der(v_hat) = modelled + alpha_2 * y_bar - p_12 / determinant * f;
+
+  // (23)
+  der(eta_hat) = -m * ell * eta_hat + ell * H * y_bar_abs;
+  annotation(
+    Icon(graphics = {
+      Text(extent = {{-80, 50}, {80, -10}}, textString = "observer", lineColor = {0, 0, 127}),
+      Text(extent = {{-80, -20}, {80, -60}}, textString = "17 - 25", lineColor = {0, 0, 127})}),
+    Documentation(info = "<html>
+<p>Equations 17 to 25 with the functions of 101 to 103. Everything that acts on the screw's acceleration and is not
+modelled counts as K in (17); f and eta_hat work against it. p is the solution of the Lyapunov equation (18) for the
+given alpha and Q, where Algorithm 1 draws Q at random.</p>
+<ul>
+<li>Norms: the paper calls its norm the squared norm (after 19). Here ||y_bar|| is the absolute value in (21) and (23):
+only then is |f| &lt;= eta_hat H, as (25) and the stability proof need.</li>
+<li><code>use_model</code>: B u + g is the commanded torque and the viscous friction of the estimated speed; C_eq and the
+reluctance torque are left out, and the load is not in it.</li>
+<li>The defaults are the published numbers of the lift.</li>
+</ul>
+</html>"));
+end Observer;

@@ -1,0 +1,341 @@
+"""The Modelica package against the native FMUs: the same motion.
+
+rumoca simulates the package with a solver of its own, at tight tolerance. The FMUs are stepped by
+FMPy with inputs that move within the step, or by our master.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import smooth_lift
+from emla_cosim.master.algorithms.algorithm import Algorithm
+from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
+from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.assembly import assembled
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.models import fmu_path
+from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.system.model import System
+from fmublock.variables import DiscreteState, Output, State
+from modelica_package import SCALARS, Array, compiled, driven, joint_source, name_in
+from modelica_package import simulated as simulated_by_rumoca
+from sessions import Session
+from simulated import simulated
+
+FUNCTIONS = {"sin": np.sin, "cos": np.cos, "exp": np.exp}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A block with start values, and inputs as expressions of `time` that Modelica and Python read alike.
+
+    `count` steps are done, and the values after every `every`-th compared. `rests` is what does not
+    move. `tolerance` is a largest difference per largest value.
+    """
+
+    model: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    step: float = 1e-5
+    count: int = 10000
+    every: int = 100
+    rests: frozenset[str] = frozenset()
+    tolerance: float = 1e-7
+
+    @property
+    def times(self) -> Array:
+        return np.arange(0, self.count + 1, self.every) * self.step
+
+    def names(self) -> list[str]:
+        """Everything that moves and that both have, by FMI name. An ideal sensor draws no noise there."""
+        moving = (State, DiscreteState, Output)
+        names = [s.name for s in SCALARS[self.model].values() if isinstance(s.variable, moving)]
+        ideal = "sensor.sigma" not in self.values
+        unknown = {"sensor.random", "sensor.noise"} if ideal else set()
+        return [n for n in names if name_in(self.model, n) is not None and n not in unknown]
+
+    def in_modelica(self) -> dict[str, Array]:
+        source = f"model Driven\n{driven(self.model, self.values, self.inputs)}\nend Driven;"
+        found = simulated_by_rumoca(compiled(source, "Driven"), self.times)
+        return {name: found[f"c.{name_in(self.model, name)}"] for name in self.names()}
+
+    def in_fmu(self, session: Session) -> dict[str, Array]:
+        slave = session.instance(self.model, running=False)
+        session.set(slave, **self.values)
+        inputs, half = list(self.inputs), 0.5 * np.arange(2 * self.count + 1) * self.step
+        u = np.array([_evaluated(self.inputs[name], half) for name in inputs])
+        references = session.references(inputs)
+        if inputs:
+            slave.setReal(references, u[:, 0])
+        slave.exitInitializationMode()
+        rows = [session.get(slave, *self.names())]
+        for k in range(self.count):
+            if inputs:  # which move along a parabola
+                begin, middle, end = u[:, 2 * k], u[:, 2 * k + 1], u[:, 2 * k + 2]
+                slope = (4.0 * middle - 3.0 * begin - end) / self.step
+                curvature = 4.0 * (begin - 2.0 * middle + end) / self.step**2
+                slave.setReal(references, begin)
+                orders = [1] * len(inputs) + [2] * len(inputs)
+                slave.setRealInputDerivatives(references * 2, orders, [*slope, *curvature])
+            slave.doStep(k * self.step, self.step)
+            if (k + 1) % self.every == 0:
+                rows.append(session.get(slave, *self.names()))
+        return dict(zip(self.names(), np.array(rows).T, strict=True))
+
+
+def _evaluated(expression: str, times: Array) -> Array:
+    return eval(expression, {**FUNCTIONS, "time": times}) + np.zeros_like(times)
+
+
+def differences(found: Mapping[str, Array], expected: Mapping[str, Array]) -> dict[str, float]:
+    """Largest difference of every signal per its largest value."""
+    assert list(found) == list(expected)
+    largest = {name: np.abs(values).max() or 1.0 for name, values in expected.items()}
+    return {name: float(np.abs(found[name] - expected[name]).max() / largest[name]) for name in found}
+
+
+def elements(name: str, *values: float) -> dict[str, float]:
+    return {f"{name}[{i}]": value for i, value in enumerate(values, 1)}
+
+
+# ---- single blocks ------------------------------------------------------------------------------
+
+PLANT_INPUTS = {
+    "u_q": "30.0 * sin(40.0 * time) + 20.0",
+    "u_d": "25.0 * cos(25.0 * time)",
+    "i_q_ref": "20.0 * sin(30.0 * time)",
+    "F_L": "4000.0 * cos(10.0 * time)",
+    "d_2": "0.8 * sin(8.0 * time) + 0.7 * sin(20.0 * time)",
+    "d_3": "0.42 * cos(8.0 * time)",
+    "d_4": "-0.15 * cos(12.0 * time)",
+}
+PLANT = {  # a number wherever the default makes a term vanish
+    "motor.L_d": 2.0e-3,
+    "motor.R_s": 0.2,
+    "motor.N_p": 7,
+    "coupling.J_c": 1e-3,
+    "gearbox.J_GB": 5e-4,
+    "gearbox.eta_GB": 0.8,
+    "screw.B_BS": 50.0,
+    "screw.C_eq": 2.0,
+    "inverter.u_max": 45.0,  # sometimes less than what is asked for
+    "uncertainty.F_2": 0.01,
+    "uncertainty.F_3": 0.02,
+    "uncertainty.F_4": 0.03,
+    "x_L": 0.3,
+    "v_L": 0.01,
+    "i_q": 5.0,
+    "i_d": 2.0,
+}
+OBSERVER_INPUTS = {
+    "y": "0.245 + 0.004 * sin(6.0 * time) - 0.002 * cos(15.0 * time)",
+    "i_q_ref": "4.0 * cos(7.0 * time)",
+}
+W = 400.0
+OBSERVER = {  # the repaired gains with slower poles, so that the innovation can be told from rounding
+    "alpha_1": 2.0 * W,
+    "alpha_2": W * W,
+    "Q_11": 1.0,
+    "Q_12": 0.1,
+    "Q_22": 1.2,
+    "H_0": 1.0,
+    "m_0": 16.0 / W**2,
+    "m_decay": 0.5,
+    "ell": 2.0,
+    "use_model": True,
+    "model.A_eq": 30.0,
+    "x_hat": 0.243,
+}
+MOTION = {
+    "x_d": "0.246 - 0.006 * cos(12.0 * time)",
+    "v_d": "0.072 * sin(12.0 * time)",
+    "a_d": "0.864 * cos(12.0 * time)",
+}
+CONTROLLER_INPUTS = {
+    **MOTION,
+    # the printed law wants v_hat = -beta_1 / 2 P_1; what differs from it is P_2
+    "x_hat": f"{MOTION['x_d']} - 0.072 * sin(12.0 * time) / 1500.0 + 8e-7 * cos(17.0 * time)",
+    "v_hat": f"{MOTION['v_d']} + 2e-4 * sin(30.0 * time)",
+    "i_q": "30.0 * cos(23.0 * time)",
+    "i_d": "0.5 * sin(11.0 * time)",
+}
+REPAIRED_INPUTS = {
+    **MOTION,
+    "x_hat": f"{MOTION['x_d']} + 4e-4 * cos(60.0 * time)",
+    "v_hat": f"{MOTION['v_d']} - 0.02 * sin(60.0 * time)",
+    "i_q": "30.0 * cos(23.0 * time)",
+    "i_d": "20.0 * sin(11.0 * time)",
+}
+REPAIRED = {
+    **elements("beta", 800.0, 2000.0, 5000.0, 5000.0),
+    **elements("zeta", 0.4, 0.3, 0.2, 0.1),
+    **elements("delta", 1.0, 1.1, 1.2, 1.3),
+    **elements("sigma", 1.0, 2.0, 3.0, 4.0),
+    **elements("theta", 0.0, 1.0, 2.0, 3.0),
+    "x_2d_in_a_1": False,
+    "feed_acceleration": True,
+    "limit_acceleration": True,
+    "limit_current": True,
+    "limit_voltage": True,
+    "model.L_d": 2.0e-3,
+    "model.C_eq": 2.0,
+    "limit.a_max": 1.0,
+    "limit.i_max": 300.0,
+    "limit.u_max": 1000.0,
+}
+REFERENCE = {
+    **elements("waypoint", 0.05, 0.13, 0.21, 0.30, 0.23, 0.17, 0.11, 0.08, 0.05),
+    **elements("move.start", 0.03, 0.15, 0.26, 0.39, 0.50, 0.605, 0.71, 0.80),
+    **elements("move.duration", 0.12, 0.10, 0.11, 0.09, 0.095, 0.105, 0.08, 0.06),
+    "period": 0.91,
+}
+DISTURBANCE = {
+    **elements("load.level", 7e3, 20e3, 40e3, 60e3, 70e3, -5e3),
+    **elements("load.start", 0.0, 0.1, 0.25, 0.4, 0.6, 0.7),
+    "load.ramp": 0.05,
+    "load.ripple": 5e3,
+    **elements("d_2.amplitude", 0.8, 0.7),
+    **elements("d_2.omega", 8.0, 20.0),
+    **elements("d_2.phase", 0.1, 0.8),
+    "d_2.arctan": 1.2,
+    "d_2.decay": 3.0,
+    "d_2.low": -0.5,
+    "d_2.high": 2.0,
+    "d_2.sample_time": 2e-3,
+    "d_2.seed": 7,
+    **elements("d_3.amplitude", 0.42, 0.032),
+    **elements("d_3.omega", 8.0, 5.0),
+    **elements("d_3.phase", 1.0, -1.5),
+    "d_4.amplitude": -0.15,
+    "d_4.omega": 12.0,
+    "d_4.phase": 0.5,
+}
+SPEED = {"v_L": "0.06 * sin(2.0 * time)"}
+
+MOTIONS = {
+    "plant": Motion("EmlaPlant", PLANT, PLANT_INPUTS),
+    "plant driven by the command": Motion("EmlaPlant", {**PLANT, "torque_source": 2}, PLANT_INPUTS),
+    "plant with a sensor": Motion(
+        "EmlaPlant",
+        {"sensor.sigma": 5e-6, "sensor.resolution": 1e-6, "sensor.seed": 12345},
+        {"u_q": "5.0 * sin(40.0 * time)"},
+        step=1e-4,  # sensor.period
+        count=500,
+        every=1,
+        rests=frozenset({"inverter.u_d", "inverter.saturated", "P_L"}),
+    ),
+    "observer": Motion("EmlaObserver", {}, OBSERVER_INPUTS, step=1e-4, count=10000),
+    "repaired observer": Motion("EmlaObserver", OBSERVER, OBSERVER_INPUTS),
+    "controller": Motion("RsbaController", {}, CONTROLLER_INPUTS, rests=frozenset({"saturated"})),
+    "repaired controller": Motion(
+        "RsbaController", REPAIRED, REPAIRED_INPUTS, step=5e-6, count=20000, every=200
+    ),
+    "controller at theta_max": Motion(
+        "RsbaController",
+        {
+            **REPAIRED,
+            "freeze_adaptation": True,
+            "limit.i_max": 1e6,
+            "limit.u_max": 1e6,
+            "limit.theta_max": 3.05,
+        },
+        REPAIRED_INPUTS,
+        rests=frozenset({"saturated"}),
+    ),
+    "controller that stops adapting": Motion(
+        "RsbaController",
+        {**REPAIRED, "freeze_adaptation": True, "limit.i_max": 450.0, "limit.u_max": 2000.0},
+        REPAIRED_INPUTS,
+        tolerance=2e-3,  # limit.band is 1e-3
+    ),
+    "controller that stops half of its adapting": Motion(
+        "RsbaController",
+        {**REPAIRED, "freeze_adaptation": True, "limit.i_max": 450.0, "limit.u_max": 1e6},
+        REPAIRED_INPUTS,
+        tolerance=2e-3,
+    ),
+    "reference": Motion("Reference", REFERENCE, step=1e-3, count=1200, every=7),
+    "disturbance": Motion("Disturbance", DISTURBANCE, SPEED, step=1e-3, count=1000, every=1),
+    "disturbance as a force": Motion(
+        "Disturbance",
+        {**DISTURBANCE, "d_2.reading": 2},
+        SPEED,
+        step=1e-3,
+        count=1000,
+        every=1,
+        rests=frozenset({"d_2"}),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_block_moves_as_its_fmu(name: str, sessions: dict[str, Session]) -> None:
+    motion = MOTIONS[name]
+    expected = motion.in_fmu(sessions[motion.model])
+    assert {n for n, values in expected.items() if np.ptp(values) == 0.0} == motion.rests
+    found = differences(motion.in_modelica(), expected)
+    assert {n: d for n, d in found.items() if d > motion.tolerance} == {}
+
+
+# ---- the joint and the study in closed loop -----------------------------------------------------
+
+
+def native_run(
+    system: System, folder: Path, algorithm: Algorithm, step: float, times: Array
+) -> dict[str, Array]:
+    """All outputs of our FMUs at these times, by the names that they have in Modelica."""
+    with assembled(
+        system, {c.name: fmu_path(c.model, "native", folder) for c in system.components}
+    ) as assembly:
+        rows = simulated(assembly.network, algorithm, timing(times[-1], step), round(times[1] / step))
+        names = assembly.network.names
+    return {_renamed(system, name): rows[:, 1 + i] for i, name in enumerate(names)}
+
+
+def _renamed(system: System, signal: str) -> str:
+    component, name = system.split(signal)
+    return f"{component.name}.{name_in(component.model, name)}"
+
+
+def test_the_joint_moves_as_its_fmus(fmu_folder: Path) -> None:
+    """In smooth motion within the limits. Its FMUs come there with the square of their step."""
+    times, step, system = np.arange(51) * 1e-3, 1e-5, smooth_lift.lift()
+    source = f"model Closed\n{joint_source('lift', system)}\nend Closed;"
+    found = simulated_by_rumoca(compiled(source, "Closed"), times)
+    long, short = (native_run(system, fmu_folder, Strong("fmu"), h, times) for h in (2.0 * step, step))
+    limit = {name: (4.0 * short[name] - long[name]) / 3.0 for name in short}
+    chosen = {name: found[name] for name in limit}
+    assert max(differences(chosen, short).values()) > 1e-5
+    assert {n: d for n, d in differences(chosen, limit).items() if d > 1e-6} == {}
+
+
+STUDY_TOLERANCES = {
+    "plant.x_L": 1e-6,
+    "plant.v_L": 1e-3,
+    "plant.tau_m": 5e-3,
+    "observer.x_hat": 1e-6,
+    "observer.v_hat": 1e-3,
+    "controller.P[1]": 1e-4,
+    "controller.i_q_ref": 5e-3,
+    "controller.theta[1]": 1e-2,
+    "disturbance.d_2": 1e-5,
+    "reference.x_d": 1e-12,
+}
+"""Largest difference per largest value: here motors saturate, encoders round and random values jump."""
+
+
+def test_the_study_moves_as_its_fmus(fmu_folder: Path) -> None:
+    """From its start millimetres away from the reference, with all limits and disturbances."""
+    times, system = np.arange(101) * 1e-3, load_scenario("study").system
+    source = "model Three\n  EMLA.Study study;\nend Three;"
+    found = simulated_by_rumoca(compiled(source, "Three"), times, 1e-6)
+    expected = native_run(system, fmu_folder, GaussSeidel("fmu"), 1e-5, times)
+    for name, tolerance in STUDY_TOLERANCES.items():
+        signals = {s: expected[s] for s in (f"{joint}.{name}" for joint in system.joints)}
+        different = differences({s: found[f"study.{s}"] for s in signals}, signals)
+        assert {s: d for s, d in different.items() if d > tolerance} == {}
