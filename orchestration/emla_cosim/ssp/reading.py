@@ -8,10 +8,11 @@ from pathlib import Path
 from ..system.model import Alias, Component, Connection, System
 from ..units import IDENTITY, LinearTransformation, conversion
 from .binding import Bound, bound_values
+from .collecting import collected
 from .loading import loaded
 from .package import opened
 from .structure import ParameterSet, Structure
-from .wiring import Fmu, Node, Wiring, wiring
+from .wiring import Fmu, Node, Wiring
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def read_ssp(path: Path) -> Iterator[Document]:
 
 
 def _document(structure: Structure, where: str) -> Document:
-    wired = wiring(structure.system, where)
+    wired = collected(structure.system, where)
     values, unused = bound_values(structure.system, wired)
     names = {path: _name(fmu) for path, fmu in wired.fmus.items()}
     components = tuple(_component(names[path], fmu, values[path]) for path, fmu in wired.fmus.items())

@@ -1,0 +1,140 @@
+"""All connectors and connections of a structure, checked one by one."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import CommandError, listed
+from ..fmu.interface import Interface, read_interface
+from .structure import Component, Connection, Connector, DictionaryReference, Element, SystemElement
+from .wiring import Fmu, Node, Path_, Wiring, node_name
+
+_GIVES = ("output", "calculatedParameter")
+_TAKES = ("input", "parameter", "structuralParameter")
+
+
+def collected(root: SystemElement, where: str) -> Wiring:
+    """The wiring of a loaded structure, whose name in messages is `where`.
+
+    Raises CommandError for connectors and connections that do not fit.
+    """
+    wiring = Wiring(where)
+    _Elements(wiring).add(root, ())
+    _Level(wiring, root, (), {}).connect()
+    return wiring
+
+
+class _Elements:
+    """Adds elements and their connectors to a wiring."""
+
+    def __init__(self, wiring: Wiring) -> None:
+        self._wiring = wiring
+        self._interfaces: dict[str, Interface] = {}
+
+    def add(self, element: Element, path: Path_) -> None:
+        """Add an element and all inside."""
+        wiring = self._wiring
+        if isinstance(element, Component):
+            wiring.fmus[path] = Fmu(path, element, self._interface(element.source))
+        for connector in element.connectors:
+            node = (path, connector.name)
+            if node in wiring.connectors:
+                raise wiring.fault(f"there is a second connector {node_name(node)}.")
+            wiring.connectors[node] = connector
+            if isinstance(element, Component):
+                self._check(connector, wiring.fmus[path])
+        if isinstance(element, SystemElement):
+            for inside in element.elements:
+                self.add(inside, (*path, inside.name))
+
+    def _interface(self, source: str) -> Interface:
+        if source not in self._interfaces:
+            self._interfaces[source] = read_interface(Path(source))
+        return self._interfaces[source]
+
+    def _check(self, connector: Connector, fmu: Fmu) -> None:
+        """Raise CommandError where a connector and the FMU's variable differ."""
+        name = f"the connector {node_name((fmu.path, connector.name))}"
+        variable = fmu.interface.variables.get(connector.name)
+        if variable is None:
+            raise self._wiring.fault(f"{name} has no variable in '{Path(fmu.component.source).name}'.")
+        if connector.kind in (*_GIVES, *_TAKES) and connector.kind != variable.causality:
+            raise self._wiring.fault(
+                f"{name} is of kind {connector.kind}, but the variable's causality is {variable.causality}."
+            )
+        type_ = "Real" if connector.type == "Float64" else connector.type
+        if type_ not in (None, variable.type):
+            raise self._wiring.fault(
+                f"{name} is of type {type_}, but the variable is of type {variable.type}."
+            )
+
+
+@dataclass(frozen=True)
+class _End:
+    """One end of a connection, and whether it gives or takes values there."""
+
+    node: Node
+    gives: bool
+    takes: bool
+
+
+class _Level:
+    """The connections of one system; `dictionaries` are the signal dictionaries around it, by name."""
+
+    def __init__(
+        self, wiring: Wiring, system: SystemElement, path: Path_, dictionaries: Mapping[str, Path_]
+    ) -> None:
+        self._wiring, self._system, self._path = wiring, system, path
+        self._dictionaries = {**dictionaries, **{n: (*path, f"#{n}") for n in system.dictionaries}}
+        self._elements = {e.name: e for e in system.elements}
+
+    def connect(self) -> None:
+        """Add the connections of the system and of those inside."""
+        drivers = self._wiring.drivers
+        for connection in self._system.connections:
+            source, target = self._directed(connection)
+            if target in drivers:
+                both = f"{drivers[target][1]} and {connection}"
+                raise self._wiring.fault(f"{node_name(target)} is driven by two connections, {both}.")
+            drivers[target] = source, connection
+        for name, element in self._elements.items():
+            if isinstance(element, SystemElement):
+                _Level(self._wiring, element, (*self._path, name), self._dictionaries).connect()
+
+    def _directed(self, connection: Connection) -> tuple[Node, Node]:
+        """Who drives whom: that does not depend on which end is the start."""
+        start = self._end(connection, connection.start_element, connection.start_connector)
+        end = self._end(connection, connection.end_element, connection.end_connector)
+        if start.gives and end.takes:
+            return start.node, end.node
+        if end.gives and start.takes:
+            return end.node, start.node
+        raise self._fault(connection, "does not lead from an output to an input")
+
+    def _end(self, connection: Connection, element: str | None, name: str) -> _End:
+        if element is not None and element not in self._elements:
+            has = listed(self._elements) if self._elements else "none"
+            text = f"names the element '{element}'; the system '{self._system.name}' has {has}"
+            raise self._fault(connection, text)
+        owner = self._system if element is None else self._elements[element]
+        kinds = {c.name: c.kind for c in owner.connectors}
+        if name not in kinds:
+            has = listed(kinds) if kinds else "none"
+            raise self._fault(connection, f"names the connector '{name}'; '{owner.name}' has {has}")
+        if isinstance(owner, DictionaryReference):
+            return _End((self._dictionary(owner), name), gives=True, takes=True)
+        gives, takes = kinds[name] in _GIVES, kinds[name] in _TAKES
+        if element is None:  # what a system takes it gives to what is inside
+            return _End((self._path, name), gives=takes, takes=gives)
+        return _End(((*self._path, element), name), gives, takes)
+
+    def _dictionary(self, reference: DictionaryReference) -> Path_:
+        found = self._dictionaries.get(reference.dictionary)
+        if found is None:
+            raise self._wiring.fault(
+                f"'{reference.name}' names the signal dictionary '{reference.dictionary}', which there is not."
+            )
+        return found
+
+    def _fault(self, connection: Connection, text: str) -> CommandError:
+        return self._wiring.fault(f"the connection {connection} {text}.")
