@@ -132,19 +132,15 @@ class _Matching:
         variable = self._other.variables.get(self._target(name))
         if variable is None:
             self._say(kind, name, "", "is missing", fatal=True)
-        elif variable.causality != kind or variable.type != "Real":
-            self._say(
-                kind,
-                name,
-                variable.name,
-                f"is not a Real {kind}, but {variable.causality}, {variable.type}",
-                fatal=True,
-            )
+        elif variable.causality != kind or variable.type != self._original.variables[name].type:
+            self._say(kind, name, variable.name, f"is {variable.causality}, {variable.type}", fatal=True)
         else:
             self._converted(kind, name, variable)
 
     def _parameter(self, name: str) -> None:
         """A variable that has a start value."""
+        if name not in self._original.variables:
+            return  # perhaps the other FMU's own; setting it tells
         variable = self._other.variables.get(self._target(name))
         if variable is None:
             self.left_out.add(name)

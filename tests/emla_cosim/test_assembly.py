@@ -55,8 +55,8 @@ def test_a_joint_is_stepped_plant_before_controller(fmu_folder: Path) -> None:
             "observer.y is driven by two",
         ),
         ([("plant.v_L", "observer.y")], "plant.v_L -> j.observer.y joins the units m/s and m"),
-        ([("plant.motor.R_s", "observer.y")], "plant.motor.R_s must be a Real output"),
-        ([("plant.x_measured", "observer.x_hat")], "observer.x_hat must be a Real input"),
+        ([("plant.motor.R_s", "observer.y")], "plant.motor.R_s must be an output"),
+        ([("plant.x_measured", "observer.x_hat")], "observer.x_hat must be an input"),
         ([("plant.x_masured", "observer.y")], "plant has no variable 'x_masured'; did you mean x_measured"),
     ],
 )

@@ -24,6 +24,8 @@ def start_value(component: str, variable: ModelVariable, value: Any) -> Any:
     name = f"{component}.{variable.name}"
     if variable.causality not in ("parameter", "input") and variable.initial not in ("exact", "approx"):
         raise CommandError(f"{name} is computed by the FMU and cannot be set.")
+    if variable.type == "String":
+        return str(value)
     if variable.type == "Enumeration":
         return _enumeration(name, variable, value)
     if variable.type == "Boolean":

@@ -43,7 +43,7 @@ def assembled(system: System, fmus: Mapping[str, Path]) -> Iterator[Assembly]:
         inputs = {
             c.name: [x.input for x in plain.connections if x.target == c.name] for c in plain.components
         }
-        outputs = {c.name: _real_outputs(files[c.name]) for c in plain.components}
+        outputs = {c.name: _outputs(files[c.name], plain, c.name) for c in plain.components}
         slaves, log = [], FmuLog()
         for component in plain.components:
             name = component.name
@@ -61,8 +61,11 @@ def _open_files(fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
     return {name: opened[path] for name, path in fmus.items()}
 
 
-def _real_outputs(file: FmuFile) -> list[str]:
-    return [v.name for v in file.variables.values() if v.causality == "output" and v.type == "Real"]
+def _outputs(file: FmuFile, system: System, name: str) -> list[str]:
+    """All Real outputs of a component, and those of other types that are connected."""
+    connected = {x.output for x in system.connections if x.source == name}
+    outputs = [v for v in file.variables.values() if v.causality == "output"]
+    return [v.name for v in outputs if v.type == "Real" or v.name in connected]
 
 
 def _signals(

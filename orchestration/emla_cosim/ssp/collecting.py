@@ -132,7 +132,7 @@ class _Level:
         found = self._dictionaries.get(reference.dictionary)
         if found is None:
             raise self._wiring.fault(
-                f"'{reference.name}' names the signal dictionary '{reference.dictionary}', which there is not."
+                f"'{reference.name}' names the signal dictionary '{reference.dictionary}', which is missing."
             )
         return found
 

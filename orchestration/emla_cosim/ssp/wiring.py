@@ -86,8 +86,8 @@ class Wiring:
         transformation = connection.transformation or IDENTITY
         if isinstance(transformation, TableTransformation):
             raise self.fault(
-                f"the connection {connection} has a {transformation.kind}MappingTransformation; "
-                "this master connects Reals."
+                f"the connection {connection} has a {transformation.kind}MappingTransformation, which this "
+                "master does not do."
             )
         if connection.suppress_unit_conversion:
             return transformation.after(total), declared

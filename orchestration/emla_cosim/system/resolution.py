@@ -39,13 +39,16 @@ def _connections(system: System, interfaces: Mapping[str, Interface]) -> list[Co
     for x in system.connections:
         source = _End(system.component(x.source), interfaces[x.source], x.output, "output")
         target = _End(system.component(x.target), interfaces[x.target], x.input, "input")
+        if source.type != target.type and (source.type, target.type) != ("Integer", "Real"):
+            raise CommandError(f"the connection {x} joins the types {source.type} and {target.type}.")
+        transformation = _between(x, source, target)
+        if transformation != IDENTITY and target.type != "Real":
+            raise CommandError(f"the connection {x} transforms values of the type {target.type}.")
         if driven.setdefault((x.target, target.variable), x) is not x:
             raise CommandError(f"{x.target}.{x.input} is driven by two outputs.")
         if x.input in target.component.parameters:
             raise CommandError(f"{x.target}.{x.input} cannot be set: it is driven by {x.source}.{x.output}.")
-        connections.append(
-            Connection(x.source, source.variable, x.target, target.variable, _between(x, source, target))
-        )
+        connections.append(Connection(x.source, source.variable, x.target, target.variable, transformation))
     return connections
 
 
@@ -57,11 +60,14 @@ class _End:
         self.alias = component.alias(name)
         self.variable = self.alias.variable
         variable = find_variable(component.name, interface.variables, self.variable)
-        if variable.causality != causality or variable.type != "Real":
+        if variable.causality != causality:
             raise CommandError(
-                f"{component.name}.{name} must be a Real {causality} to be connected, but it is "
-                f"{variable.causality}, {variable.type}."
+                f"{component.name}.{name} must be an {causality} to be connected, but its causality is "
+                f"{variable.causality}."
             )
+        if variable.type == "String":
+            raise CommandError(f"{component.name}.{name} is a String, which cannot be connected.")
+        self.type = str(variable.type)
 
     @property
     def unit(self) -> Unit | None:

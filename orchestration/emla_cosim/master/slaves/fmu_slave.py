@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
+from fmpy.model_description import ModelVariable
 
 from ...errors import CommandError
 from ...fmu.file import FmuFile
 from ...fmu.variables import find_variable, start_value
 from .fmu_log import FmuLog
 from .slave import EndRequestedError, EntryPoints, Slave, SlaveError, StepDiscardedError, Vector
+from .typed_values import TypedValues
 
 _STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
@@ -25,6 +27,10 @@ _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
 _PROTOTYPES = {
     "fmi2SetReal": (_POINTER, _POINTER, _SIZE, _POINTER),
     "fmi2GetReal": (_POINTER, _POINTER, _SIZE, _POINTER),
+    "fmi2SetInteger": (_POINTER, _POINTER, _SIZE, _POINTER),
+    "fmi2GetInteger": (_POINTER, _POINTER, _SIZE, _POINTER),
+    "fmi2SetBoolean": (_POINTER, _POINTER, _SIZE, _POINTER),
+    "fmi2GetBoolean": (_POINTER, _POINTER, _SIZE, _POINTER),
     "fmi2SetRealInputDerivatives": (_POINTER, _POINTER, _SIZE, _POINTER, _POINTER),
     "fmi2DoStep": (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int),
     "fmi2GetBooleanStatus": (_POINTER, ctypes.c_int, _POINTER),
@@ -41,7 +47,8 @@ _DEAD_LIBRARIES: set[Path] = set()
 class FmuSlave(Slave):
     """One instance of an FMU; see `Slave`.
 
-    `inputs` and `outputs` name the variables of the two vectors, all of them Real.
+    `inputs` and `outputs` name the variables of the two vectors; see `TypedValues` for other types
+    than Real.
     """
 
     def __init__(
@@ -83,7 +90,14 @@ class FmuSlave(Slave):
         self.continuous_inputs = np.array([v.variability == "continuous" for v in read], dtype=bool)
         self.continuous_outputs = np.array([v.variability == "continuous" for v in written], dtype=bool)
         self.nominals = np.array([abs(float(v.nominal or 1.0)) for v in written])
-        self.inputs = np.array([float(v.start or 0.0) for v in read])
+        self.inputs = np.array([_start(v) for v in read])
+        self._typed = None
+        if any(v.type != "Real" for v in (*read, *written)):
+            self._typed = (
+                TypedValues("Set", read, self._functions),
+                TypedValues("Get", written, self._functions),
+            )
+            self.interpolates = False
         self.bind(self.inputs.copy(), np.zeros(len(written)))
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
@@ -105,6 +119,8 @@ class FmuSlave(Slave):
                     call = self._fmu.setReal
                 case "Boolean":
                     call = self._fmu.setBoolean
+                case "String":
+                    call = self._fmu.setString
                 case _:
                     call = self._fmu.setInteger
             self._checked(f"setting {name} = {value}", call, reference, start)
@@ -121,8 +137,14 @@ class FmuSlave(Slave):
 
     def set_inputs(self) -> None:
         """Pass `inputs` on to the FMU."""
-        if len(self.inputs) and (status := self._set_real(*self._set_arguments)) > _WARNING:
-            raise self.error("setReal", status)
+        if not len(self.inputs):
+            return
+        if self._typed is not None:
+            call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
+        else:
+            call, status = "setReal", self._set_real(*self._set_arguments)
+        if status > _WARNING:
+            raise self.error(call, status)
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
         """Say how fast the inputs change during the next step, per s."""
@@ -134,8 +156,14 @@ class FmuSlave(Slave):
 
     def get_outputs(self) -> None:
         """Read the FMU's outputs into `outputs`."""
-        if len(self.outputs) and (status := self._get_real(*self._get_arguments)) > _WARNING:
-            raise self.error("getReal", status)
+        if not len(self.outputs):
+            return
+        if self._typed is not None:
+            call, status = "getting outputs", self._typed[1].get(self._component, self.outputs)
+        else:
+            call, status = "getReal", self._get_real(*self._get_arguments)
+        if status > _WARNING:
+            raise self.error(call, status)
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
@@ -187,8 +215,10 @@ class FmuSlave(Slave):
         with contextlib.suppress(Exception):
             self._fmu.freeInstance()
 
-    def entry_points(self) -> EntryPoints:
-        """Addresses of the FMU's functions for compiled code."""
+    def entry_points(self) -> EntryPoints | None:
+        """Addresses of the FMU's functions for compiled code, which knows Reals only."""
+        if self._typed is not None:
+            return None
         address = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self._functions.items()}
         return EntryPoints(
             component=ctypes.cast(self._component, _POINTER).value or 0,
@@ -240,6 +270,10 @@ class FmuSlave(Slave):
             function(*arguments)
         except FMICallException as error:
             raise self.error(call, error.status) from error
+
+
+def _start(variable: ModelVariable) -> float:
+    return float({"true": "1", "false": "0", None: "0"}.get(variable.start, str(variable.start)))
 
 
 def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ...]:

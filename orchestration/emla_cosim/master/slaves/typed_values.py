@@ -1,0 +1,69 @@
+"""Variables of several types as one vector of numbers: Booleans are 0 or 1, Enumerations their values."""
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+from numpy.typing import NDArray
+
+from .slave import Vector
+
+CONNECTABLE = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}
+"""Types of variables that can be connected, and the type in the names of the FMI functions."""
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Elements of one type: where they are in the vector, and memory in the type of the FMI."""
+
+    elements: NDArray[np.intp]
+    references: NDArray[np.uint32]
+    values: NDArray[Any]
+    boolean: bool
+    function: Callable[..., int]
+
+
+class TypedValues:
+    """Gets or sets variables by one FMI call per type; `access` is Get or Set."""
+
+    def __init__(
+        self, access: str, variables: Sequence[ModelVariable], functions: Mapping[str, Callable[..., int]]
+    ) -> None:
+        self._groups = []
+        for type_ in dict.fromkeys(CONNECTABLE[str(v.type)] for v in variables):
+            elements = [i for i, v in enumerate(variables) if CONNECTABLE[str(v.type)] == type_]
+            self._groups.append(
+                _Group(
+                    elements=np.array(elements, dtype=np.intp),
+                    references=np.array([variables[i].valueReference for i in elements], dtype=np.uint32),
+                    values=np.zeros(len(elements), dtype=np.float64 if type_ == "Real" else np.int32),
+                    boolean=type_ == "Boolean",
+                    function=functions[f"fmi2{access}{type_}"],
+                )
+            )
+
+    def set(self, component: Any, vector: Vector) -> int:
+        """Set all variables; returns the worst status. Numbers between two values are rounded."""
+        worst = 0
+        for group in self._groups:
+            given = vector[group.elements]
+            exact = group.values.dtype == np.float64
+            group.values[:] = given if exact else np.rint(given) != 0.0 if group.boolean else np.rint(given)
+            worst = max(worst, self._call(component, group))
+        return worst
+
+    def get(self, component: Any, vector: Vector) -> int:
+        """Get all variables; returns the worst status."""
+        worst = 0
+        for group in self._groups:
+            worst = max(worst, self._call(component, group))
+            vector[group.elements] = group.values
+        return worst
+
+    @staticmethod
+    def _call(component: Any, group: _Group) -> int:
+        pointers = (group.references.ctypes.data_as(ctypes.c_void_p), len(group.references))
+        return group.function(component, *pointers, group.values.ctypes.data_as(ctypes.c_void_p))
