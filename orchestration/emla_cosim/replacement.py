@@ -111,7 +111,7 @@ class _Matching:
         self.aliases: dict[str, Alias] = {}
         self.matches: list[Match] = []
         self.left_out: set[str] = set()
-        self.same = 0
+        self._same: set[str] = set()
         inputs = [x.input for x in system.connections if x.target == component.name]
         outputs = list(dict.fromkeys(x.output for x in system.connections if x.source == component.name))
         for name in inputs:
@@ -122,6 +122,11 @@ class _Matching:
             self._parameter(name)
         self._shown(outputs)
         self.matches += self._free(inputs)
+
+    @property
+    def same(self) -> int:
+        """How many variables have the same name and unit."""
+        return len(self._same)
 
     def _target(self, name: str) -> str:
         entry = self._entries.get(name)
@@ -141,12 +146,14 @@ class _Matching:
         """A variable that has a start value."""
         if name not in self._original.variables:
             return  # perhaps the other FMU's own; setting it tells
+        parameter = self._original.variables[name].causality == "parameter"
+        kind = "parameter" if parameter else "start value"
         variable = self._other.variables.get(self._target(name))
         if variable is None:
             self.left_out.add(name)
-            self._say("parameter", name, "", "is left out")
+            self._say(kind, name, "", "is left out")
         else:
-            self._converted("parameter", name, variable)
+            self._converted(kind, name, variable)
 
     def _shown(self, connected: Sequence[str]) -> None:
         """Outputs that nobody reads but that are recorded under our names."""
@@ -165,6 +172,8 @@ class _Matching:
                 yield Match("input", "", self._with_unit(name, self._other), "keeps its start value")
 
     def _converted(self, kind: str, name: str, variable: ModelVariable) -> None:
+        if name in self.aliases:
+            return  # an output that has a start value too
         ours, theirs = self._original.unit(name), self._other.unit(variable.name)
         try:
             transformation = self._transformation(name, ours, theirs)
@@ -174,7 +183,7 @@ class _Matching:
             self._say(kind, name, variable.name, f"has {error}", fatal=True)
             return
         if variable.name == name and transformation == IDENTITY:
-            self.same += 1
+            self._same.add(name)
             return
         self.aliases[name] = Alias(variable.name, transformation, ours)
         self._say(kind, name, variable.name, "fits" if transformation == IDENTITY else str(transformation))
