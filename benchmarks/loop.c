@@ -215,19 +215,20 @@ typedef struct {
     double time, step;
 } Point;
 
-/* Tools differ in the last bits of these: k times the step, sums of it, or whole nanoseconds. */
+/* Tools differ in the last bits of these: the doubles nearest to the decimal times, here by whole
+ * nanoseconds, and their differences; products with the step; or sums of it. */
 static void fill_points(const Plan *plan, Point *points, long steps) {
     const long nanoseconds = (long)(plan->step * 1e9 + 0.5);
     double sum = 0.0;
     for (long k = 0; k < steps; k++) {
-        points[k] = (Point){(double)k * plan->step, plan->step};
-        if (strcmp(plan->clock, "sums") == 0) {
+        points[k] = (Point){(double)(k * nanoseconds) / 1e9, plan->step};
+        if (strcmp(plan->clock, "products") == 0)
+            points[k].time = (double)k * plan->step;
+        else if (strcmp(plan->clock, "sums") == 0)
             points[k].time = sum;
-            sum += plan->step;
-        } else if (strcmp(plan->clock, "nanoseconds") == 0) {
-            points[k].time = (double)(k * nanoseconds) / 1e9;
+        else
             points[k].step = (double)((k + 1) * nanoseconds) / 1e9 - points[k].time;
-        }
+        sum += plan->step;
     }
 }
 

@@ -1,11 +1,13 @@
 """Systems of faulty FMUs in a few words, and runs of them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from emla_cosim.master.assembly import Assembly, assembled
+from emla_cosim.master.network import Network
 from emla_cosim.run import Progress, RunResult, run
 from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.settings import Settings
@@ -57,9 +59,19 @@ def loop_with_a_fault(fmu: Path, fault: Fault, at: float, **parameters: float) -
 
 
 @contextmanager
-def open_system(system: System) -> Iterator[Assembly]:
-    """The instances of a system whose components all name their FMU."""
+def open_system(system: System, transformations: Sequence[tuple[float, float]] = ()) -> Iterator[Assembly]:
+    """The instances of a system whose components all name their FMU.
+
+    `transformations` gives factor and offset of every connection, unless all are 1 and 0.
+    """
     with assembled(system, {c.name: c.fmu for c in system.components if c.fmu}) as assembly:
+        if transformations:
+            links = [
+                replace(link, factor=factor, offset=offset)
+                for link, (factor, offset) in zip(assembly.network.links, transformations, strict=True)
+            ]
+            network = Network(assembly.network.slaves, links, assembly.network.names)
+            assembly = replace(assembly, network=network)
         yield assembly
 
 

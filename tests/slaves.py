@@ -1,5 +1,6 @@
 """Slaves for tests: FMUs opened alone, blocks in process, and fakes of a few lines."""
 
+import ctypes
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 from emla_cosim.fmu.file import open_fmu
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.master.slaves.fmu_slave import FmuSlave
-from emla_cosim.master.slaves.slave import Slave
+from emla_cosim.master.slaves.slave import EntryPoints, Slave
 from fmublock import Block
 from fmublock.instance import Instance
 from fmublock.variables import Output, State
@@ -133,3 +134,37 @@ class FakeSlave(Slave):
 
     def close(self) -> None:
         self.calls.append(f"{self.name}.close")
+
+
+_POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
+_SET_OR_GET = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER, _SIZE, _POINTER)
+_DERIVE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER, _SIZE, _POINTER, ctypes.POINTER(ctypes.c_double))
+_STEP = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+
+
+def compilable(slave: FakeSlave) -> FakeSlave:
+    """The same slave, which compiled code can call as well: its methods as functions of C."""
+
+    def done(method: Callable[..., None], *arguments: Any) -> int:
+        method(*arguments)
+        return 0
+
+    functions = [
+        _SET_OR_GET(lambda component, references, count, values: done(slave.set_inputs)),
+        _SET_OR_GET(lambda component, references, count, values: done(slave.get_outputs)),
+        _STEP(lambda component, time, step, no_way_back: done(slave.do_step, time, step)),
+        _DERIVE(
+            lambda component, references, count, orders, values: done(
+                slave.set_input_derivatives, np.array(values[:count])
+            )
+        ),
+    ]
+    addresses = [ctypes.cast(function, _POINTER).value or 0 for function in functions]
+    inputs, outputs = (np.arange(len(x), dtype=np.uint32) for x in (slave.inputs, slave.outputs))
+    points = EntryPoints(0, *addresses, inputs, outputs, np.ones(len(inputs), dtype=np.int32))
+
+    def entry_points(functions: list[Any] = functions) -> EntryPoints:  # which keeps them alive
+        return points
+
+    slave.entry_points = entry_points
+    return slave

@@ -18,7 +18,7 @@ def measure(job: Job) -> Measurement:
     return run_loop(job)
 
 
-def run_loop(job: Job, *options: str, clock: str = "products") -> Measurement:
+def run_loop(job: Job, *options: str, clock: str = "decimal") -> Measurement:
     """Run the program; `replay` as an option gives the time of the FMUs' own calls.
 
     `clock` says how FMUs are told the time: see `registry.Tool`.

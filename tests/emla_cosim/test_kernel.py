@@ -123,11 +123,13 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
     kind = data.draw(st.sampled_from(KINDS), label="algorithm")
     extrapolation = data.draw(st.sampled_from(EXTRAPOLATIONS), label="extrapolation")
     multiples = data.draw(st.dictionaries(st.sampled_from(names), st.sampled_from([1, 2, 3, 4])))
+    transformation = st.just((1.0, 0.0)) | st.tuples(st.floats(-0.8, 0.8), st.floats(-0.5, 0.5))
+    transformations = [data.draw(transformation) for _ in system.connections]
     every, room = data.draw(st.integers(1, 7), label="every"), data.draw(st.integers(1, 5), label="room")
     times = timing(1.2, 0.05)
     found = []
     for compiled in (False, True):
-        with open_system(system) as assembly:
+        with open_system(system, transformations) as assembly:
             assembly.network.reorder(order)
             found.append(
                 rows(

@@ -96,8 +96,8 @@ def test_time_is_never_accumulated() -> None:
     times: list[float] = []
     clock = FakeSlave("clock", 0, [0.0], lambda u, x, t, h: (times.append(t), [t + h])[1])
     rows = simulated(Network([clock], []), Jacobi(), timing(100.0, 0.1))
-    assert times == [k * 0.1 for k in range(1000)]
-    assert rows[:, 0].tolist() == [k * 0.1 for k in range(1001)]
+    assert times == [k / 10 for k in range(1000)]
+    assert rows[:, 0].tolist() == [k / 10 for k in range(1001)]
 
 
 def test_row_zero_is_the_initial_state_and_rows_are_labelled_with_their_end() -> None:

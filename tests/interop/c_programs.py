@@ -102,7 +102,8 @@ def host_plan(
     printed: Iterable[str],
 ) -> str:
     """The plan for host.c: a system, the FMU and library of each model, what to print by full name."""
-    lines = [f"time {times.start.hex()} {times.step.hex()} {times.steps}"]
+    first, per_step, denominator = (x.hex() for x in times.clock)
+    lines = [f"time {first} {per_step} {denominator} {times.steps}"]
     position = {c.name: i for i, c in enumerate(system.components)}
     model = {c.name: fmus[c.model] for c in system.components}
 

@@ -3,6 +3,7 @@
 import ctypes
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from emla_cosim.fmu.file import FmuFile, open_fmu
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.models import MODELS, fmu_path
 from interop.c_programs import Build, build
-from interop.joint_run import Case, moving_joint, study_joint
+from interop.joint_run import EVEN_STEP, STEP, Case, moving_joint, study_joint
 
 VARIANTS = {
     "study-native": (study_joint, "native", 2000),
@@ -31,7 +32,13 @@ else:  # for which libcosim and Ecos have no packages
 def case(request: pytest.FixtureRequest, python_fmu_folder: Path) -> Case:
     """Each variant of the joint in turn."""
     joint, flavour, steps = VARIANTS[request.param]
-    return Case(joint(), python_fmu_folder, flavour, steps)
+    return Case(joint(), python_fmu_folder, flavour, steps, STEP)
+
+
+@pytest.fixture
+def even_case(case: Case) -> Case:
+    """The same with steps whose sums are exact."""
+    return replace(case, step=EVEN_STEP)
 
 
 @pytest.fixture(autouse=True)

@@ -4,7 +4,7 @@
  *
  * The plan is one statement per line; components are numbered from 0 in their order:
  *
- *     time START STEP STEPS                          in s
+ *     time FIRST PER_STEP DENOMINATOR STEPS          point k is (FIRST + k PER_STEP) / DENOMINATOR, in s
  *     component NAME GUID RESOURCES LIBRARY          the library's path goes to the end of the line
  *     real | integer | boolean COMPONENT VR VALUE    a start value
  *     connect SOURCE VR TARGET VR
@@ -50,7 +50,7 @@ typedef struct {
 } Connection;
 
 typedef struct {
-    double start, step;
+    double first, per_step, denominator;
     long steps;
     Component components[LIMIT];
     Fmu fmus[LIMIT];
@@ -117,7 +117,8 @@ static int read_statement(Plan *plan, const char *line) {
     char word[16];
     if (sscanf(line, "%15s", word) != 1) return 0;
     if (strcmp(word, "time") == 0)
-        return sscanf(line, "%*s %lf %lf %ld", &plan->start, &plan->step, &plan->steps) == 3;
+        return sscanf(line, "%*s %lf %lf %lf %ld", &plan->first, &plan->per_step, &plan->denominator,
+                      &plan->steps) == 4;
     if (strcmp(word, "component") == 0 && plan->n_components < LIMIT) {
         Component *c = &plan->components[plan->n_components];
         if (sscanf(line, "%*s %127s %127s %4095s %4095[^\n]", c->name, c->guid, c->resources, c->path) != 4)
@@ -211,10 +212,13 @@ static void set_start_values(const Plan *plan, fmi2Component *instances) {
     for (size_t i = 0; i < plan->n_components; i++)                                                   \
     check(plan->components[i].fmu->call(__VA_ARGS__), &plan->components[i], "fmi2" #call)
 
+static double point(const Plan *plan, long k) {
+    return (plan->first + (double)k * plan->per_step) / plan->denominator;
+}
+
 static void initialize(const Plan *plan, fmi2Component *instances, double *signals) {
-    const double stop = plan->start + (double)plan->steps * plan->step;
     set_start_values(plan, instances);
-    EACH(SetupExperiment, instances[i], fmi2False, 0.0, plan->start, fmi2True, stop);
+    EACH(SetupExperiment, instances[i], fmi2False, 0.0, point(plan, 0), fmi2True, point(plan, plan->steps));
     EACH(EnterInitializationMode, instances[i]);
     memset(signals, 0, plan->n_connections * sizeof *signals);
     size_t rounds = plan->n_components + 20;
@@ -243,8 +247,9 @@ static void run(const Plan *plan, double *rows) {
     initialize(plan, instances, signals);
     write_row(plan, instances, rows);
     for (long k = 0; k < plan->steps; k++) {
+        const double time = point(plan, k);
         pass_values(plan, instances, signals);
-        EACH(DoStep, instances[i], plan->start + (double)k * plan->step, plan->step, fmi2True);
+        EACH(DoStep, instances[i], time, point(plan, k + 1) - time, fmi2True);
         read_signals(plan, instances, signals);
         write_row(plan, instances, rows + (size_t)(k + 1) * plan->n_printed);
     }

@@ -1,6 +1,5 @@
 """The joint that other tools run, our own master's run of it, and the comparison of both."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,17 +10,20 @@ from numpy.typing import NDArray
 
 from emla_cosim.master.assembly import assembled
 from emla_cosim.master.simulation import ALGORITHMS
+from emla_cosim.master.stepping.timing import Timing, timing
 from emla_cosim.models import fmu_path
 from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import System
+from simulated import simulated
 
 STEP = 1e-4
-"""Communication step in s: the study's."""
+"""Communication step in s: the study's. Tools count time in different ways, which differ in the last
+digits, and the closed loop makes 1e-11 to 1e-10 of that in 0.2 s."""
+
+EVEN_STEP = 2.0**-13
+"""A communication step in s of which all multiples and sums are exact: all tools agree on time."""
 
 Array = NDArray[np.float64]
-Steps = Sequence[tuple[float, float]]
-"""Time and length in s of every step, as a tool passes them to fmi2DoStep. The last digits differ
-between tools, and the closed loop makes 1e-11 to 1e-10 of them in 0.2 s."""
 
 
 def study_joint() -> System:
@@ -47,12 +49,18 @@ def moving_joint() -> System:
 
 @dataclass(frozen=True)
 class Case:
-    """A joint, the folder and the flavour of its FMUs, and how many steps to run."""
+    """A system, the folder and the flavour of its FMUs, how many steps to run, and their length in s."""
 
     system: System
     folder: Path
     flavour: str
     steps: int
+    step: float
+
+    @property
+    def times(self) -> Timing:
+        """The communication points of our master."""
+        return timing(self.steps * self.step, self.step)
 
     @property
     def fmus(self) -> dict[str, Path]:
@@ -72,23 +80,11 @@ class Case:
         }
 
 
-def even_steps(count: int) -> Steps:
-    """Steps at k STEP: those of our master's `simulate`."""
-    return [(k * STEP, STEP) for k in range(count)]
-
-
-def our_run(case: Case, algorithm: str, steps: Steps) -> Array:
+def our_run(case: Case, algorithm: str) -> Array:
     """Our master's run: a column per signal, a row per communication point, the initial one included."""
     with assembled(case.system, case.fmus) as assembly:
-        columns = [assembly.network.names.index(f"{c}.{output}") for c, output in case.signals]
-        network, master = assembly.network, ALGORITHMS[algorithm]()
-        master.setup(network)
-        master.initialize(0.0, len(steps) * STEP)
-        rows = [network.signals[columns]]
-        for time, step in steps:
-            master.step(time, step)
-            rows.append(network.signals[columns])
-    return np.array(rows)
+        columns = [1 + assembly.network.names.index(f"{c}.{output}") for c, output in case.signals]
+        return simulated(assembly.network, ALGORITHMS[algorithm](), case.times)[:, columns]
 
 
 def differences(case: Case, found: Array, expected: Array) -> dict[str, float]:

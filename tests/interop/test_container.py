@@ -15,7 +15,7 @@ from fmpy import simulate_fmu
 from fmpy.fmi2 import fmi2Error
 from fmu_manipulation_toolbox.assembly import AssemblyNode
 
-from interop.joint_run import STEP, Case, differences, even_steps, our_run
+from interop.joint_run import Case, differences, our_run
 
 OWN_ERROR = b"Solver configure...."
 """What the container itself reports as an error whenever it is instantiated."""
@@ -26,7 +26,7 @@ def container_of(case: Case, sequential: bool, folder: Path) -> Path:
     is how the container calls its links."""
     node = AssemblyNode(
         "Joint.fmu",
-        step_size=STEP,
+        step_size=case.step,
         sequential=sequential,
         auto_link=False,
         auto_input=False,
@@ -48,11 +48,10 @@ def container_of(case: Case, sequential: bool, folder: Path) -> Path:
 
 @pytest.mark.parametrize(("sequential", "algorithm"), [(False, "jacobi"), (True, "gauss-seidel")])
 def test_container_is_bit_for_bit_our_master(
-    sequential: bool, algorithm: str, case: Case, tmp_path: Path
+    sequential: bool, algorithm: str, even_case: Case, tmp_path: Path
 ) -> None:
-    container = container_of(case, sequential, tmp_path)
-    outputs = [output for _, output in case.signals]
-    stop = case.steps * STEP
+    container = container_of(even_case, sequential, tmp_path)
+    outputs, step = [output for _, output in even_case.signals], even_case.step
     errors = []
 
     def logger(environment: object, instance: bytes, status: int, category: bytes, message: bytes) -> None:
@@ -60,8 +59,13 @@ def test_container_is_bit_for_bit_our_master(
             errors.append(message)
 
     result = simulate_fmu(
-        str(container), stop_time=stop, step_size=STEP, output_interval=STEP, output=outputs, logger=logger
+        str(container),
+        stop_time=even_case.times.stop,
+        step_size=step,
+        output_interval=step,
+        output=outputs,
+        logger=logger,
     )
     found = np.array([result[name] for name in outputs]).T.copy()
-    assert differences(case, found, our_run(case, algorithm, even_steps(case.steps))) == {}
+    assert differences(even_case, found, our_run(even_case, algorithm)) == {}
     assert set(errors) <= {OWN_ERROR}

@@ -4,9 +4,7 @@ import numpy as np
 
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import assembled
-from emla_cosim.master.stepping.timing import timing
-from interop.joint_run import STEP, Case, differences, even_steps, our_run, study_joint
-from simulated import simulated
+from interop.joint_run import STEP, Case, differences, our_run, study_joint
 
 
 def test_it_sets_no_enumeration(case: Case) -> None:
@@ -18,15 +16,14 @@ def test_it_sets_no_enumeration(case: Case) -> None:
 
 def test_every_signal_but_the_constant_load_moves(case: Case) -> None:
     """What rests would agree with anything."""
-    still = np.ptp(our_run(case, "jacobi", even_steps(case.steps)), axis=0) == 0.0
+    still = np.ptp(our_run(case, "jacobi"), axis=0) == 0.0
     assert [s for s, at_rest in zip(case.signals, still, strict=True) if at_rest] == [
         ("lift.disturbance", "F_L")
     ]
 
 
 def test_the_order_of_exchange_shows(case: Case) -> None:
-    steps = even_steps(case.steps)
-    found = differences(case, our_run(case, "gauss-seidel", steps), our_run(case, "jacobi", steps))
+    found = differences(case, our_run(case, "gauss-seidel"), our_run(case, "jacobi"))
     assert max(found.values()) > 0.1
 
 
@@ -39,8 +36,6 @@ def test_the_moving_joint_begins_within_the_limits_and_the_study_at_them(case: C
     assert saturated == (1.0 if case.system == study_joint() else 0.0)
 
 
-def test_our_run_is_what_simulate_does(case: Case) -> None:
-    with assembled(case.system, case.fmus) as assembly:
-        columns = [1 + assembly.network.names.index(f"{c}.{output}") for c, output in case.signals]
-        rows = simulated(assembly.network, Jacobi(), timing(case.steps * STEP, STEP))[:, columns]
-    assert differences(case, rows, our_run(case, "jacobi", even_steps(case.steps))) == {}
+def test_the_length_of_steps_shows(case: Case, even_case: Case) -> None:
+    found = differences(case, our_run(even_case, "jacobi"), our_run(case, "jacobi"))
+    assert max(found.values()) > 1e-3

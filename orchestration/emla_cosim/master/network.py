@@ -19,7 +19,8 @@ class Link:
     """One output that drives one input, by positions of slaves and of variables in their vectors.
 
     `direct` says whether an output of the target that is connected itself depends on this input
-    without delay; `initial` says the same of the initial values.
+    without delay; `initial` says the same of the initial values. The input is `factor` times the
+    output plus `offset`, which is in the unit of the input.
     """
 
     source: int
@@ -36,9 +37,10 @@ class Network:
     """Slaves, one vector of all their outputs, and for each slave the signals that it reads.
 
     The slave at position i writes its outputs to `signals[parts[i]]` and reads
-    `signals[sources[i]]`; its inputs are the part `input_parts[i]` of `inputs`. `read` lists all
-    signals that somebody reads. `order` is a good order of stepping one after the other, and may
-    be replaced by another one.
+    `signals[sources[i]]`; its inputs are the part `input_parts[i]` of `inputs`. They are `factors[i]`
+    times these signals plus `offsets[i]`; `transforms[i]` says whether that makes a difference.
+    `read` lists all signals that somebody reads. `order` is a good order of stepping one after the
+    other, and may be replaced by another one.
     """
 
     def __init__(self, slaves: Sequence[Slave], links: Sequence[Link], names: Sequence[str] = ()) -> None:
@@ -51,13 +53,20 @@ class Network:
         for slave, written, taken in zip(slaves, self.parts, self.input_parts, strict=True):
             slave.bind(self.inputs[taken], self.signals[written])
         self.names = list(names) or [f"{s.name}[{i}]" for s in slaves for i in range(len(s.outputs))]
-        connected = [np.full(len(s.inputs), -1, dtype=np.intp) for s in slaves]
+        self.sources: list[Indices] = [np.full(len(s.inputs), -1, dtype=np.intp) for s in slaves]
+        self.factors: list[Vector] = [np.ones(len(s.inputs)) for s in slaves]
+        # minus zero adds nothing at all, while 0.0 would turn a signal of -0.0 into 0.0
+        self.offsets: list[Vector] = [np.full(len(s.inputs), -0.0) for s in slaves]
         for link in links:
-            connected[link.target][link.input] = self.signal(link)
-        if any((c < 0).any() for c in connected):
+            i, j = link.target, link.input
+            self.sources[i][j], self.factors[i][j] = self.signal(link), link.factor
+            self.offsets[i][j] = link.offset or -0.0
+        if any((s < 0).any() for s in self.sources):
             raise ValueError("every element of a slave's input vector needs a link")
-        self.sources: list[Indices] = connected
-        self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *connected]))
+        self.transforms = [
+            bool((f != 1.0).any() or o.any()) for f, o in zip(self.factors, self.offsets, strict=True)
+        ]
+        self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *self.sources]))
         self.order = stepping_order(len(slaves), links)
 
     def signal(self, link: Link) -> int:
@@ -68,7 +77,26 @@ class Network:
         """Give slave i the present signals that it reads."""
         slave = self.slaves[i]
         self.signals.take(self.sources[i], out=slave.inputs, mode="clip")
+        if self.transforms[i]:
+            self.transform(i)
         slave.set_inputs()
+
+    def transform(self, i: int) -> None:
+        """Turn the signals that stand in the place of slave i's inputs into these inputs."""
+        inputs = self.slaves[i].inputs
+        inputs *= self.factors[i]
+        inputs += self.offsets[i]
+
+    def assume_inputs(self, i: int) -> None:
+        """Give the signals that slave i reads values by which its inputs are what they are.
+
+        Where no value does that, because the factor is 0, the signal is left alone.
+        """
+        offsets = self.offsets[i] + 0.0  # without minus zeros: -0.0 - -0.0 would be 0.0
+        with np.errstate(all="ignore"):
+            assumed = (self.slaves[i].inputs - offsets) / self.factors[i]
+        found = np.isfinite(assumed)
+        self.signals[self.sources[i][found]] = assumed[found]
 
     def reorder(self, names: Sequence[str]) -> None:
         """Use this order of the slaves' names instead; CommandError unless it has each of them once."""

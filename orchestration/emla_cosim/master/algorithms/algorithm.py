@@ -1,7 +1,7 @@
 """The interface of all co-simulation algorithms."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from ..network import Link, Network
 from ..slaves.slave import Slave, Vector
 from .extrapolation import Exchange
 from .initialization import initialize
+
+Span = Callable[[int], float]
+"""The length in s of so many communication steps from where the simulation is."""
 
 
 class Algorithm(ABC):
@@ -43,9 +46,13 @@ class Algorithm(ABC):
         initialize(self.network, start_time, stop_time)
         self.exchange.begin(start_time)
 
-    def step(self, time: float, step: float) -> None:
-        """Advance all slaves from `time` by `step`, in s; signals then hold the outputs at the end."""
-        self._step(time, step)
+    def step(self, time: float, step: float, span: Span | None = None) -> None:
+        """Advance all slaves from `time` by `step`, in s; signals then hold the outputs at the end.
+
+        `span` knows the lengths of steps that some slaves do at once, which rounding may make
+        differ from multiples of `step`.
+        """
+        self._step(time, step, span or (lambda count: count * step))
         self.steps += 1
 
     @abstractmethod
@@ -66,7 +73,7 @@ class Algorithm(ABC):
         """Free what the algorithm holds of the slaves; never raises."""
 
     @abstractmethod
-    def _step(self, time: float, step: float) -> None:
+    def _step(self, time: float, step: float, span: Span) -> None:
         """One step."""
 
     @property

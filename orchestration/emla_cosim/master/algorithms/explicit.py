@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import CommandError
 from ..network import Network
-from .algorithm import Algorithm
+from .algorithm import Algorithm, Span
 
 
 class Call(IntEnum):
@@ -62,15 +62,15 @@ class Explicit(Algorithm):
     def table(self, network: Network) -> list[Operation]:
         """The operations of one step, in order."""
 
-    def _step(self, time: float, step: float) -> None:
+    def _step(self, time: float, step: float, span: Span) -> None:
         exchange, slaves, done = self.exchange, self.network.slaves, self.steps
         for call, i, multiple in self._calls:
             if (done + 1 if call == _GET else done) % multiple:
                 continue
             if call == _SET:
-                exchange.pass_inputs(i, time, multiple * step)
+                exchange.pass_inputs(i, time, step if multiple == 1 else span(multiple))
             elif call == _STEP:
-                slaves[i].do_step(time, multiple * step)
+                slaves[i].do_step(time, step if multiple == 1 else span(multiple))
             else:
                 exchange.shift(i, time + step)
                 slaves[i].get_outputs()

@@ -9,6 +9,7 @@ length h then sees
 
 `master` uses the line's value in the middle of the step, `fmu` gives the line itself to
 `fmi2SetRealInputDerivatives`. A source that has been stepped already makes this an interpolation.
+The factor and the offset of a link are applied to what comes out, and the factor to its slope.
 
 In smooth motion held inputs make states exact to first order in the step, followed ones to second
 order. After `master` an output in which an input shows at once is still that of the middle of the
@@ -93,6 +94,9 @@ class Exchange:
         slopes[:] = np.where(slave.continuous_inputs, self._rates(sources), 0.0)
         ahead = time - self.history.at[self.owners[sources]] + (0.5 * step if mode == _MIDDLE else 0.0)
         slave.inputs[:] = self.network.signals[sources] + ahead * slopes
+        if self.network.transforms[i]:
+            self.network.transform(i)
+            slopes *= self.network.factors[i]
         slave.set_inputs()
         if mode == _LINE:
             slave.set_input_derivatives(slopes)

@@ -24,8 +24,8 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     """
     for slave in network.slaves:
         slave.enter_initialization(start_time, stop_time)
-    for slave, sources in zip(network.slaves, network.sources, strict=True):
-        network.signals[sources] = slave.inputs  # start values stand in for what is not known yet
+    for i in range(len(network.slaves)):
+        network.assume_inputs(i)  # start values stand in for what is not known yet
     for group in network.groups(_is_initial):
         _settle(network, group)
     for i in range(len(network.slaves)):  # inputs that no initial value depends on

@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import RunError
 from ..network import Indices, Link, Network
 from ..slaves.slave import StepDiscardedError, Vector
-from .algorithm import Algorithm, require
+from .algorithm import Algorithm, Span, require
 from .quasi_newton import NoAgreementError, QuasiNewton
 from .scale import Scale
 from .snapshot import Snapshot
@@ -96,7 +96,7 @@ class Strong(Algorithm):
             if group.start is not None:
                 group.start.close()
 
-    def _step(self, time: float, step: float) -> None:
+    def _step(self, time: float, step: float, span: Span) -> None:
         self._scale.see()
         for group in self._groups:
             self._advance(group, time, step, HALVINGS)
@@ -111,8 +111,9 @@ class Strong(Algorithm):
             if group.start is None or not group.halves or not halvings:
                 raise self._given_up(group, time, step, failure) from failure
             group.start.restore()
-            self._advance(group, time, 0.5 * step, halvings - 1)
-            self._advance(group, time + 0.5 * step, 0.5 * step, halvings - 1)
+            middle, end = time + 0.5 * step, time + step
+            self._advance(group, time, middle - time, halvings - 1)
+            self._advance(group, middle, end - middle, halvings - 1)
 
     def _solve(self, group: _Group, time: float, step: float) -> None:
         guess = self.exchange.predict(group.cut, time + step)

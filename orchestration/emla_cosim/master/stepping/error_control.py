@@ -14,7 +14,7 @@ from ..network import Indices
 from ..slaves.slave import StepDiscardedError, Vector
 from .step_control import StepControl
 from .stepping import Rows, Stepping
-from .timing import Timing
+from .timing import Timing, clock
 
 SMALLEST = 1e-6
 """The smallest step, as a fraction of the first one."""
@@ -47,7 +47,7 @@ class ErrorControl(Stepping):
         require(slaves, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
         self.tolerance = tolerance
         self.control = StepControl(times.step, algorithm.order, SMALLEST * times.step)
-        self._interval = interval
+        self._output = None if interval is None else clock(times.start, interval)
         self._end = _last_point(times, interval)
         self._time = times.start
         self._points = 0
@@ -82,14 +82,14 @@ class ErrorControl(Stepping):
                 return
             point = self._next_point()
             step = self.control.propose(point - self._time)
-            if not self._tried(step):
-                continue
             met = step == point - self._time
             end = point if met else self._time + step
+            if not self._tried(step, end):
+                continue
             self.algorithm.network.check_finite(end)
             self._time = end
             self._points += met
-            if met or self._interval is None:
+            if met or self._output is None:
                 self.record(rows)
 
     def memory(self) -> dict[str, Vector]:
@@ -123,16 +123,16 @@ class ErrorControl(Stepping):
         self._start.close()
 
     def _next_point(self) -> float:
-        if self._interval is None:
+        if self._output is None:
             return self._end
-        return min(self.times.start + (self._points + 1) * self._interval, self._end)
+        return min(self._output.point(self._points + 1), self._end)
 
-    def _tried(self, step: float) -> bool:
-        """Whether the step was done and is good enough; if not, everything is as before."""
+    def _tried(self, step: float, end: float) -> bool:
+        """Whether the step to `end` was done and is good enough; if not, everything is as before."""
         self._start.take()
         self._scale.see()
         try:
-            errors = self._doubled(step)
+            errors = self._doubled(end)
         except StepDiscardedError as discarded:
             self._start.restore()
             try:
@@ -155,15 +155,15 @@ class ErrorControl(Stepping):
             self._start.restore()
         return accepted
 
-    def _doubled(self, step: float) -> Vector:
-        """Do the step whole, go back, and do it in halves; returns the error relative to the sizes."""
-        algorithm, half = self.algorithm, 0.5 * step
-        signals = algorithm.network.signals
-        algorithm.step(self._time, step)
+    def _doubled(self, end: float) -> Vector:
+        """Do a step whole, go back, and do it in halves; returns the error relative to the sizes."""
+        algorithm, time = self.algorithm, self._time
+        signals, middle = algorithm.network.signals, time + 0.5 * (end - time)
+        algorithm.step(time, end - time)
         whole = signals[self._judged]
         self._start.restore()
-        algorithm.step(self._time, half)
-        algorithm.step(self._time + half, half)
+        algorithm.step(time, middle - time)
+        algorithm.step(middle, end - middle)
         with np.errstate(invalid="ignore"):  # infinity less infinity
             difference = (signals[self._judged] - whole) / (2.0**algorithm.order - 1.0)
         errors = self._scale.relative(difference, self._judged)
@@ -194,5 +194,5 @@ def _last_point(times: Timing, interval: float | None) -> float:
     """The stop time in s, without the rounding by which it may differ from a multiple of the interval."""
     if interval is None:
         return times.stop
-    point = times.start + round((times.stop - times.start) / interval) * interval
+    point = clock(times.start, interval).point(round((times.stop - times.start) / interval))
     return point if abs(point - times.stop) <= 1e-9 * interval else times.stop

@@ -1,5 +1,6 @@
 """Steps of one length."""
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ..algorithms.algorithm import Algorithm
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class FixedSteps(Stepping):
-    """Steps between the points `start + k*step`.
+    """Steps from one communication point to the next.
 
     Compiled where `compiled` is wanted and possible: an explicit algorithm on FMUs, with numba.
     """
@@ -51,7 +52,7 @@ class FixedSteps(Stepping):
     def _advance_here(self, rows: Rows, most: int) -> None:
         algorithm, times = self.algorithm, self.times
         for k in range(algorithm.steps, min(algorithm.steps + most, times.steps)):
-            algorithm.step(times.point(k), times.step)
+            algorithm.step(times.point(k), times.span(k, 1), partial(times.span, k))
             if (failure := algorithm.network.not_finite(times.point(k + 1))) is not None:
                 algorithm.steps = k  # as in compiled code: the step does not count
                 raise failure
@@ -64,7 +65,7 @@ class FixedSteps(Stepping):
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
         count = min(last, fitting) - first
-        recorded, failure = kernel.run(first, count, times.start, times.step, every, block)
+        recorded, failure = kernel.run(first, count, times.clock, every, block)
         if recorded:
             rows.commit(recorded)
         if failure is not None:

@@ -15,6 +15,7 @@ from ...errors import RunError
 from ..algorithms.explicit import Call, Explicit
 from ..algorithms.extrapolation import Mode
 from ..slaves.slave import EntryPoints, Vector
+from .timing import Clock
 
 _SET, _STEP, _GET = int(Call.SET), int(Call.STEP), int(Call.GET)
 _HOLD, _MIDDLE, _LINE = int(Mode.HOLD), int(Mode.MIDDLE), int(Mode.LINE)
@@ -29,8 +30,8 @@ class Tables(NamedTuple):
 
     One element per operation: `calls`, `targets`. One per slave: `multiples`, `modes`, the
     addresses, and where its inputs and outputs begin and end. One per input: `sources`,
-    `movable`, `inputs`, `derivatives`. One per signal: `owners`, `smooth`, `signals`, `previous`.
-    `read` lists the signals that have to be finite.
+    `factors`, `offsets`, `movable`, `inputs`, `derivatives`. One per signal: `owners`, `smooth`,
+    `signals`, `previous`. `read` lists the signals that have to be finite.
 
     Indices are unsigned, because every access with a signed one would be checked for its sign.
     """
@@ -55,6 +56,8 @@ class Tables(NamedTuple):
     output_begins: Any
     output_ends: Any
     sources: Any
+    factors: Any
+    offsets: Any
     movable: Any
     inputs: Any
     derivatives: Any
@@ -75,27 +78,28 @@ class Kernel:
         self._algorithm = algorithm
         self._entry_points = entry_points  # owns the arrays whose addresses are in the tables
         self._tables = _tables(algorithm, entry_points)
-        _run(self._tables, 0, 0, 0.0, 1.0, 1, np.empty((1, 1 + len(algorithm.network.signals))))
+        rows = np.empty((1, 1 + len(algorithm.network.signals)))
+        _run(self._tables, 0, 0, Clock(0.0, 1.0, 1.0), 1, rows)
 
     def run(
-        self, first: int, count: int, start: float, step: float, every: int, rows: Vector
+        self, first: int, count: int, clock: Clock, every: int, rows: Vector
     ) -> tuple[int, RunError | None]:
         """Do `count` steps from the one numbered `first`.
 
-        The step k begins at `start + k*step`, in s; each `every`-th point fills the next of
+        The step k begins at the point k of the clock; each `every`-th point fills the next of
         `rows`, time first. Returns how many rows were recorded, and what ended the run in step
         `algorithm.steps`, if anything did.
         """
-        reached, recorded, code, detail = _run(self._tables, first, count, start, step, every, rows)
+        reached, recorded, code, detail = _run(self._tables, first, count, clock, every, rows)
         self._algorithm.steps += reached - first
-        return recorded, self._error(code, detail, start + reached * step, step)
+        return recorded, self._error(code, detail, clock.point(reached), clock.point(reached + 1))
 
-    def _error(self, code: int, detail: tuple[int, int], time: float, step: float) -> RunError | None:
+    def _error(self, code: int, detail: tuple[int, int], time: float, end: float) -> RunError | None:
         if code == _DONE:
             return None
         network = self._algorithm.network
         if code == _NOT_FINITE:
-            return network.not_finite(time + step)
+            return network.not_finite(end)
         i, status = detail
         slave = network.slaves[i]
         if code == _DO_STEP:
@@ -137,6 +141,8 @@ def _tables(algorithm: Explicit, points: list[EntryPoints]) -> Tables:
         output_begins=indices([part.start for part in network.parts]),
         output_ends=indices([part.stop for part in network.parts]),
         sources=indices([s for sources in network.sources for s in sources]),
+        factors=np.concatenate([np.empty(0), *network.factors]),
+        offsets=np.concatenate([np.empty(0), *network.offsets]),
         movable=np.concatenate(movable),
         inputs=network.inputs,
         derivatives=exchange.derivatives,
@@ -197,8 +203,14 @@ def _divides(multiple, k):
     return multiple == 1 or k % multiple == 0
 
 
+@_inlined
+def _point(clock, k):
+    """See `Clock.point`."""
+    return (clock.first + k * clock.per_step) / clock.denominator
+
+
 @_compiled
-def _run(tables, first, count, start, step, every, rows):
+def _run(tables, first, count, clock, every, rows):
     """The loop; returns steps reached, rows filled, and what failed: code and (slave, status).
 
     All tables are taken out first: each access to a table within the loop would count references.
@@ -209,20 +221,23 @@ def _run(tables, first, count, start, step, every, rows):
         input_references, output_references, derivative_orders,
         input_addresses, derivative_addresses, output_addresses,
         input_begins, input_ends, output_begins, output_ends,
-        sources, movable, inputs, derivatives,
+        sources, factors, offsets, movable, inputs, derivatives,
         owners, smooth, signals, previous, at, before, read,
     ) = tables  # fmt: skip
     row = 0
+    next_time = _point(clock, first)
     for k in range(first, first + count):
-        time = start + k * step
+        time, next_time = next_time, _point(clock, k + 1)
+        step = next_time - time
         for o in range(len(calls)):
             call, i = calls[o], targets[o]
             multiple = multiples[i]
             if not _divides(multiple, k + 1 if call == _GET else k):
                 continue
             component = components[i]
+            length = step if multiple == 1 else _point(clock, k + multiple) - time
             if call == _STEP:
-                status = _step(do_step[i], (component, time, multiple * step, _NO_WAY_BACK))
+                status = _step(do_step[i], (component, time, length, _NO_WAY_BACK))
                 if status > _WARNING:
                     return k, row, _DO_STEP, (np.intp(i), status)
                 continue
@@ -230,19 +245,19 @@ def _run(tables, first, count, start, step, every, rows):
                 begin, end, mode = input_begins[i], input_ends[i], modes[i]
                 if begin == end:
                     continue
-                middle = 0.5 * (multiple * step) if mode == _MIDDLE else 0.0
+                middle = 0.5 * length if mode == _MIDDLE else 0.0
                 for j in range(begin, end):
                     s = sources[j]
                     if mode == _HOLD:
-                        inputs[j] = signals[s]
+                        inputs[j] = factors[j] * signals[s] + offsets[j]
                         continue
                     newest = at[owners[s]]
                     span = newest - before[owners[s]]
                     slope = 0.0
                     if movable[j] and smooth[s] and span > 0.0:
                         slope = (signals[s] - previous[s]) / span
-                    inputs[j] = signals[s] + (time - newest + middle) * slope
-                    derivatives[j] = slope
+                    inputs[j] = factors[j] * (signals[s] + (time - newest + middle) * slope) + offsets[j]
+                    derivatives[j] = factors[j] * slope
                 status = _exchange(
                     set_real[i], (component, input_references[i], end - begin, input_addresses[i])
                 )
@@ -277,7 +292,7 @@ def _run(tables, first, count, start, step, every, rows):
             if not np.isfinite(signals[s]):
                 return k, row, _NOT_FINITE, (0, 0)
         if _divides(every, k + 1):
-            rows[row, 0] = start + (k + 1) * step
+            rows[row, 0] = next_time
             rows[row, 1:] = signals
             row += 1
     return first + count, row, _DONE, (0, 0)

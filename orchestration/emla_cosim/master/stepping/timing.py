@@ -1,19 +1,61 @@
 """Communication points of a run."""
 
+import math
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import NamedTuple
 
 from ...errors import CommandError
 
 MAXIMUM_STEPS = 10**10
 
+_LARGEST = 2**53
+"""Up to here doubles hold every integer."""
+
+
+class Clock(NamedTuple):
+    """Points in time at equal distances, (first + k * per_step) / denominator in s.
+
+    With integers only the division rounds, so that a point is the double nearest to the true time.
+    """
+
+    first: float
+    per_step: float
+    denominator: float
+
+    def point(self, k: int) -> float:
+        """The point k in s: computed, never added up."""
+        return (self.first + k * self.per_step) / self.denominator
+
+
+def clock(start: float, step: float) -> Clock:
+    """Points `start + k * step` for k up to `MAXIMUM_STEPS`, in s.
+
+    `start` and `step` mean the shortest decimal numbers that give these doubles: 1e-4 is a ten
+    thousandth, which no double is. Numbers that have no short decimal form, such as 1/3, mean
+    themselves. How long a run is makes no difference, so that it can be continued later.
+    """
+    origin, distance = Fraction(repr(float(start))), Fraction(repr(float(step)))
+    denominator = math.lcm(origin.denominator, distance.denominator)
+    first, per_step = int(origin * denominator), int(distance * denominator)
+    if max(denominator, abs(first) + MAXIMUM_STEPS * per_step) > _LARGEST:
+        return Clock(float(start), float(step), 1.0)
+    return Clock(float(first), float(per_step), float(denominator))
+
 
 @dataclass(frozen=True)
 class Timing:
-    """Communication points `start + k * step` for k = 0 ... steps, in s."""
+    """Communication points `start + k * step` for k = 0 ... steps, in s; see `clock`."""
 
     start: float
     step: float
     steps: int
+
+    @cached_property
+    def clock(self) -> Clock:
+        """The communication points, also beyond the last."""
+        return clock(self.start, self.step)
 
     @property
     def stop(self) -> float:
@@ -21,8 +63,16 @@ class Timing:
         return self.point(self.steps)
 
     def point(self, k: int) -> float:
-        """The communication point k in s: computed, never added up."""
-        return self.start + k * self.step
+        """The communication point k in s."""
+        return self.clock.point(k)
+
+    def span(self, k: int, count: int) -> float:
+        """The length in s of `count` steps from the communication point k.
+
+        Added to the point it gives the point at their end, to the last bit: a slave that adds its
+        steps up stays with the master. Where a run passes zero time, that can be impossible.
+        """
+        return self.point(k + count) - self.point(k)
 
 
 def timing(stop_time: float, step_size: float, start_time: float = 0.0) -> Timing:

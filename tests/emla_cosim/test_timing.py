@@ -1,0 +1,204 @@
+"""Communication points are the decimal times that were asked for, and steps join them to the last bit."""
+
+from collections.abc import Mapping
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from emla_cosim.master.algorithms.explicit import Explicit
+from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
+from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.network import Link, Network
+from emla_cosim.master.slaves.slave import StepDiscardedError
+from emla_cosim.master.stepping.error_control import ErrorControl
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.timing import MAXIMUM_STEPS, Timing, clock, timing
+from simulated import begun, recorded
+from slaves import FakeSlave, compilable
+
+DECIMAL_STEPS = (1e-4, 5e-6, 3e-5, 1.25e-6, 0.1, 0.7, 2.0**-13, 0.000123, 1.0, 50.0)
+OTHER_STEPS = (1.0 / 3.0, 2.0 / 3.0, 1e-4 / 3.0, 1.0 / 44100.0, 2.0**-40, np.pi, 1e-200, 1e200)
+STARTS = (0.0, 0.1, -2.5, 17.0, 1e3)
+counts = st.integers(0, 10**7)
+
+
+def exact(start: float, step: float, k: int) -> Fraction:
+    """The point k of these decimal numbers."""
+    return Fraction(repr(start)) + k * Fraction(repr(step))
+
+
+# ---- points ------------------------------------------------------------------------------------
+
+
+@given(st.sampled_from(STARTS), st.sampled_from(DECIMAL_STEPS), counts | st.integers(0, MAXIMUM_STEPS))
+@example(0.0, 1e-4, 3)
+def test_points_are_the_doubles_nearest_to_the_decimal_times(start: float, step: float, k: int) -> None:
+    assert clock(start, step).point(k) == float(exact(start, step, k))
+
+
+@given(st.integers(1, 900_000), st.integers(-9999, 9999), st.integers(0, 12), counts)
+def test_so_are_those_of_any_short_decimal_numbers(p: int, s: int, digits: int, k: int) -> None:
+    start, step = s / 10**digits, p / 10**digits
+    assert clock(start, step).point(k) == float(exact(start, step, k))
+
+
+@given(st.sampled_from([0.0, 0.1, 1.0 / 3.0]), st.sampled_from(OTHER_STEPS), counts)
+@example(1.0 / 3.0, 1e-4, 12345)
+def test_numbers_without_a_short_decimal_form_are_taken_as_they_are(
+    start: float, step: float, k: int
+) -> None:
+    assert clock(start, step).point(k) == start + k * step
+
+
+@given(st.integers(0, 60), st.integers(0, 2**40))
+def test_multiples_of_a_power_of_two_are_exact(exponent: int, k: int) -> None:
+    step = 2.0**-exponent
+    assert Fraction(clock(0.0, step).point(k)) == k * Fraction(step)
+
+
+@given(counts)
+def test_points_are_those_of_a_clock_that_counts_nanoseconds(k: int) -> None:
+    """As libcosim does."""
+    times = timing(1000.0, 1e-4)
+    assert times.point(k) == (k * 100_000) / 1e9
+    assert times.span(k, 1) == ((k + 1) * 100_000) / 1e9 - (k * 100_000) / 1e9
+
+
+def test_a_longer_run_has_the_same_points() -> None:
+    for step in (1e-4, 1.0 / 3.0):
+        assert timing(10 * step, step).clock == timing(10**6 * step, step).clock
+
+
+def test_times_may_come_as_other_numbers() -> None:
+    assert clock(np.float64(0.0), np.float64(1e-4)) == clock(0, 1e-4) == (0.0, 1.0, 1e4)
+
+
+# ---- steps -------------------------------------------------------------------------------------
+
+
+@given(st.sampled_from(DECIMAL_STEPS + OTHER_STEPS), counts, st.sampled_from([1, 2, 3, 10]))
+def test_a_point_and_the_step_from_it_are_the_next_point(step: float, k: int, multiple: int) -> None:
+    times, begin = Timing(0.0, step, 10**8), k * multiple
+    assert times.point(begin) + times.span(begin, multiple) == times.point(begin + multiple)
+
+
+@given(st.sampled_from(STARTS), st.sampled_from([1e-4, 5e-6, 3e-5, 1.0 / 3.0, 2.0**-13]), counts)
+def test_so_they_are_after_another_start(start: float, step: float, k: int) -> None:
+    """Within a step of zero the difference has more digits than the numbers that it would have to join."""
+    times = Timing(start, step, 10**8)
+    point, after = times.point(k), times.point(k + 1)
+    if point == 0.0 or after == 0.0 or (point * after > 0.0 and 0.5 <= point / after <= 2.0):
+        assert point + times.span(k, 1) == after
+    else:
+        assert point + times.span(k, 1) == pytest.approx(after, rel=0.0, abs=1e-15 * step)
+
+
+# ---- what slaves are told ----------------------------------------------------------------------
+
+
+class Watch(FakeSlave):
+    """Notes the steps that it is told, and adds them up by itself."""
+
+    interpolates = True
+
+    def __init__(self, name: str, longest: float = np.inf) -> None:
+        super().__init__(name, 1, [1.0], self._moved)
+        self.longest = longest
+        self.told: list[tuple[float, float]] = []
+
+    def set_input_derivatives(self, derivatives: np.ndarray) -> None:
+        pass
+
+    def _moved(self, u: np.ndarray, x: np.ndarray, time: float, step: float) -> np.ndarray:
+        if step > self.longest:
+            raise StepDiscardedError(self.name, "doStep", "fmi2Discard", [])
+        self.told.append((time, step))
+        return x + step * (u - 2.0 * x)
+
+    def save(self, state: object = None) -> object:
+        return *super().save(), len(self.told)
+
+    def restore(self, state: tuple) -> None:
+        *rest, count = state
+        super().restore(rest)
+        del self.told[count:]
+
+    def added_up(self, start: float) -> list[float]:
+        """The times at which its own steps begin, and the last one's end."""
+        times = [start]
+        for _, step in self.told:
+            times.append(times[-1] + step)
+        return times
+
+
+def watches(**longest: float) -> tuple[list[Watch], Network]:
+    """Three of them in a ring."""
+    slaves = [Watch(name, longest.get(name, np.inf)) for name in "abc"]
+    for slave in slaves:
+        compilable(slave)
+    return slaves, Network(slaves, [Link(i, 0, (i + 1) % 3, 0, False) for i in range(3)])
+
+
+@pytest.mark.parametrize("start", [0.0, 0.1, 1.0 / 3.0])
+@pytest.mark.parametrize("step", [1e-4, 3e-5, 1e-4 / 3.0, 2.0**-13])
+@pytest.mark.parametrize("multiples", [{}, {"b": 2, "c": 6}], ids=str)
+@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
+def test_the_steps_that_slaves_are_told_join(
+    kind: type[Explicit], multiples: Mapping[str, int], step: float, start: float
+) -> None:
+    """Also where slaves step more rarely: each step begins at the end of the one before, to the last bit."""
+    times = timing(start + 600 * step, step, start)
+    for compiled in (False, True):
+        slaves, network = watches()
+        stepping = FixedSteps(begun(network, kind("none", multiples), times), times, compiled)
+        assert stepping.compiled == compiled
+        rows = recorded(stepping)
+        assert rows[:, 0].tolist() == [times.point(k) for k in range(601)]
+        for slave in slaves:
+            multiple = multiples.get(slave.name, 1)
+            expected = rows[::multiple, 0].tolist()
+            assert [time for time, _ in slave.told] == expected[:-1]
+            assert slave.added_up(start) == expected
+
+
+@pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
+@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
+def test_compiled_code_tells_slaves_the_same(kind: type[Explicit], extrapolation: str) -> None:
+    """Across zero time, where a step may not join."""
+    times = timing(0.02 - 3e-5, 3e-5, -0.01)
+    found = []
+    for compiled in (False, True):
+        slaves, network = watches()
+        stepping = FixedSteps(begun(network, kind(extrapolation, {"b": 2}), times), times, compiled)
+        assert stepping.compiled == compiled
+        found.append((recorded(stepping).tobytes(), [slave.told for slave in slaves]))
+    assert found[0] == found[1]
+
+
+def test_halves_of_discarded_steps_join() -> None:
+    times = timing(0.1, 1e-4)
+    slaves, network = watches(a=3e-5)
+    rows = recorded(FixedSteps(begun(network, Strong(), times), times))
+    for slave in slaves:
+        assert len(slave.told) == 4 * 1000
+        assert [time for time, _ in slave.told] == slave.added_up(0.0)[:-1]
+        assert slave.added_up(0.0)[::4] == rows[:, 0].tolist()
+
+
+@pytest.mark.parametrize("interval", [None, 1e-3, 3e-3])
+def test_steps_chosen_by_their_error_join(interval: float | None) -> None:
+    times = timing(0.3, 1e-4)
+    slaves, network = watches()
+    rows = recorded(ErrorControl(begun(network, Jacobi("fmu"), times), times, 1e-5, interval))
+    if interval is not None:
+        assert rows[:, 0].tolist() == [float(exact(0.0, interval, k)) for k in range(len(rows))]
+    assert rows[-1, 0] == 0.3
+    for slave in slaves:
+        times_added = slave.added_up(0.0)
+        assert [time for time, _ in slave.told] == times_added[:-1]
+        assert set(rows[:, 0]) <= set(times_added[::2])

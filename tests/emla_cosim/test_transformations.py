@@ -1,0 +1,312 @@
+"""Factors and offsets of links do what the same factors and offsets within the slaves would do."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emla_cosim.master.algorithms.algorithm import Algorithm
+from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
+from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.network import Link, Network
+from emla_cosim.master.simulation import ALGORITHMS
+from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
+from emla_cosim.master.stepping.error_control import ErrorControl
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.system.model import System
+from faulty_systems import faulty, open_system, wired
+from linear import LinearSlave, connected
+from simulated import Table, begun, recorded
+from slaves import FakeSlave, compilable
+
+RAD_S_PER_RPM, KELVIN = 2.0 * pi / 60.0, 273.15
+WAYS = ["jacobi", "jacobi, compiled", "gauss-seidel", "gauss-seidel, compiled", "strong"]
+CONTROLLED = [f"{name}, controlled" for name in ALGORITHMS]
+all_ways = pytest.mark.parametrize("way", WAYS + CONTROLLED)
+all_extrapolations = pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
+
+Transformation = tuple[float, float]
+"""Factor and offset."""
+
+
+def run(network: Network, way: str, extrapolation: str) -> np.ndarray:
+    """All rows of a run over 1 s."""
+    name, _, how = way.partition(", ")
+    times, algorithm = timing(1.0, 0.02), ALGORITHMS[name](extrapolation)
+    begun(network, algorithm, times)
+    if how == "controlled":
+        return recorded(ErrorControl(algorithm, times, 1e-2, 0.1))
+    stepping = FixedSteps(algorithm, times, how == "compiled")
+    assert stepping.compiled == (how == "compiled")
+    return recorded(stepping)
+
+
+# ---- slaves that integrate without error -------------------------------------------------------
+
+
+class Speaking(LinearSlave):
+    """Understands its inputs as factor * input + offset by itself, and gives its outputs times `gains`."""
+
+    def __init__(self, *matrices: Any, wants: Sequence[Transformation] = (), gains: Any = 1.0) -> None:
+        super().__init__(*matrices)
+        self.factors, self.offsets = np.array(wants, dtype=float).reshape(-1, 2).T
+        self.gains = gains * np.ones(len(self.outputs))
+        self.nominals = np.abs(self.gains)
+        self.inputs -= self.offsets
+        self.inputs /= np.where(self.factors == 0.0, np.inf, self.factors)
+
+    def set_inputs(self) -> None:
+        super().set_inputs()
+        self.held[:] = self.factors * self.inputs + self.offsets
+
+    def set_input_derivatives(self, derivatives: np.ndarray) -> None:
+        self.slopes[:] = self.factors * derivatives
+
+    def get_outputs(self) -> None:
+        super().get_outputs()
+        self.outputs *= self.gains
+
+
+WIRES = [(1, 0, 2, 0), (1, 1, 2, 1), (2, 1, 1, 0), (0, 0, 1, 1)]
+NO_TRANSFORMATIONS = [(1.0, 0.0)] * 4
+
+
+def network(
+    on_links: Sequence[Transformation],
+    in_slaves: Sequence[Transformation] = NO_TRANSFORMATIONS,
+    gains: Sequence[Any] = (1.0, 1.0, 1.0),
+) -> Network:
+    """A swinging source drives a mass, which drives another, whose force shows inputs at once.
+
+    Transformations are given in the order of `WIRES`.
+    """
+    swing, mass, other = [[0, 1.5], [-1.5, 0]], [[0, 1], [-4, -0.3]], [[0, 1], [-3, -0.4]]
+    B_a, B_b = [[0, 0], [1, 1]], [[0, 0], [2, 0.4]]
+    C_b, D_b = [[1, 0], [1, 0.2]], [[0, 0], [-1, -0.2]]
+    slaves = [
+        Speaking("source", swing, [], [1, 0], np.empty((1, 0)), [0, 1], gains=gains[0]),
+        Speaking("a", mass, B_a, np.eye(2), np.zeros((2, 2)), [1, 0], wants=in_slaves[2:], gains=gains[1]),
+        Speaking("b", other, B_b, C_b, D_b, [0, 0.5], wants=in_slaves[:2], gains=gains[2]),
+    ]
+    for slave in slaves:
+        compilable(slave)
+    links = zip(connected(slaves, WIRES).links, on_links, strict=True)
+    return Network(slaves, [replace(link, factor=factor, offset=offset) for link, (factor, offset) in links])
+
+
+@all_ways
+@all_extrapolations
+@pytest.mark.parametrize(
+    "transformations",
+    [
+        [(RAD_S_PER_RPM, 0.0), (1.0, KELVIN), (-0.5, -1e-3), (0.0, 0.25)],
+        [(1.0, 0.0), (1.0 / 3.0, 7.0), (1.0, 0.0), (1.0, 0.0)],
+    ],
+    ids=["all", "one"],
+)
+def test_on_a_link_or_in_its_target_is_the_same(
+    transformations: Sequence[Transformation], extrapolation: str, way: str
+) -> None:
+    found = run(network(transformations), way, extrapolation)
+    expected = run(network(NO_TRANSFORMATIONS, transformations), way, extrapolation)
+    assert found.shape == expected.shape and (found == expected).all()
+    assert np.ptp(found[:, 2]) > 0.1
+    without = run(network(NO_TRANSFORMATIONS), way, extrapolation)
+    assert found.shape != without.shape or np.abs(found - without).max() > 0.1
+
+
+@all_ways
+@all_extrapolations
+def test_units_of_powers_of_two_do_not_show(way: str, extrapolation: str) -> None:
+    """Sources speak in other units, the links translate: the same motion bit for bit, also in its steps."""
+    gains = [4.0, np.array([2.0**-20, 64.0]), np.array([1.0, 0.125])]
+    translated = [(1.0 / factor, 0.0) for factor in (2.0**-20, 64.0, 0.125, 4.0)]
+    rows = run(network(translated, gains=gains), way, extrapolation)
+    rows[:, 1:] /= np.concatenate([np.ones(n) * g for n, g in zip((1, 2, 2), gains, strict=True)])
+    expected = run(network(NO_TRANSFORMATIONS), way, extrapolation)
+    assert rows.shape == expected.shape and (rows == expected).all()
+
+
+@pytest.mark.parametrize("way", WAYS)
+@all_extrapolations
+def test_other_units_show_in_rounding_only(way: str, extrapolation: str) -> None:
+    gains = [1.0 / RAD_S_PER_RPM, np.array([1e3, 60.0]), 1e-3]
+    translated = [(1.0 / factor, 0.0) for factor in (1e3, 60.0, 1e-3, 1.0 / RAD_S_PER_RPM)]
+    rows = run(network(translated, gains=gains), way, extrapolation)
+    rows[:, 1:] /= np.concatenate([np.ones(n) * g for n, g in zip((1, 2, 2), gains, strict=True)])
+    # strong coupling agrees to 1e-8
+    tolerance = 1e-6 if way == "strong" else 1e-12
+    assert rows == pytest.approx(run(network(NO_TRANSFORMATIONS), way, extrapolation), abs=tolerance)
+
+
+# ---- heat, in kelvin and in degrees Celsius ----------------------------------------------------
+
+
+def rooms(celsius: bool) -> Network:
+    """Two rooms with a wall between them; the second tells its temperature in Celsius or in kelvin."""
+    shift = KELVIN if celsius else 0.0
+    first = FakeSlave("first", 1, [300.0], lambda u, x, t, h: x + h * (u - x))
+    second = FakeSlave("second", 1, [280.0], lambda u, x, t, h: x + 2.0 * h * (u - x), lambda u, x: x - shift)
+    first.inputs[:] = second.inputs[:] = 290.0
+    for slave in (first, second):
+        compilable(slave)
+    return Network([first, second], [Link(1, 0, 0, 0, False, offset=shift), Link(0, 0, 1, 0, False)])
+
+
+@pytest.mark.parametrize("way", WAYS)
+@all_extrapolations
+def test_an_offset_turns_celsius_into_kelvin(way: str, extrapolation: str) -> None:
+    rows = run(rooms(True), way, extrapolation)
+    rows[:, 2] += KELVIN
+    assert rows == pytest.approx(
+        run(rooms(False), way, extrapolation), abs=1e-4 if way == "strong" else 1e-10
+    )
+
+
+# ---- what is not transformed -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("other", [(1.0, 0.0), (2.0, 1.0)])
+def test_plain_links_pass_on_every_bit(other: Transformation, way: str) -> None:
+    """Also the sign of zero, and beside a link that is none."""
+    values = [-0.0, 0.0, 5e-324, -1.7976931348623157e308, 0.1]
+    source = FakeSlave("source", 0, values, lambda u, x, t, h: x)
+    reader = FakeSlave("reader", len(values) + 1, [0.0], lambda u, x, t, h: x)
+    links = [Link(0, i, 1, i, False) for i in range(len(values))]
+    links.append(Link(0, 4, 1, 5, False, True, *other))
+    run(Network([compilable(source), compilable(reader)], links), way, "none")
+    assert reader.held[:-1].tobytes() == np.array(values).tobytes()
+    assert reader.held[-1] == other[0] * 0.1 + other[1]
+
+
+# ---- initial values ----------------------------------------------------------------------------
+
+
+def gate(name: str, output: Any, start: float = 0.0) -> tuple[FakeSlave, list[float]]:
+    """A slave whose output is a function of its input, and the inputs that it saw."""
+    seen: list[float] = []
+    slave = FakeSlave(
+        name, 1, [0.0], lambda u, x, t, h: x, lambda u, x: [(seen.append(u[0]), output(u[0]))[1]]
+    )
+    slave.inputs[:] = start
+    del seen[:]
+    return slave, seen
+
+
+@pytest.mark.parametrize(("factor", "offset"), [(2.0, 0.0), (-0.25, 3.0), (1.0, 8.0)])
+def test_start_values_stand_in_for_what_would_be_transformed(factor: float, offset: float) -> None:
+    """The slave sees its own start value before its source has given a value."""
+    (a, seen), (b, _) = gate("a", lambda u: 5.0, start=7.0), gate("b", lambda u: 2.0 * u)
+    links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, False, factor, offset)]
+    begun(Network([a, b], links), Jacobi(), timing(1.0, 0.1))
+    assert list(dict.fromkeys(seen)) == [7.0, factor * 10.0 + offset]
+    assert (a.held[0], b.held[0]) == (factor * 10.0 + offset, 5.0)
+
+
+@pytest.mark.parametrize("start", [-0.0, 0.1, 5e-324])
+def test_start_values_of_plain_links_stand_in_with_every_bit(start: float) -> None:
+    (a, seen), (b, _) = gate("a", lambda u: 5.0, start=start), gate("b", lambda u: 2.0 * u)
+    links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, initial=False)]
+    begun(Network([a, b], links), Jacobi(), timing(1.0, 0.1))
+    assert list(dict.fromkeys(map(repr, seen))) == [repr(np.float64(start)), repr(np.float64(10.0))]
+
+
+def test_an_input_that_does_not_depend_on_its_source_needs_no_start_value() -> None:
+    """A factor of 0 has no inverse."""
+    (a, seen), (b, _) = gate("a", lambda u: 5.0, start=7.0), gate("b", lambda u: 2.0 * u)
+    links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, False, 0.0, 3.0)]
+    with np.errstate(all="raise"):
+        network = begun(Network([a, b], links), Jacobi(), timing(1.0, 0.1)).network
+    assert set(seen) == {3.0}
+    assert network.signals.tolist() == [5.0, 10.0]
+
+
+@pytest.mark.parametrize(("factor", "offset"), [(0.5, 1.0), (-3.0, 2.0), (50.0, 0.0), (0.0, 4.0)])
+def test_loops_of_initial_values_are_solved_with_their_transformations(factor: float, offset: float) -> None:
+    """y = u + 1 with u = factor * y + offset."""
+    (a, _), (b, _) = gate("a", lambda u: u + 1.0), gate("b", lambda u: u)
+    links = [Link(1, 0, 0, 0, True, True, factor, offset), Link(0, 0, 1, 0, True)]
+    network = begun(Network([a, b], links), Jacobi(), timing(1.0, 0.1)).network
+    assert network.signals == pytest.approx([(offset + 1.0) / (1.0 - factor)] * 2, rel=1e-10)
+    assert a.held[0] == pytest.approx(factor * network.signals[1] + offset, rel=1e-10)
+
+
+@pytest.mark.parametrize(("factor", "offset"), [(0.5, 1.0), (-3.0, 2.0), (50.0, -7.0)])
+def test_loops_of_steps_are_solved_with_their_transformations(factor: float, offset: float) -> None:
+    """The same at every step: neither repetition nor a late value would do."""
+    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: x + h, lambda u, x: u + 1.0 + x)
+    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: x, lambda u, x: u)
+    links = [Link(1, 0, 0, 0, True, True, factor, offset), Link(0, 0, 1, 0, True)]
+    rows = run(Network([a, b], links), "strong", "none")
+    assert rows[:, 1] == pytest.approx((offset + 1.0 + rows[:, 0]) / (1.0 - factor), rel=1e-6)
+
+
+# ---- FMUs --------------------------------------------------------------------------------------
+
+
+def chain(fmu: Path, scales: Sequence[float] = (1.0, 1.0)) -> System:
+    """x' = a u, y = x + b u: a source and two that follow, to whom inputs weigh so many times as much."""
+    source = faulty("j.s", fmu, a=1.0, b=0.5, u=1.0)
+    followers = [
+        faulty(f"j.{name}", fmu, a=-0.75 * scale, b=0.25 * scale)
+        for name, scale in zip("ab", scales, strict=True)
+    ]
+    return wired([source, *followers], "j.s.y -> j.a.u", "j.a.y -> j.b.u")
+
+
+@all_extrapolations
+@all_ways
+def test_a_factor_may_as_well_be_in_the_parameters_of_an_fmu(
+    way: str, extrapolation: str, faulty_fmu: Path
+) -> None:
+    with open_system(chain(faulty_fmu, (4.0, -4.0)), [(1.0, 0.0)] * 2) as assembly:
+        expected = run(assembly.network, way, extrapolation)
+    with open_system(chain(faulty_fmu), [(4.0, 0.0), (-4.0, 0.0)]) as assembly:
+        found = run(assembly.network, way, extrapolation)
+    assert np.ptp(expected[:, 5]) > 0.1
+    assert found.tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("way", ["gauss-seidel", "gauss-seidel, compiled", "strong"])
+@pytest.mark.parametrize(("factor", "offset"), [(RAD_S_PER_RPM, 0.0), (1.0, KELVIN), (0.0, 2.0), (-3.0, 0.1)])
+def test_an_fmu_that_shows_its_input_shows_factor_and_offset(
+    factor: float, offset: float, way: str, faulty_fmu: Path
+) -> None:
+    source, mirror = faulty("j.s", faulty_fmu, u=1.0), faulty("j.m", faulty_fmu, a=0.0, b=1.0)
+    with open_system(wired([source, mirror], "j.s.y -> j.m.u"), [(factor, offset)]) as assembly:
+        rows = run(assembly.network, way, "none")
+    assert rows[-1, 1] == pytest.approx(1.0)
+    assert rows[:, 3].tolist() == (factor * rows[:, 1] + offset).tolist()
+
+
+@pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
+@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel, Strong])
+def test_a_run_with_transformations_can_be_continued(
+    kind: type[Algorithm], extrapolation: str, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    times = timing(1.0, 0.02)
+    components = [faulty("j.a", faulty_fmu, a=1.0, b=0.1), faulty("j.b", faulty_fmu, a=-1.0, b=0.2)]
+    system = wired(components, "j.b.y -> j.a.u", "j.a.y -> j.b.u")
+    transformations = [(-2.0, 0.3), (RAD_S_PER_RPM, 5.0)]
+    with open_system(system, transformations) as assembly:
+        whole = recorded(FixedSteps(begun(assembly.network, kind(extrapolation), times), times))
+    with open_system(system, transformations) as assembly:
+        stepping = FixedSteps(begun(assembly.network, kind(extrapolation), times), times)
+        for _ in range(23):
+            stepping.advance(Table(5), 1)
+        save_checkpoint(tmp_path / "c", stepping, {})
+        stepping.algorithm.close()
+    with open_system(system, transformations) as assembly:
+        stepping = FixedSteps(begun(assembly.network, kind(extrapolation), times), times)
+        load_checkpoint(tmp_path / "c").restore(stepping)
+        rest = recorded(stepping)
+    assert np.ptp(whole[:, 1]) > 0.1
+    assert rest.tobytes() == whole[23:].tobytes()
