@@ -17,8 +17,8 @@ from libcosimpy.CosimObserver import CosimObserver
 from libcosimpy.CosimSlave import CosimLocalSlave
 
 from emla_cosim.run import Progress, run
-from emla_cosim.settings import Settings
 from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.settings import Settings
 from interop.joint_run import STEP, Array, Case, differences, our_run
 
 
