@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from emla_cosim.master.assembly import Assembly, assembled
-from emla_cosim.master.network import Network
 from emla_cosim.run import Progress, RunResult, run
 from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.settings import Settings
 from emla_cosim.system.model import Component, Connection, System
+from emla_cosim.units import LinearTransformation
 from faulty_fmu import Counts, Fault
 
 
@@ -64,14 +64,13 @@ def open_system(system: System, transformations: Sequence[tuple[float, float]] =
 
     `transformations` gives factor and offset of every connection, unless all are 1 and 0.
     """
+    if transformations:
+        transformed = (
+            replace(x, transformation=LinearTransformation(*t))
+            for x, t in zip(system.connections, transformations, strict=True)
+        )
+        system = replace(system, connections=tuple(transformed))
     with assembled(system, {c.name: c.fmu for c in system.components if c.fmu}) as assembly:
-        if transformations:
-            links = [
-                replace(link, factor=factor, offset=offset)
-                for link, (factor, offset) in zip(assembly.network.links, transformations, strict=True)
-            ]
-            network = Network(assembly.network.slaves, links, assembly.network.names)
-            assembly = replace(assembly, network=network)
         yield assembly
 
 

@@ -43,9 +43,10 @@ def prepared(system: System, settings: Settings, listener: Listener) -> tuple[Sy
     if settings.parameter_sets:
         system = _with_parameter_sets(system, settings.parameter_sets, fmus)
     system = system.with_parameters(settings.values)
+    interfaces = {name: read_interface(fmus[name]) for name in fmus} if settings.replacements else {}
     for name, replacement in settings.replacements.items():
-        system = _replaced(system, name, replacement, fmus, listener)
-        fmus[name] = replacement.fmu
+        system = _replaced(system, name, replacement, interfaces, listener)
+        fmus[name], interfaces[name] = replacement.fmu, read_interface(replacement.fmu)
     return system, fmus
 
 
@@ -86,9 +87,13 @@ def _with_parameter_sets(system: System, files: Sequence[Path], fmus: Mapping[st
 
 
 def _replaced(
-    system: System, name: str, replacement: Replacement, fmus: Mapping[str, Path], listener: Listener
+    system: System,
+    name: str,
+    replacement: Replacement,
+    interfaces: Mapping[str, Interface],
+    listener: Listener,
 ) -> System:
-    changed, fit = fitted(system, name, replacement, read_interface(fmus[name]))
+    changed, fit = fitted(system, name, replacement, interfaces)
     listener.replaced(fit)
     if fit.problems:
         first = fit.problems[0]

@@ -10,7 +10,8 @@ from .errors import CommandError
 from .fmu.interface import Interface, read_interface
 from .ssp.parameters import parse_mapping
 from .ssp.structure import MappingEntry, TableTransformation
-from .system.model import Alias, Component, System
+from .system.model import Alias, Component, Connection, System
+from .system.resolution import transformed
 from .units import IDENTITY, LinearTransformation, Unit, conversion
 
 
@@ -54,21 +55,44 @@ class Fit:
         return [m for m in self.matches if m.fatal]
 
 
-def fitted(system: System, name: str, replacement: Replacement, original: Interface) -> tuple[System, Fit]:
+def fitted(
+    system: System, name: str, replacement: Replacement, interfaces: Mapping[str, Interface]
+) -> tuple[System, Fit]:
     """The system with one component replaced, and how it fits.
 
-    `original` is the interface of the FMU that was there. Names and units of the system stay: those
-    of the other FMU are converted. Raises CommandError for files that cannot be read and for
-    mappings that name what neither FMU has.
+    `interfaces` are those of the FMUs that were there, by component. Start values and results keep
+    their names and units, connections get those of the other FMU. Raises CommandError for files that
+    cannot be read and for mappings that name what neither FMU has.
     """
-    component = system.component(name)
+    component, original = system.component(name), interfaces[name]
     other = read_interface(replacement.fmu)
     entries = _entries(replacement, original, other)
     matching = _Matching(system, component, original, other, entries)
+    fit = Fit(name, replacement.fmu, matching.matches, matching.same)
+    if fit.problems:
+        return system, fit
     kept = {n: v for n, v in component.parameters.items() if n not in matching.left_out}
     changed = replace(component, model="", fmu=replacement.fmu, parameters=kept, aliases=matching.aliases)
-    fit = Fit(name, replacement.fmu, matching.matches, matching.same)
-    return system.with_component(changed), fit
+    connections = tuple(_reconnected(x, changed, interfaces) for x in system.connections)
+    return replace(system.with_component(changed), connections=connections), fit
+
+
+def _reconnected(
+    connection: Connection, component: Component, interfaces: Mapping[str, Interface]
+) -> Connection:
+    """A connection in the terms of the FMU that a component has now."""
+    leaving = component.aliases.get(connection.output) if connection.source == component.name else None
+    arriving = component.aliases.get(connection.input) if connection.target == component.name else None
+    if leaving is None and arriving is None:
+        return connection
+    between = transformed(connection, interfaces)
+    if leaving is not None:
+        between = between.after(leaving.transformation.inverse())
+        connection = replace(connection, output=leaving.variable)
+    if arriving is not None:
+        between = arriving.transformation.after(between)
+        connection = replace(connection, input=arriving.variable)
+    return replace(connection, transformation=between)
 
 
 def _entries(replacement: Replacement, original: Interface, other: Interface) -> dict[str, MappingEntry]:
@@ -177,7 +201,7 @@ class _Matching:
         ours, theirs = self._original.unit(name), self._other.unit(variable.name)
         try:
             transformation = self._transformation(name, ours, theirs)
-            if transformation.factor == 0.0 and kind == "output":
+            if transformation.factor == 0.0 and variable.causality == "output":
                 raise ValueError("a factor of 0, which has no way back")
         except ValueError as error:
             self._say(kind, name, variable.name, f"has {error}", fatal=True)

@@ -74,7 +74,7 @@ def _signals(
     """Names of all signals as the system has them, and what makes the system's values of the FMUs'."""
     names, shown = [], {}
     for component in system.components:
-        known = {alias.variable: (name, alias) for name, alias in component.aliases.items()}
+        known = {a.variable: (n, a) for n, a in component.aliases.items() if a.transformation.factor != 0.0}
         for output in outputs[component.name]:
             name, alias = known.get(output, (output, Alias(output)))
             if alias.transformation != IDENTITY:

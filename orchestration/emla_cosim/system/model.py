@@ -12,9 +12,9 @@ Value = float | int | bool | str
 
 @dataclass(frozen=True)
 class Alias:
-    """A variable that the FMU has under another name, or in another unit, than the system.
+    """What the FMU calls a variable that start values and results have another name or unit for.
 
-    `transformation` makes the FMU's value of the system's, `unit` is the system's.
+    `transformation` makes the FMU's value of the one here, `unit` is the one here.
     """
 
     variable: str
@@ -28,7 +28,7 @@ class Component:
 
     `name` is a path with dots, such as joint.component. `model` is the name of one of our FMUs,
     or `fmu` a file. `parameters` maps variable names to values; enumerations by number or by the
-    literal's name. `aliases` has the variables that the FMU knows under another name or unit.
+    literal's name. `aliases` has those variables that the FMU knows by another name or unit.
     """
 
     name: str
@@ -38,13 +38,13 @@ class Component:
     aliases: Mapping[str, Alias] = field(default_factory=dict)
 
     def alias(self, name: str) -> Alias:
-        """What the FMU knows a variable of the system by."""
+        """What the FMU calls a variable that has a start value here."""
         return self.aliases.get(name) or Alias(name)
 
 
 @dataclass(frozen=True)
 class Connection:
-    """An output of one component that drives an input of another.
+    """An output of one component that drives an input of another, by the names of their FMUs.
 
     Without a `transformation`, values are converted from the output's unit to the input's; with
     one, it makes the input of the output whatever their units.
@@ -55,6 +55,11 @@ class Connection:
     target: str
     input: str
     transformation: LinearTransformation | None = None
+
+    @property
+    def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
+        """Component and variable of both ends."""
+        return (self.source, self.output), (self.target, self.input)
 
     def __str__(self) -> str:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"

@@ -1,25 +1,34 @@
 """A system in the terms of its FMUs: their names, their units, nothing left to convert."""
 
 import contextlib
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
 from ..errors import CommandError
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
-from ..units import IDENTITY, LinearTransformation, Unit, conversion
+from ..units import IDENTITY, LinearTransformation, conversion
 from .model import Component, Connection, System, Value
 
 
 def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
-    """The system with the FMUs' own names and values, and a transformation for every connection.
+    """The system with the FMUs' own start values, and a transformation for every connection.
 
     `interfaces` has that of every component. Raises CommandError for whatever does not fit.
     """
-    return System(
-        tuple(replace(c, parameters=_parameters(c), aliases={}) for c in system.components),
-        tuple(_connections(system, interfaces)),
+    components = tuple(replace(c, parameters=_parameters(c), aliases={}) for c in system.components)
+    given = {c.name: c.parameters for c in components}
+    driven: dict[tuple[str, str], Connection] = {}
+    for x in system.connections:
+        if driven.setdefault((x.target, x.input), x) is not x:
+            raise CommandError(f"{x.target}.{x.input} is driven by two outputs.")
+        if x.input in given.get(x.target, ()):
+            raise CommandError(f"{x.target}.{x.input} cannot be set: it is driven by {x.source}.{x.output}.")
+    connections = (
+        replace(x, transformation=_transformation(x, system, interfaces)) for x in system.connections
     )
+    return System(components, tuple(connections))
 
 
 def _parameters(component: Component) -> dict[str, Value]:
@@ -33,56 +42,41 @@ def _parameters(component: Component) -> dict[str, Value]:
     return values
 
 
-def _connections(system: System, interfaces: Mapping[str, Interface]) -> list[Connection]:
-    driven: dict[tuple[str, str], Connection] = {}
-    connections = []
-    for x in system.connections:
-        source = _End(system.component(x.source), interfaces[x.source], x.output, "output")
-        target = _End(system.component(x.target), interfaces[x.target], x.input, "input")
-        if source.type != target.type and (source.type, target.type) != ("Integer", "Real"):
-            raise CommandError(f"the connection {x} joins the types {source.type} and {target.type}.")
-        transformation = _between(x, source, target)
-        if transformation != IDENTITY and target.type != "Real":
-            raise CommandError(f"the connection {x} transforms values of the type {target.type}.")
-        if driven.setdefault((x.target, target.variable), x) is not x:
-            raise CommandError(f"{x.target}.{x.input} is driven by two outputs.")
-        if x.input in target.component.parameters:
-            raise CommandError(f"{x.target}.{x.input} cannot be set: it is driven by {x.source}.{x.output}.")
-        connections.append(Connection(x.source, source.variable, x.target, target.variable, transformation))
-    return connections
+def _transformation(
+    connection: Connection, system: System, interfaces: Mapping[str, Interface]
+) -> LinearTransformation:
+    """What makes the input of the output."""
+    source = _type(system.component(connection.source), interfaces, connection.output, "output")
+    target = _type(system.component(connection.target), interfaces, connection.input, "input")
+    if source != target and (source, target) != ("Integer", "Real"):
+        raise CommandError(f"the connection {connection} joins the types {source} and {target}.")
+    transformation = transformed(connection, interfaces)
+    if transformation != IDENTITY and target != "Real":
+        raise CommandError(f"the connection {connection} transforms values of the type {target}.")
+    if not (math.isfinite(transformation.factor) and math.isfinite(transformation.offset)):
+        raise CommandError(f"the connection {connection} has the transformation {transformation}.")
+    return transformation
 
 
-class _End:
-    """One end of a connection, in the system's terms and in the FMU's."""
-
-    def __init__(self, component: Component, interface: Interface, name: str, causality: str) -> None:
-        self.component, self._interface, self._name = component, interface, name
-        self.alias = component.alias(name)
-        self.variable = self.alias.variable
-        variable = find_variable(component.name, interface.variables, self.variable)
-        if variable.causality != causality:
-            raise CommandError(
-                f"{component.name}.{name} must be an {causality} to be connected, but its causality is "
-                f"{variable.causality}."
-            )
-        if variable.type == "String":
-            raise CommandError(f"{component.name}.{name} is a String, which cannot be connected.")
-        self.type = str(variable.type)
-
-    @property
-    def unit(self) -> Unit | None:
-        """The unit that the system sees."""
-        known = self._name in self.component.aliases
-        return self.alias.unit if known else self._interface.unit(self.variable)
+def transformed(connection: Connection, interfaces: Mapping[str, Interface]) -> LinearTransformation:
+    """The transformation that a connection has, or the conversion of its units; CommandError without one."""
+    if connection.transformation is not None:
+        return connection.transformation
+    source, target = (interfaces[component].unit(name) for component, name in connection.ends)
+    try:
+        return conversion(source, target)
+    except ValueError as error:
+        raise CommandError(f"the connection {connection} joins {error}.") from error
 
 
-def _between(connection: Connection, source: _End, target: _End) -> LinearTransformation:
-    """What makes the FMU's input of the FMU's output."""
-    transformation = connection.transformation
-    if transformation is None:
-        try:
-            transformation = conversion(source.unit, target.unit)
-        except ValueError as error:
-            raise CommandError(f"the connection {connection} joins {error}.") from error
-    seen = source.alias.transformation.inverse()
-    return target.alias.transformation.after(transformation.after(seen))
+def _type(component: Component, interfaces: Mapping[str, Interface], name: str, causality: str) -> str:
+    """The type of a variable that is connected, and may be."""
+    variable = find_variable(component.name, interfaces[component.name].variables, name)
+    if variable.causality != causality:
+        raise CommandError(
+            f"{component.name}.{name} must be an {causality} to be connected, but its causality is "
+            f"{variable.causality}."
+        )
+    if variable.type == "String":
+        raise CommandError(f"{component.name}.{name} is a String, which cannot be connected.")
+    return str(variable.type)
