@@ -35,14 +35,16 @@ def test_the_block_of_the_readme_becomes_an_fmu(tmp_path: Path) -> None:
 def test_the_commands_of_the_readme_exist(
     fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each `emla run` line that needs no file of the reader's, cut short."""
+    """Each `emla run` and `emla export` line that needs no file of the reader's, cut short."""
     monkeypatch.chdir(tmp_path)
-    lines = [re.split(r"\s{3,}", line)[0] for line in README.splitlines() if line.startswith("emla run")]
-    runnable = [line for line in lines if "Other.fmu" not in line and "python" not in line]
-    assert len(runnable) >= 2
+    shown = [line for line in README.splitlines() if re.match("emla (run|export) ", line)]
+    lines = [re.split(r"\s{3,}", line)[0] for line in shown]
+    runnable = [x for x in lines if "Other.fmu" not in x and "python" not in x and "my.toml" not in x]
+    assert len(runnable) >= 6
     for line in runnable:
         arguments = re.sub(r"--stop-time \S+", "", line).split()[1:]
-        short = ["--stop-time", "0.002", "--no-plots", "--fmus", str(fmu_folder)]
+        short = ["--stop-time", "0.002", "--fmus", str(fmu_folder)]
+        short += ["--no-plots"] if arguments[0] == "run" else []
         result = CliRunner().invoke(app, [*arguments, *short])
         assert result.exit_code == 0, f"{line}: {result.output}"
 

@@ -127,6 +127,8 @@ _Mapping = Annotated[
 _Flavour = Annotated[str | None, _system(_FLAVOUR)]
 _Controller = Annotated[str | None, _system(f"Gains of controller and observer: {' or '.join(CONTROLLERS)}.")]
 _Fmus = Annotated[Path, _system("Folder of our FMUs; missing ones are built.")]
+_StopTime = Annotated[float | None, _stepping("End of the run in s.")]
+_StepSize = Annotated[float | None, _stepping("Communication step in s.")]
 _SOURCE = "Name of a scenario (`emla list` shows them), scenario file (.toml), or SSP (.ssp, .ssd, folder)."
 
 
@@ -141,8 +143,8 @@ def run_command(
     flavour: _Flavour = None,
     controller: _Controller = None,
     fmus: _Fmus = FMU_FOLDER,
-    stop_time: Annotated[float | None, _stepping("End of the run in s.")] = None,
-    step_size: Annotated[float | None, _stepping("Communication step in s.")] = None,
+    stop_time: _StopTime = None,
+    step_size: _StepSize = None,
     error_tolerance: Annotated[
         float | None, _stepping("Choose steps by their error, relative to each signal's size.")
     ] = None,
@@ -229,9 +231,15 @@ def export_command(
         ),
     ] = None,
     fmus: _Fmus = FMU_FOLDER,
+    stop_time: _StopTime = None,
+    step_size: _StepSize = None,
 ) -> None:
     """Write a scenario as an SSP package, which other tools run."""
-    given = _system_settings(set_, parameters, replace, mapping, flavour, fmus) | {"platforms": platform}
+    given = _system_settings(set_, parameters, replace, mapping, flavour, fmus) | {
+        "platforms": platform,
+        "stop_time": stop_time,
+        "step_size": step_size,
+    }
     with opened_scenario(scenario, controller) as chosen, BarProgress() as progress:
         settings = Settings.merged(chosen.settings, _only_given(given))
         check_choice("flavour", settings.flavour, FLAVOURS)

@@ -96,8 +96,9 @@ def _replaced(
     changed, fit = fitted(system, name, replacement, interfaces)
     listener.replaced(fit)
     if fit.problems:
-        first = fit.problems[0]
+        first, *others = fit.problems
+        more = f", and {len(others)} more do not fit" if others else ""
         raise CommandError(
-            f"'{replacement.fmu}' does not fit in the place of {name}: {first}; a mapping may help."
+            f"'{replacement.fmu}' does not fit in the place of {name}: {first}{more}; a mapping may help."
         )
     return changed

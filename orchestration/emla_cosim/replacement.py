@@ -37,7 +37,8 @@ class Match:
     fatal: bool = False
 
     def __str__(self) -> str:
-        return " ".join(filter(None, ("the", self.kind, self.ours, self.theirs, self.verdict)))
+        names = " as ".join(filter(None, (self.ours, self.theirs)))
+        return f"the {self.kind} {names} {self.verdict}"
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,7 @@ class _Matching:
         entries: Mapping[str, MappingEntry],
     ) -> None:
         self._original, self._other, self._entries = original, other, entries
+        self._taken = {entry.target for entry in entries.values()}
         self.aliases: dict[str, Alias] = {}
         self.matches: list[Match] = []
         self.left_out: set[str] = set()
@@ -153,8 +155,11 @@ class _Matching:
         return len(self._same)
 
     def _target(self, name: str) -> str:
+        """What the other FMU calls a variable; empty where another variable has got that name."""
         entry = self._entries.get(name)
-        return entry.target if entry is not None else name
+        if entry is not None:
+            return entry.target
+        return "" if name in self._taken else name
 
     def _needed(self, kind: str, name: str) -> None:
         """A variable that is connected."""

@@ -8,44 +8,22 @@ import subprocess
 import sys
 import time
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
 
+from commands import Emla, sentence
 from emla_cosim.cli import app
 from emla_cosim.models import PLATFORMS
 from emla_cosim.results.plots import FIGURES
 from emla_cosim.scenarios.reading import scenario_names
 
-Emla = Callable[..., Result]
 PICTURES = {f"{name}.png" for name in FIGURES}
 ORDER = "lift.plant,lift.observer,lift.controller,lift.reference,lift.disturbance"
-
-
-@pytest.fixture
-def emla(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Emla:
-    """Run `emla` in an empty folder; `run` finds the FMUs that the session has built."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: str) -> Result:
-        more = ["--fmus", str(fmu_folder)] if arguments[0] == "run" and "--fmus" not in arguments else []
-        return CliRunner().invoke(app, [*arguments, *more])
-
-    return call
-
-
-def sentence(result: Result, exit_code: int) -> str:
-    """The one sentence of a command that failed with this exit code, and no traceback."""
-    assert result.exit_code == exit_code, result.output
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    lines = [line for line in result.stderr.splitlines() if line.startswith("Error:")]
-    assert len(lines) == 1, result.stderr
-    return lines[0]
 
 
 def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path) -> None:

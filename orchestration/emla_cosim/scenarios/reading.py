@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -96,8 +97,9 @@ def _from_file(path: Path, controller: str | None) -> Iterator[Scenario]:
         raise CommandError(f"the scenario '{path}' is not a text in UTF-8.") from error
     read = parse_scenario(text, str(path), path.parent)
     if read.system in SYSTEMS:
-        chosen = controller or read.controller or _DEFAULT_CONTROLLER
-        yield _scenario(path.stem, read, built_in_system(read.system, chosen), None)
+        usual = _built_in(read.system)
+        chosen = controller or read.controller or usual.controller or _DEFAULT_CONTROLLER
+        yield _scenario(path.stem, _with_times(read, usual), built_in_system(read.system, chosen), None)
         return
     file = path.parent / read.system
     if not _is_ssp(file):
@@ -108,6 +110,15 @@ def _from_file(path: Path, controller: str | None) -> Iterator[Scenario]:
     _refuse_controller(str(path), controller or read.controller)
     with read_ssp(file) as document:
         yield _scenario(path.stem, read, document.system, document)
+
+
+def _with_times(read: ScenarioFile, usual: ScenarioFile) -> ScenarioFile:
+    """What a file says, and the times of another one where it says nothing."""
+    return replace(
+        read,
+        stop_time=_first(read.stop_time, usual.stop_time),
+        step_size=_first(read.step_size, usual.step_size),
+    )
 
 
 def _scenario(name: str, read: ScenarioFile, system: System, document: Document | None) -> Scenario:

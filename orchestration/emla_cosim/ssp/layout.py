@@ -10,7 +10,7 @@ Corners = tuple[float, float, float, float]
 _FLOW = ("reference", "disturbance", "controller", "plant", "observer")
 """Components of a joint in the order of its signal flow."""
 
-_WIDTH, _GAP_Y, _PITCH, _MARGIN = 40.0, 10.0, 5.0, 20.0
+_WIDTH, _GAP_Y, _PITCH, _MARGIN = 40.0, 12.5, 5.0, 20.0
 """Lengths in mm: of a box, between boxes, from line to line, around everything."""
 
 

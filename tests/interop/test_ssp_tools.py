@@ -1,0 +1,237 @@
+"""The package that `emla export study` writes runs in libcosim and in Ecos, unchanged, as in `emla run`."""
+
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ecospy import EcosLib, EcosSimulation
+from libcosimpy.CosimEnums import CosimVariableType
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+from libcosimpy.CosimObserver import CosimObserver
+from lxml import etree
+from typer.testing import CliRunner
+
+from emla_cosim.cli import app
+from emla_cosim.fmu.interface import read_interface
+from emla_cosim.models import fmu_path
+from emla_cosim.results.csv_file import read_results
+from emla_cosim.scenarios.reading import load_scenario
+from interop.joint_run import Array
+
+TOLERANCE = 1e-12
+"""Per largest value of a signal; rounding of a single number is 1e-16."""
+
+STEP, STEPS = 1e-4, 2000
+"""The file's own step size, and 0.2 s of it."""
+
+DYADIC_STEP, DYADIC_STEPS = 2.0**-13, 1639
+"""A step that Ecos, which adds times up, adds without rounding; and 0.2 s of it."""
+
+SYSTEM = load_scenario("study").system
+Signal = tuple[str, str]
+"""Component and output."""
+
+SIGNALS: list[Signal] = list(dict.fromkeys((x.source, x.output) for x in SYSTEM.connections))
+"""Every connected signal."""
+
+STATES: dict[Signal, float] = {
+    (c.name, name): float(c.parameters[name])
+    for c in SYSTEM.components
+    for name in ("x_L", "x_hat", "eta_hat")
+    if name in c.parameters
+}
+"""Start values of outputs: libcosim 0.11.2 does not take them from a package, but it does from its user."""
+
+NAMESPACES = {
+    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
+    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+}
+
+
+def element(component: str) -> str:
+    """What a component is called in the package."""
+    return component.replace(".", "_")
+
+
+@pytest.fixture(scope="module")
+def package(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The study as a package, by the command that users have."""
+    path = tmp_path_factory.mktemp("package") / "study.ssp"
+    result = CliRunner().invoke(app, ["export", "study", str(path), "--fmus", str(fmu_folder)])
+    assert result.exit_code == 0, result.output
+    return path
+
+
+# ---- runs: a column per signal, a row per communication point, the initial one included --------------
+
+
+def our_run(package: Path, folder: Path, step: float, count: int) -> Array:
+    options = {
+        "--algorithm": "jacobi",
+        "--step-size": repr(step),
+        "--stop-time": repr(step * count),
+        "--output-interval": repr(step),
+        "--output": str(folder),
+    }
+    result = CliRunner().invoke(
+        app, ["run", str(package), "--no-plots", *(x for pair in options.items() for x in pair)]
+    )
+    assert result.exit_code == 0, result.output
+    names = [f"{component}.{output}" for component, output in SIGNALS]
+    return np.array(list(read_results(folder / "results.csv", names).values())).T
+
+
+def libcosim_run(package: Path, count: int, start_values: Mapping[Signal, float]) -> Array:
+    execution, observer = CosimExecution.from_ssp_file(str(package)), CosimObserver.create_time_series()
+    assert execution.add_observer(observer)
+    for signal, value in start_values.items():
+        assert execution.real_initial_value(*_place(execution, *signal), value)
+    places = [_place(execution, *signal) for signal in SIGNALS]
+    for place in places:
+        assert observer.start_time_series(*place, CosimVariableType.REAL)
+    # one step more, because libcosimpy drops the last sample
+    assert execution.step(count + 1)
+    columns = []
+    for place in places:
+        times, _, values = observer.time_series_real_samples(*place, 0, count + 2)
+        assert times == [round(k * STEP * 1e9) for k in range(count + 1)]  # the step size of the file
+        columns.append(values)
+    return np.array(columns).T
+
+
+def _place(execution: CosimExecution, component: str, output: str) -> tuple[int, int]:
+    index = execution.slave_index_from_instance_name(element(component))
+    references = {v.name.decode(): v.reference for v in execution.slave_variables(index)}
+    return index, references[output]
+
+
+def ecos_run(package: Path, step: float, count: int) -> Array:
+    with EcosSimulation(step, ssp_path=str(package)) as simulation:
+        assert simulation.init(parameter_set="initialValues")
+        rows = []
+        for k in range(count + 1):
+            if k > 0:
+                simulation.step()
+            rows.append([simulation.get_real(f"{element(c)}::{output}") for c, output in SIGNALS])
+        simulation.terminate()
+    return np.array(rows)
+
+
+def too_far(found: Array, expected: Array) -> dict[str, float]:
+    """Signals that differ by more than the tolerance, and by how much."""
+    assert found.shape == expected.shape
+    largest = np.abs(expected).max(axis=0)
+    assert np.isfinite(largest).all()
+    relative = np.abs(found - expected).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
+    names = [f"{component}.{output}" for component, output in SIGNALS]
+    return {name: float(r) for name, r in zip(names, relative, strict=True) if not r <= TOLERANCE}
+
+
+def test_libcosim_does_what_we_do(package: Path, tmp_path: Path) -> None:
+    log_output_level(CosimLogLevel.ERROR)
+    assert len(SIGNALS) == 48
+    found = libcosim_run(package, STEPS, STATES)
+    assert too_far(found, our_run(package, tmp_path, STEP, STEPS)) == {}
+
+
+def test_libcosim_leaves_outputs_at_their_defaults_unless_told(package: Path) -> None:
+    """The lift starts there anyway, so its package needs no help."""
+    log_output_level(CosimLogLevel.ERROR)
+    first = dict(zip(SIGNALS, libcosim_run(package, 1, {})[0], strict=True))
+    for joint in ("lift", "tilt", "telescope"):
+        assert first[f"{joint}.plant", "x_measured"] == pytest.approx(0.24, abs=1e-8)
+        at_default = STATES[f"{joint}.plant", "x_L"] == STATES[f"{joint}.observer", "x_hat"] == 0.24
+        assert at_default == (joint == "lift")
+
+
+def test_ecos_does_what_we_do(package: Path, tmp_path: Path) -> None:
+    EcosLib.set_log_level("err")
+    found = ecos_run(package, DYADIC_STEP, DYADIC_STEPS)
+    assert too_far(found, our_run(package, tmp_path, DYADIC_STEP, DYADIC_STEPS)) == {}
+
+
+def test_ecos_at_the_files_step_differs_by_its_sum_of_times(package: Path, tmp_path: Path) -> None:
+    """By the same amount as when the joint is built in code: see test_ecos.py and docs/tools.md."""
+    EcosLib.set_log_level("err")
+    far = too_far(ecos_run(package, STEP, STEPS), our_run(package, tmp_path, STEP, STEPS))
+    assert far and max(far.values()) < 1e-6
+
+
+# ---- what they complain of -------------------------------------------------------------------------
+
+
+def foreign_parameters(fmu_folder: Path) -> set[tuple[str, str]]:
+    """Values of a joint's file and the components of the joint that have no such variable."""
+    variables: Mapping[str, Sequence[str]] = {
+        c.name: list(read_interface(fmu_path(c.model, "native", fmu_folder)).variables)
+        for c in SYSTEM.components
+    }
+    return {
+        (element(reader.name), name)
+        for reader in SYSTEM.components
+        for owner in SYSTEM.components
+        if reader.name.split(".")[0] == owner.name.split(".")[0]
+        for name in owner.parameters
+        if name not in variables[reader.name]
+    }
+
+
+def test_libcosim_warns_of_what_it_leaves_out(
+    package: Path, fmu_folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Of parameters that are for others and of enumerations; and of start values of outputs, see above."""
+    log_output_level(CosimLogLevel.WARNING)
+    CosimExecution.from_ssp_file(str(package)).step(1)
+    log_output_level(CosimLogLevel.ERROR)
+    text = "".join(capfd.readouterr())
+    others = re.findall(r"No such variable: (\w+):(\S+)$", text, re.MULTILINE)
+    assert set(others) == foreign_parameters(fmu_folder)
+    states = re.findall(r"Non-input causality for variable \w+:(\S+)$", text, re.MULTILINE)
+    assert set(states) == {name for _, name in STATES}
+    ignored = re.findall(r"with name (\S+) will be ignored$", text, re.MULTILINE)
+    assert set(ignored) == {"torque_source", "d_2.reading"}
+    assert len(text.splitlines()) == len(others) + len(states) + len(ignored)
+
+
+def test_ecos_warns_of_parameters_of_others_only(
+    package: Path, fmu_folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    EcosLib.set_log_level("warn")
+    ecos_run(package, DYADIC_STEP, 1)
+    EcosLib.set_log_level("err")
+    lines = "".join(capfd.readouterr()).splitlines()
+    found = [re.search(r"No variable named '(.+)' of type .* for instance '(\w+)'", line) for line in lines]
+    assert {(m[2], m[1]) if m else line for line, m in zip(lines, found, strict=True)} == foreign_parameters(
+        fmu_folder
+    )
+
+
+# ---- what the package tells them -------------------------------------------------------------------
+
+
+def test_the_package_tells_each_tool_its_step_size(package: Path) -> None:
+    """In the places where OMSimulator, which was not run, and libcosim look for it."""
+    with zipfile.ZipFile(package) as archive:
+        root = etree.fromstring(archive.read("SystemStructure.ssd"))
+
+    def only(path: str) -> etree._Element:
+        (found,) = root.xpath(path, namespaces=NAMESPACES)
+        return found
+
+    openmodelica = "ssd:System/ssd:Annotations/ssc:Annotation[@type='org.openmodelica']"
+    master = only(f"{openmodelica}/oms:Annotations/oms:SimulationInformation/oms:FixedStepMaster")
+    assert dict(master.attrib) == {
+        "description": "oms-ma",
+        "stepSize": "0.0001",
+        "absoluteTolerance": "1e-4",
+        "relativeTolerance": "1e-4",
+    }
+    platform = "ssd:DefaultExperiment/ssd:Annotations/ssc:Annotation[@type='com.opensimulationplatform']"
+    algorithm = only(f"{platform}/osp:Algorithm/osp:FixedStepAlgorithm")
+    assert dict(algorithm.attrib) == {"baseStepSize": "0.0001"}
