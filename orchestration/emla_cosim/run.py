@@ -96,7 +96,8 @@ def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress
         result = simulation.run(output, system, every, selected)
         effective = settings.record(name, times)
         record = run_record(scenario.name, effective, system, assembly, result.stepping, result.problem)
-    return _reported(result, output, record, system.joints if settings.plots else [], progress)
+    drawn = list(result.metrics) if settings.plots else []
+    return _reported(result, output, record, drawn, progress)
 
 
 def run_times(scenario: Scenario, settings: Settings) -> Timing:

@@ -12,6 +12,7 @@ import pytest
 from commands import Emla, sentence
 from emla_cosim.master.stepping.timing import Timing
 from emla_cosim.scenarios.reading import load_scenario, opened_scenario, scenario_names
+from emla_cosim.scenarios.scenario_file import parse_scenario
 from emla_cosim.settings import Settings
 
 SHORT = 'system = "lift"\nstop_time = 0.002\nplots = false\noutput = "out"\n'
@@ -263,7 +264,10 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
             'system = "lift"\n[set]\n"lift.plant.x_L" = [1]\n',
             ["'lift.plant.x_L' in 'set'", "must be a number"],
         ),
-        ('system = "lift"\n[set]\nlift.plant.x_L = 1\n', ["'lift' in 'set'", "must be a number"]),
+        (
+            'system = "lift"\n[set]\nlift.plant.motor.R_s = []\n',
+            ["'lift.plant.motor.R_s' in 'set'", "must be"],
+        ),
         ('system = "lift"\n[set]\n"lift.plant.x" = 1\n', ["lift.plant has no variable 'x'"]),
         ('system = "lift"\n[set]\n"lift.plant.motor.R_s" = -1\n', ["motor.R_s = -1 Ohm", "at least 0 Ohm"]),
         (
@@ -405,6 +409,12 @@ def test_a_pattern_without_a_signal(emla: Emla) -> None:
     ):
         text = sentence(emla("run", "lift", "--signals", "lift.plant.*", "--signals", pattern), 2)
         assert f"no signal is called '{pattern}'; {words}" in text
+
+
+def test_names_with_dots_need_no_quotes() -> None:
+    text = 'system = "lift"\n[set]\nlift.plant.motor.R_s = 0.2\n[step_multiples]\nlift.observer = 2\n'
+    settings = parse_scenario(text, "my.toml", Path()).settings
+    assert settings == {"values": {"lift.plant.motor.R_s": 0.2}, "multiples": {"lift.observer": 2}}
 
 
 def test_layers_of_settings_merge() -> None:

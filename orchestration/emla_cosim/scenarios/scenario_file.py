@@ -2,8 +2,8 @@
 
 import difflib
 import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -123,6 +123,25 @@ def _table(one: Callable[[_Item], Any]) -> Callable[[_Item], Any]:
     return entries
 
 
+def _flat_table(one: Callable[[_Item], Any]) -> Callable[[_Item], Any]:
+    """Of values that are no tables: names with dots may be written without quotes."""
+
+    def entries(item: _Item) -> dict[str, Any]:
+        flat = dict(_flat(item.value)) if isinstance(item.value, dict) else item.value
+        return _table(one)(replace(item, value=flat))
+
+    return entries
+
+
+def _flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Entries by their whole name: TOML nests names with dots unless they are quoted."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from ((f"{key}.{name}", inner) for name, inner in _flat(value))
+        else:
+            yield key, value
+
+
 def _replacement(item: _Item) -> Replacement:
     if isinstance(item.value, str):
         return Replacement(_path(item))
@@ -144,7 +163,7 @@ _KEYS: dict[str, tuple[str | None, Callable[[_Item], Any]]] = {
     "step_size": (None, _number),
     "algorithm": (None, _text),
     "parameters": ("parameter_sets", _each(_path)),
-    "set": ("values", _table(_value)),
+    "set": ("values", _flat_table(_value)),
     "replace": ("replacements", _table(_replacement)),
     "signals": ("signals", _each(_text)),
     "output": ("output", _path),
@@ -153,7 +172,7 @@ _KEYS: dict[str, tuple[str | None, Callable[[_Item], Any]]] = {
     "extrapolation": ("extrapolation", _text),
     "coupling_tolerance": ("coupling_tolerance", _number),
     "error_tolerance": ("error_tolerance", _number),
-    "step_multiples": ("multiples", _table(_whole)),
+    "step_multiples": ("multiples", _flat_table(_whole)),
     "order": ("order", _each(_text)),
     "real_time": ("real_time", _number),
     "flavour": ("flavour", _text),
