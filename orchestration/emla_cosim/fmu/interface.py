@@ -1,5 +1,7 @@
 """What an FMU shows of itself: its variables and their units."""
 
+import math
+import zipfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -7,9 +9,14 @@ from typing import Any
 
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..errors import CommandError
 from ..units import BASE_UNITS, Unit
+
+_DESCRIPTION = "modelDescription.xml"
+_LARGEST = 2**28
+"""Bytes that a model description may have when unpacked."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +41,12 @@ class Interface:
         """Units that the FMU defines, by name."""
         return {str(u.name): _unit(u) for u in self.description.unitDefinitions}
 
+    def settable(self, name: str) -> bool:
+        """Whether a variable may get a start value."""
+        variable = self.variables[name]
+        free = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
+        return free and variable.variability != "constant"
+
     def unit(self, name: str) -> Unit | None:
         """The unit of a variable; None where it has none.
 
@@ -54,18 +67,50 @@ def read_interface(path: Path) -> Interface:
     if not path.is_file():
         raise CommandError(f"there is no FMU file '{path}'.")
     try:
+        _check_size(path)
         description = fmpy.read_model_description(str(path))
+        _mark_differences(description, path)
     except ValidationError as error:
         raise CommandError(
-            f"'{path}' is not a valid FMU: {'; '.join(error.problems)}. `fmpy validate` shows more."
+            f"'{path}' is not a valid FMU: {_first(error.problems)} (`fmpy validate` shows more)."
         ) from error
+    except CommandError:
+        raise
     except Exception as error:  # fmpy raises whatever zip and XML readers raise
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     if description.fmiVersion != "2.0":
         raise CommandError(f"'{path}' is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0.")
     if description.coSimulation is None:
         raise CommandError(f"'{path}' is for model exchange only; this master needs co-simulation.")
+    for unit in description.unitDefinitions:
+        if unit.baseUnit is not None and not (math.isfinite(f := float(unit.baseUnit.factor)) and f != 0.0):
+            raise CommandError(f"'{path}' has the unit '{unit.name}' with the factor {f:g}.")
     return Interface(description)
+
+
+def _check_size(path: Path) -> None:
+    """Raise CommandError for a model description that is missing, or too large to be one."""
+    with zipfile.ZipFile(path) as archive:
+        sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
+    if _DESCRIPTION not in sizes:
+        raise CommandError(f"'{path}' is not an FMU that can be read: it has no {_DESCRIPTION}.")
+    if sizes[_DESCRIPTION] > _LARGEST:
+        raise CommandError(f"the {_DESCRIPTION} of '{path}' is larger than {_LARGEST // 2**20} MiB.")
+
+
+def _mark_differences(description: ModelDescription, path: Path) -> None:
+    """Note which variables are differences; fmpy (0.3.32) overlooks that but for types."""
+    with zipfile.ZipFile(path) as archive:
+        root = etree.fromstring(archive.read(_DESCRIPTION), etree.XMLParser(resolve_entities=False))
+    variables = {v.name: v for v in description.modelVariables}
+    for real in root.iterfind("ModelVariables/ScalarVariable/Real[@relativeQuantity]"):
+        variable = variables[real.getparent().get("name")]
+        variable.relativeQuantity = real.get("relativeQuantity") in ("true", "1")
+
+
+def _first(problems: list[str]) -> str:
+    """The first of several problems, in one line and without a full stop."""
+    return " ".join(problems[0].split()).rstrip(".") if problems else "it has problems"
 
 
 def _unit(definition: Any) -> Unit:

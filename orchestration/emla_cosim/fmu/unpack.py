@@ -18,7 +18,8 @@ class UnsafeArchiveError(Exception):
 def unpack(path: Path, folder: Path) -> None:
     """Unpack a zip file to a folder, and nothing outside of it.
 
-    Raises UnsafeArchiveError before anything is written, zipfile.BadZipFile and OSError as zipfile does.
+    Raises UnsafeArchiveError, for names, links and sizes before anything is written; OSError, and what
+    else zipfile raises for files that it cannot read.
     """
     with zipfile.ZipFile(path) as archive:
         entries = archive.infolist()
@@ -48,10 +49,12 @@ def _check_name(entry: zipfile.ZipInfo) -> None:
 
 
 def _copy(source: IO[bytes], target: IO[bytes], entry: zipfile.ZipInfo) -> None:
-    """Copy no more than the entry says it has; its directory may lie."""
+    """Copy as much as the entry says it has; its directory may lie."""
     left = entry.file_size
     while block := source.read(_BLOCK):
         left -= len(block)
         if left < 0:
             raise UnsafeArchiveError(f"has the entry '{entry.filename}', which is longer than it says")
         target.write(block)
+    if left:
+        raise UnsafeArchiveError(f"has the entry '{entry.filename}', which is shorter than it says")

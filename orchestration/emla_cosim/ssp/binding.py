@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ..errors import CommandError
-from ..units import IDENTITY, LinearTransformation, Unit, conversion
+from ..units import IDENTITY, LinearTransformation, conversion
 from .structure import (
     Component,
     Element,
@@ -53,7 +52,7 @@ def bound_values(root: SystemElement, wiring: Wiring) -> tuple[dict[Path_, dict[
     collected.element(root, ())
     values: dict[Path_, dict[str, Bound]] = {path: {} for path in wiring.fmus}
     for path, fmu in wiring.fmus.items():
-        for name in fmu.interface.variables:
+        for name in filter(fmu.interface.settable, fmu.interface.variables):
             chain = list(wiring.chain((path, name)))
             if chain[-1][0] in wiring.fmus and len(chain) > 1:
                 continue  # an output drives it
@@ -108,10 +107,11 @@ class _Collected:
 
     def _node(self, element: Element, path: Path_, name: str) -> Node | None:
         """What a hierarchical name means, seen from an element."""
+        if isinstance(element, Component):
+            interface = self._wiring.fmus[path].interface
+            return (path, name) if name in interface.variables and interface.settable(name) else None
         if (path, name) in self._wiring.connectors:
             return path, name
-        if isinstance(element, Component):
-            return (path, name) if name in self._wiring.fmus[path].interface.variables else None
         if isinstance(element, SystemElement):
             for inside in element.elements:
                 if name.startswith(f"{inside.name}."):
@@ -134,31 +134,33 @@ def _targets(name: str, mapping: object) -> Iterator[tuple[str, MappingEntry | N
 
 def _value(wiring: Wiring, given: _Given, node: Node, variable: Node) -> Value:
     """The value for a variable that was given to it, or to a connector in its chain."""
-    value, parameter = given.parameter.value, given.parameter
-    transformation = given.entry.transformation if given.entry is not None else None
-    if isinstance(transformation, TableTransformation):
-        text = str(value).lower() if isinstance(value, bool) else str(value)
-        return dict(transformation.entries).get(text, value)
+    value = given.parameter.value
+    table = given.entry.transformation if given.entry is not None else None
+    if isinstance(table, TableTransformation):
+        return next((t for s, t in table.entries if s == value and type(s) is type(value)), value)
     if isinstance(value, (bool, str)):
         return value
-    steps: list[LinearTransformation] = []
-    if given.entry is None or not given.entry.suppress_unit_conversion:
-        steps.append(_conversion(wiring, parameter, wiring.unit(node), node))
-    if transformation is not None:
-        steps.append(transformation)
-    steps.append(wiring.arriving(variable, node))
-    for step in steps:
-        value = value if step == IDENTITY else step(value)
-    return value
+    total = transformation(wiring, given.parameter, given.entry, node, variable)
+    return value if total == IDENTITY else total(value)
 
 
-def _conversion(
-    wiring: Wiring, parameter: Parameter, target: Unit | None, node: Node
+def transformation(
+    wiring: Wiring, parameter: Parameter, entry: MappingEntry | None, node: Node, variable: Node
 ) -> LinearTransformation:
-    try:
-        return conversion(parameter.unit, target)
-    except ValueError as error:
-        path, name = node
-        raise CommandError(
-            f"'{wiring.where}': the parameter '{parameter.name}' and {'.'.join((*path, name))} have {error}."
-        ) from error
+    """What makes the value of a variable of a parameter that was given to a node in its chain.
+
+    `entry` is that of the mapping, with no table. Raises CommandError for units that do not fit.
+    """
+    total, unit = IDENTITY, None
+    if entry is None or not entry.suppress_unit_conversion:
+        unit = parameter.unit
+        try:
+            total = conversion(unit, wiring.unit(node))
+        except ValueError as error:
+            path, name = node
+            raise wiring.fault(
+                f"the parameter '{parameter.name}' and {'.'.join((*path, name))} have {error}."
+            ) from error
+    if entry is not None and isinstance(entry.transformation, LinearTransformation):
+        total = entry.transformation.after(total)
+    return wiring.arriving(variable, node, unit).after(total)

@@ -1,6 +1,7 @@
 """From a system of FMUs to the elements of an SSP."""
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ..errors import CommandError
@@ -9,6 +10,9 @@ from ..system.model import Component, Connection, System
 from ..units import IDENTITY, Unit
 from . import structure as ssp
 from .layout import canvas, layout, route
+
+_LETTERS = "A-Z_a-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u3001-\ud7ff"
+"""What an id in XML may begin with, as a set of a regular expression."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,25 @@ class _Wire:
     connection: Connection
 
 
+def in_order(system: System, nested: bool) -> System:
+    """The system with components and connections in the order in which the structure has them."""
+    if not nested:
+        return system
+    first: dict[tuple[str, ...], int] = {}
+    paths = {c.name: tuple(c.name.split(".")) for c in system.components}
+    for number, path in enumerate(paths.values()):
+        for depth in range(len(path)):
+            first.setdefault(path[: depth + 1], number)
+
+    def place(path: tuple[str, ...]) -> list[int]:
+        return [first[path[: depth + 1]] for depth in range(len(path))]
+
+    return System(
+        tuple(sorted(system.components, key=lambda c: place(paths[c.name]))),
+        tuple(sorted(system.connections, key=lambda x: place(paths[x.target][:-1]))),
+    )
+
+
 def root_system(name: str, system: System, parts: Mapping[str, Part], nested: bool) -> ssp.SystemElement:
     """The root system for a resolved system, whose `parts` are by component name.
 
@@ -50,14 +73,40 @@ def root_system(name: str, system: System, parts: Mapping[str, Part], nested: bo
         raise CommandError(
             "two components have names that differ only in dots and underscores; export --nested."
         )
+    _check_levels(paths.values())
     places = [_Place(paths[c.name], c) for c in system.components]
     wires = [_Wire(paths[x.source], paths[x.target], x) for x in system.connections]
     return _Builder(parts).system(name, (), places, wires)
 
 
+def _check_levels(paths: Iterable[tuple[str, ...]]) -> None:
+    """Raise CommandError for elements that would have no name, or be a component and a system."""
+    inner = {path[:depth]: path for path in paths for depth in range(1, len(path))}
+    for path in paths:
+        if "" in path:
+            raise CommandError(
+                f"the name of '{'.'.join(path)}' is empty at one end of a dot; export without --nested."
+            )
+        if path in inner:
+            outside, inside = ".".join(path), ".".join(inner[path])
+            raise CommandError(f"'{inside}' is inside of the component '{outside}'; export without --nested.")
+
+
 class _Builder:
     def __init__(self, parts: Mapping[str, Part]) -> None:
         self._parts = parts
+        self._units = unambiguous(p.interface.unit(v) for p in parts.values() for v in p.interface.variables)
+
+    def _connector(self, name: str, kind: str, component: str, variable: str) -> ssp.Connector:
+        """A connector for a variable, with its unit if the document can define that.
+
+        Enumerations are left to the FMU: the document would have to define them as well.
+        """
+        interface = self._parts[component].interface
+        type_, unit = str(interface.variables[variable].type), interface.unit(variable)
+        return ssp.Connector(
+            name, kind, None if type_ == "Enumeration" else type_, unit if unit in self._units else None
+        )
 
     def system(
         self, name: str, path: tuple[str, ...], places: Sequence[_Place], wires: Sequence[_Wire]
@@ -66,7 +115,7 @@ class _Builder:
         depth = len(path)
         children = list(dict.fromkeys(p.path[depth] for p in places))
         elements = [self._element(path, child, places, wires) for child in children]
-        connections = [c for w in wires for c in self._connections(path, w)]
+        connections = dict.fromkeys(c for w in wires for c in self._connections(path, w))
         own = {c.name: c for w in wires for c in self._own_connectors(path, w)}
         return _drawn(
             ssp.SystemElement(
@@ -90,7 +139,7 @@ class _Builder:
         outputs = {w.connection.output for w in wires if w.source == place.path}
         inputs = {w.connection.input for w in wires if w.target == place.path}
         connectors = [
-            ssp.Connector(v, kind, "Real", part.interface.unit(v))
+            self._connector(v, kind, place.component.name, v)
             for kind, used in (("input", inputs), ("output", outputs))
             for v in part.interface.variables
             if v in used
@@ -134,11 +183,11 @@ class _Builder:
     def _own_connectors(self, path: tuple[str, ...], wire: _Wire) -> list[ssp.Connector]:
         depth, x = len(path), wire.connection
         if wire.source[:depth] != path:
-            unit = self._parts[x.target].interface.unit(x.input)
-            return [ssp.Connector(".".join((*wire.target[depth:], x.input)), "input", "Real", unit)]
+            name = ".".join((*wire.target[depth:], x.input))
+            return [self._connector(name, "input", x.target, x.input)]
         if wire.target[:depth] != path:
-            unit = self._parts[x.source].interface.unit(x.output)
-            return [ssp.Connector(".".join((*wire.source[depth:], x.output)), "output", "Real", unit)]
+            name = ".".join((*wire.source[depth:], x.output))
+            return [self._connector(name, "output", x.source, x.output)]
         return []
 
     def _transformed(self, plain: ssp.Connection, connection: Connection) -> ssp.Connection:
@@ -155,9 +204,18 @@ def _same(source: Unit | None, target: Unit | None) -> bool:
     return source is None or target is None or replace(source, name="") == replace(target, name="")
 
 
+def unambiguous(units: Iterable[Unit | None]) -> set[Unit]:
+    """Those units that a document can define: one of a name, and known what they are made of."""
+    named: dict[str, set[Unit]] = {}
+    for unit in units:
+        if unit is not None:
+            named.setdefault(unit.name, set()).add(unit)
+    return {u for same in named.values() if len(same) == 1 for u in same if u.exponents is not None}
+
+
 def _is_id(name: str) -> bool:
     """Whether a name may be an id in XML."""
-    return not name[0].isdigit() and all(c.isalnum() or c in "._" for c in name)
+    return re.fullmatch(f"[{_LETTERS}][{_LETTERS}0-9.-]*", name) is not None
 
 
 def _drawn(system: ssp.SystemElement) -> ssp.SystemElement:

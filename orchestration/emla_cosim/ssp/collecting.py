@@ -11,6 +11,8 @@ from .wiring import Fmu, Node, Path_, Wiring, node_name
 
 _GIVES = ("output", "calculatedParameter")
 _TAKES = ("input", "parameter", "structuralParameter")
+_TYPES = {"Float64": "Real", "Int32": "Integer"}
+"""Types of SSP 2.0 that FMI 2.0 calls otherwise."""
 
 
 def collected(root: SystemElement, where: str) -> Wiring:
@@ -62,7 +64,7 @@ class _Elements:
             raise self._wiring.fault(
                 f"{name} is of kind {connector.kind}, but the variable's causality is {variable.causality}."
             )
-        type_ = "Real" if connector.type == "Float64" else connector.type
+        type_ = _TYPES.get(connector.type or "", connector.type)
         if type_ not in (None, variable.type):
             raise self._wiring.fault(
                 f"{name} is of type {type_}, but the variable is of type {variable.type}."
@@ -122,7 +124,9 @@ class _Level:
             has = listed(kinds) if kinds else "none"
             raise self._fault(connection, f"names the connector '{name}'; '{owner.name}' has {has}")
         if isinstance(owner, DictionaryReference):
-            return _End((self._dictionary(owner), name), gives=True, takes=True)
+            node = self._dictionary(owner), name
+            self._share(node, next(c for c in owner.connectors if c.name == name))
+            return _End(node, gives=True, takes=True)
         gives, takes = kinds[name] in _GIVES, kinds[name] in _TAKES
         if element is None:  # what a system takes it gives to what is inside
             return _End((self._path, name), gives=takes, takes=gives)
@@ -135,6 +139,16 @@ class _Level:
                 f"'{reference.name}' names the signal dictionary '{reference.dictionary}', which is missing."
             )
         return found
+
+    def _share(self, node: Node, connector: Connector) -> None:
+        """Make a connector of a reference the signal of its dictionary; all have one unit."""
+        known = self._wiring.connectors.setdefault(node, connector)
+        if known.unit is None:
+            self._wiring.connectors[node] = connector
+        elif connector.unit not in (None, known.unit):
+            raise self._wiring.fault(
+                f"the signal '{node[1]}' is in {known.unit} and in {connector.unit}, by its references."
+            )
 
     def _fault(self, connection: Connection, text: str) -> CommandError:
         return self._wiring.fault(f"the connection {connection} {text}.")

@@ -1,10 +1,11 @@
 """An SSP with everything that it names: parameter files read, systems in other files put in place."""
 
 import contextlib
+import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import unquote
 
 from ..errors import CommandError
 from .package import Package, inside_fmu, opened
@@ -15,12 +16,18 @@ from .structure import (
     SSD,
     SSP,
     Component,
+    Connector,
     Element,
     ParameterBinding,
     Reference,
     Structure,
     SystemElement,
 )
+
+_DEEPEST = 50
+"""How many documents may be inside each other."""
+_MOST = 10_000
+"""How many components a structure may have; references can make many of few."""
 
 
 def loaded(package: Package, held: contextlib.ExitStack) -> Structure:
@@ -29,14 +36,23 @@ def loaded(package: Package, held: contextlib.ExitStack) -> Structure:
     The source of a component is the path of its file. Packages inside are open as long as `held`.
     Raises CommandError for what is missing, not supported, or inside itself.
     """
-    return _Loader(package, held, ()).structure()
+    return _Loader(package, held, (), itertools.count(1)).structure()
 
 
 class _Loader:
-    """Loads one SSD; `around` are the files of the SSDs that it is inside of, and ids within them."""
+    """Loads one SSD; `around` are the files of the SSDs that it is inside of, and ids within them.
 
-    def __init__(self, package: Package, held: contextlib.ExitStack, around: tuple[str, ...]) -> None:
-        self._package, self._held, self._around = package, held, around
+    `count` numbers the components of the whole structure.
+    """
+
+    def __init__(
+        self,
+        package: Package,
+        held: contextlib.ExitStack,
+        around: tuple[str, ...],
+        count: Iterator[int],
+    ) -> None:
+        self._package, self._held, self._around, self._count = package, held, around, count
         self._where = package.name
         self._by_id: dict[str, SystemElement] = {}
 
@@ -45,9 +61,13 @@ class _Loader:
 
     def structure(self) -> Structure:
         """The structure with all that it names."""
+        read = self._parsed()
+        return replace(read, system=self._system(read.system))
+
+    def _parsed(self) -> Structure:
         read = parse_structure(_content(self._package.ssd), self._where)
         self._by_id = {s.id: s for s in _systems(read.system) if s.id is not None}
-        return replace(read, system=self._system(read.system))
+        return read
 
     def _system(self, system: SystemElement) -> SystemElement:
         return replace(
@@ -61,6 +81,8 @@ class _Loader:
             return self._system(element)
         if not isinstance(element, Component):
             return element
+        if next(self._count) > _MOST:
+            raise self._fault(f"the structure has more than {_MOST} components.")
         match element.type:
             case _ if element.source.startswith("#"):
                 return self._same_document(element)
@@ -87,26 +109,31 @@ class _Loader:
         )
 
     def _same_document(self, component: Component) -> SystemElement:
-        found = self._by_id.get(component.source[1:])
+        inner = self._inside(f"{self._package.ssd.resolve()}{component.source}", component)
+        inner._where, inner._by_id = self._where, self._by_id
+        return self._placed(component, inner._system(self._with_id(component.source[1:], component)))
+
+    def _with_id(self, id_: str, component: Component) -> SystemElement:
+        found = self._by_id.get(unquote(id_))
         if found is None:
             raise self._fault(
                 f"the component '{component.name}' names '{component.source}', and no system has this id."
             )
-        inner = self._inside(f"{self._package.ssd.resolve()}{component.source}", component)
-        inner._by_id = self._by_id
-        return self._placed(component, inner._system(found))
+        return found
 
     def _other_document(self, component: Component) -> SystemElement:
-        parts = urlsplit(component.source)
-        file = self._package.file(parts._replace(fragment="").geturl(), self._where)
-        if component.type == SSD:
-            package = Package(self._package.folder, file, f"{self._where}/{component.source}")
-        else:
-            name = f"{file.name}#{parts.fragment}" if parts.fragment else file.name
-            package = self._held.enter_context(opened(file.with_name(name)))
-        inner = self._inside(f"{file}#{parts.fragment}", component)
-        inner._package, inner._where = package, f"{self._where}/{component.source}"
-        return self._placed(component, inner.structure().system)
+        uri, _, fragment = component.source.partition("#")
+        file = self._package.file(uri, self._where)
+        inner = self._inside(f"{file}#{fragment}", component)
+        inner._where = f"{self._where}/{component.source}"
+        if component.type == SSP:
+            inner._package = self._held.enter_context(opened(file, unquote(fragment)))
+            return self._placed(component, inner.structure().system)
+        inner._package = Package(self._package.folder, file, inner._where)
+        read = inner._parsed().system
+        return self._placed(
+            component, inner._system(inner._with_id(fragment, component) if fragment else read)
+        )
 
     def _inside(self, file: str, component: Component) -> "_Loader":
         around = self._around or (f"{self._package.ssd.resolve()}#",)
@@ -114,12 +141,17 @@ class _Loader:
             raise self._fault(
                 f"the component '{component.name}' is '{component.source}', which it is part of."
             )
-        return _Loader(self._package, self._held, (*around, file))
+        if len(around) > _DEEPEST:
+            raise self._fault(f"the component '{component.name}' is inside of more than {_DEEPEST} others.")
+        return _Loader(self._package, self._held, (*around, file), self._count)
 
     def _placed(self, component: Component, system: SystemElement) -> SystemElement:
         """A system in the place of the component that names it; the component's bindings come last."""
         own = tuple(self._binding(b, None) for b in component.bindings)
-        connectors = {c.name: c for c in (*system.connectors, *component.connectors)}
+        connectors = {c.name: c for c in system.connectors}
+        for connector in component.connectors:
+            inside = connectors.get(connector.name)
+            connectors[connector.name] = self._joined(connector, inside, component)
         return replace(
             system,
             name=component.name,
@@ -127,6 +159,19 @@ class _Loader:
             bindings=(*system.bindings, *own),
             connectors=tuple(connectors.values()),
         )
+
+    def _joined(self, outside: Connector, inside: Connector | None, component: Component) -> Connector:
+        """A component's connector and that of the system it is; CommandError where they do not match."""
+        name = f"the connector '{outside.name}' of the component '{component.name}'"
+        if inside is None:
+            raise self._fault(f"{name} is not one of '{component.source}'.")
+        if outside.kind != inside.kind:
+            raise self._fault(f"{name} is of kind {outside.kind}, in '{component.source}' {inside.kind}.")
+        if outside.unit is None or inside.unit is None:
+            return replace(inside, unit=inside.unit or outside.unit)
+        if replace(outside.unit, name="") != replace(inside.unit, name=""):
+            raise self._fault(f"{name} is in {outside.unit}, in '{component.source}' in {inside.unit}.")
+        return inside
 
     def _binding(self, binding: ParameterBinding, fmu: Path | None) -> ParameterBinding:
         values, mapping = binding.values, binding.mapping
@@ -144,7 +189,7 @@ class _Loader:
         return _content(self._package.file(reference.source, self._where)), reference.source
 
 
-def _systems(system: SystemElement) -> Any:
+def _systems(system: SystemElement) -> Iterator[SystemElement]:
     yield system
     for element in system.elements:
         if isinstance(element, SystemElement):

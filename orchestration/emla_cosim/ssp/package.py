@@ -9,10 +9,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import unquote, urlsplit
 
-from ..errors import CommandError, listed
+from ..errors import CommandError, CosimError, listed
 from ..fmu.unpack import UnsafeArchiveError, unpack
 
 DEFAULT_SSD = "SystemStructure.ssd"
+
+_LARGEST_INSIDE = 2**26
+"""Bytes that a parameter file inside an FMU may have."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +31,8 @@ class Package:
 
         Raises CommandError for other URIs, for what is not there, and for all outside the folder.
         """
-        parts = urlsplit(uri)
-        path = unquote(parts.path)
-        if parts.scheme or parts.netloc or path.startswith("/") or "\\" in path:
+        path = _relative(uri)
+        if path is None:
             raise CommandError(
                 f"'{where}' names '{uri}', but only relative URIs inside the package can be read."
             )
@@ -42,25 +44,44 @@ class Package:
         return found
 
 
+def _relative(uri: str) -> str | None:
+    """The path of a URI that is relative; None for all others."""
+    try:
+        parts = urlsplit(uri)
+    except ValueError:
+        return None
+    path = unquote(parts.path)
+    strange = parts.scheme or parts.netloc or path.startswith("/") or "\\" in path or "\0" in path
+    return None if strange else path
+
+
 @contextlib.contextmanager
-def opened(path: Path) -> Iterator[Package]:
+def opened(path: Path, variant: str = "") -> Iterator[Package]:
     """Open a package (.ssp), a folder, or an SSD; what was unpacked is removed afterwards.
 
-    `PACKAGE#Variant.ssd` chooses another SSD than SystemStructure.ssd. Raises CommandError where
-    there is nothing to read.
+    `variant` or `PACKAGE#Variant.ssd` chooses another SSD than SystemStructure.ssd. Raises CommandError
+    where there is nothing to read.
     """
-    file, variant = _variant(path)
+    file, variant = (path, variant) if variant else _variant(path)
+    name = f"{file}#{variant}" if variant else str(file)
     if file.is_dir():
-        yield _package(file, variant, str(path))
+        yield _package(file, variant, name)
     elif not file.is_file():
         raise CommandError(f"there is no file '{file}'.")
     elif file.suffix.lower() == ".ssd":
         yield Package(file.parent, file, file.name)
     else:
-        with TemporaryDirectory(prefix="emla-ssp-") as temporary, _names_of_users(f"{temporary}/"):
+        with _temporary() as temporary, _names_of_users(f"{temporary}/"):
             folder = Path(temporary) / file.name
             _unpack(file, folder)
-            yield _package(folder, variant, str(path))
+            yield _package(folder, variant, name)
+
+
+@contextlib.contextmanager
+def _temporary() -> Iterator[str]:
+    """A temporary folder by the name that files in it have when links are resolved."""
+    with TemporaryDirectory(prefix="emla-ssp-") as folder:
+        yield str(Path(folder).resolve())
 
 
 @contextlib.contextmanager
@@ -68,8 +89,9 @@ def _names_of_users(temporary: str) -> Iterator[None]:
     """Messages call files inside a package PACKAGE.ssp/resources/..., not by where they were unpacked."""
     try:
         yield
-    except CommandError as error:
-        raise CommandError(str(error).replace(temporary, "")) from error
+    except CosimError as error:
+        error.args = (str(error).replace(temporary, ""),)
+        raise
 
 
 def _variant(path: Path) -> tuple[Path, str]:
@@ -84,10 +106,10 @@ def _unpack(file: Path, folder: Path) -> None:
         unpack(file, folder)
     except UnsafeArchiveError as error:
         raise CommandError(f"the package '{file}' {error}.") from error
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError, EOFError) as error:
-        raise CommandError(f"'{file}' is not an SSP that can be read: {error}.") from error
     except OSError as error:
         raise CommandError(f"'{file}' cannot be unpacked: {error.strerror or error}.") from error
+    except Exception as error:  # whatever zip readers raise
+        raise CommandError(f"'{file}' is not an SSP that can be read: {error}.") from error
 
 
 def _package(folder: Path, variant: str, name: str) -> Package:
@@ -107,8 +129,13 @@ def inside_fmu(fmu: Path, uri: str, where: str) -> bytes:
     """The content of a file inside an FMU; CommandError where it is not there."""
     try:
         with zipfile.ZipFile(fmu) as archive:
-            return archive.read(posixpath.normpath(unquote(uri)))
-    except (KeyError, OSError, zipfile.BadZipFile) as error:
+            entry = archive.getinfo(posixpath.normpath(unquote(uri)))
+            if entry.file_size <= _LARGEST_INSIDE:
+                return archive.read(entry)
+    except KeyError as error:
         raise CommandError(
             f"'{where}' names the file '{uri}' inside '{fmu.name}', which is not there."
         ) from error
+    except Exception as error:  # whatever zip readers raise
+        raise CommandError(f"'{uri}' inside '{fmu.name}' cannot be read: {error}.") from error
+    raise CommandError(f"'{uri}' inside '{fmu.name}' is larger than {_LARGEST_INSIDE // 2**20} MiB.")

@@ -1,13 +1,16 @@
 """Which values of a system go to which parameter file, and which mappings that takes."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 from fmpy.model_description import ModelVariable
 
+from ..errors import CommandError
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable, start_value
 from ..system.model import Component, System
+from .building import unambiguous
 from .parameters import format_mapping, format_parameter_set
 from .structure import MappingEntry, Parameter, ParameterBinding, ParameterSet, Reference
 
@@ -41,7 +44,7 @@ def parameter_files(system: System, interfaces: Mapping[str, Interface]) -> Para
             if _agree(together):
                 shared = together
             else:
-                _write(files, component.name.replace(".", "_"), [member])
+                _write(files, component.name, [member])
         _write(files, joint, shared)
     return files
 
@@ -52,16 +55,33 @@ class _Member:
     def __init__(self, component: Component, interface: Interface, driven: Iterable[tuple[str, str]]) -> None:
         self.component = component
         self.interface = interface
-        place = {name: i for i, name in enumerate(interface.variables)}
-        given = sorted(component.parameters, key=lambda n: place.get(component.alias(n).variable, -1))
-        self.parameters = {name: self._parameter(name, component.parameters[name]) for name in given}
+        last = {component.alias(name).variable: name for name in component.parameters}
+        aliases = {alias.variable: name for name, alias in component.aliases.items()}
+        names = {
+            variable: last.get(variable, aliases.get(variable, variable)) for variable in interface.variables
+        }
+        names |= {variable: name for variable, name in last.items() if variable not in names}
+        self._names = names
+        self.parameters = {
+            name: self._parameter(name, component.parameters[name])
+            for name in names.values()
+            if name in component.parameters
+        }
         self._driven = {name for owner, name in driven if owner == component.name}
+
+    @property
+    def names(self) -> Iterable[str]:
+        """What the system calls the FMU's variables, in their order."""
+        return self._names.values()
 
     def _parameter(self, name: str, value: object) -> Parameter:
         component, alias = self.component, self.component.alias(name)
         variable = find_variable(component.name, self.interface.variables, alias.variable)
         if name in component.aliases and variable.type == "Real":
-            return Parameter(name, "Real", float(str(value)), alias.unit)
+            try:
+                return Parameter(name, "Real", float(str(value)), alias.unit)
+            except ValueError as error:
+                raise CommandError(f"{component.name}.{name} = {value} is not a number.") from error
         typed = start_value(component.name, variable, value)
         if variable.type == "Enumeration":
             return Parameter(name, "Enumeration", _literal(variable, typed))
@@ -73,12 +93,20 @@ class _Member:
         name = parameter.name
         if name in self.parameters:
             return self.parameters[name] == parameter
-        if self.component.aliases or name in self._driven or name not in self.interface.variables:
+        known = self.component.alias(name).variable
+        if (
+            known in self._driven
+            or known not in self.interface.variables
+            or not self.interface.settable(known)
+        ):
             return True
+        if self.component.aliases:
+            return name not in self.component.aliases
         variable = self.interface.variables[name]
-        settable = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
-        return not settable or (
-            parameter.type == variable.type == "Real" and float(variable.start or "nan") == parameter.value
+        return (
+            parameter.type == variable.type == "Real"
+            and parameter.unit == self.interface.unit(name)
+            and float(variable.start or "nan") == parameter.value
         )
 
     def mapping(self) -> list[MappingEntry]:
@@ -86,11 +114,12 @@ class _Member:
         if not self.component.aliases:
             return []
         names = dict.fromkeys([*self.parameters, *self.component.aliases])
-        aliases = [(name, self.component.alias(name)) for name in names]
-        return [
-            MappingEntry(name, alias.variable, alias.transformation, suppress_unit_conversion=True)
-            for name, alias in aliases
-        ]
+        entries: dict[str, MappingEntry] = {}
+        for name in names:
+            alias = self.component.alias(name)
+            entry = MappingEntry(name, alias.variable, alias.transformation, suppress_unit_conversion=True)
+            entries.setdefault(alias.variable, entry)
+        return list(entries.values())
 
 
 def _agree(members: list[_Member]) -> bool:
@@ -100,19 +129,33 @@ def _agree(members: list[_Member]) -> bool:
 
 def _write(files: ParameterFiles, name: str, members: list[_Member]) -> None:
     parameters = {p.name: p for m in members for p in m.parameters.values()}
-    uri = f"resources/{name}.ssv"
+    uri = file_name(name, ".ssv", files.contents)
     if any(m.parameters or m.component.aliases for m in members):
-        listed = ParameterSet(SET_NAME, tuple(parameters.values()), f"Parameters of {name}")
-        files.contents[uri] = format_parameter_set(listed)
+        known = unambiguous(p.unit for p in parameters.values())
+        order = dict.fromkeys(n for m in members for n in m.names if n in parameters)
+        listed = [parameters[n] for n in order]
+        listed = [p if p.unit in known else replace(p, unit=None) for p in listed]
+        written = ParameterSet(SET_NAME, tuple(listed), f"Parameters of {name}")
+        files.contents[uri] = format_parameter_set(written)
     for member in members:
         owner = member.component.name
         mapping = member.mapping()
         reference = None
         if mapping:
-            reference = Reference(f"resources/{owner.replace('.', '_')}.ssm")
+            reference = Reference(file_name(owner, ".ssm", files.contents))
             files.contents[reference.source] = format_mapping(mapping)
         bound = member.parameters or mapping
         files.bindings[owner] = (ParameterBinding(Reference(uri), mapping=reference),) if bound else ()
+
+
+def file_name(name: str, ending: str, taken: Collection[str]) -> str:
+    """A file in the package, called after a name, that is not taken and is its own URI."""
+    stem = re.sub(r"[^A-Za-z0-9_-]", "_", name)
+    uri, number = f"resources/{stem}{ending}", 1
+    while uri in taken:
+        number += 1
+        uri = f"resources/{stem}_{number}{ending}"
+    return uri
 
 
 def _literal(variable: ModelVariable, number: int) -> str:

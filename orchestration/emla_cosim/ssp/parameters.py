@@ -1,5 +1,6 @@
 """Parameter sets (SSV) and parameter mappings (SSM) as XML."""
 
+import math
 from collections.abc import Iterable
 
 from ..errors import CommandError
@@ -15,6 +16,7 @@ from .xml import (
     local_name,
     number,
     parse,
+    plain,
     read_transformation,
     read_unit,
     read_units,
@@ -31,20 +33,33 @@ def parse_parameter_set(content: bytes, where: str) -> ParameterSet:
 
 def read_parameter_set(root: XmlElement, where: str) -> ParameterSet:
     """A ParameterSet element; CommandError for what it may not hold."""
-    units = read_units(root, "ssv")
+    units = read_units(root, "ssv", where)
     parameters: dict[str, Parameter] = {}
     for element in children(root, "ssv:Parameters", "ssv:Parameter"):
         name, typed = element.get("name"), element[0]
         if name in parameters:
             raise CommandError(f"'{where}' line {element.sourceline} gives '{name}' a second value.")
-        parameters[name] = Parameter(name, local_name(typed), _value(typed), read_unit(typed, units, where))
+        parameters[name] = Parameter(
+            name, local_name(typed), _value(name, typed, where), read_unit(typed, units, where)
+        )
     return ParameterSet(root.get("name"), tuple(parameters.values()), root.get("description", ""))
 
 
-def _value(typed: XmlElement) -> float | int | bool | str:
-    kind, text = local_name(typed), typed.get("value", "")
+def _value(name: str, typed: XmlElement, where: str) -> float | int | bool | str:
+    kind = local_name(typed)
+    if kind in ("String", "Enumeration"):
+        texts = [e.get("value") for e in (typed, *children(typed, "ssv:Value")) if e.get("value") is not None]
+    else:
+        texts = [typed.get("value", "")] if kind == "Binary" else typed.get("value", "").split()
+    if len(texts) != 1:
+        raise CommandError(
+            f"'{where}' line {typed.sourceline} gives '{name}' {len(texts)} values; FMI 2.0 has no arrays."
+        )
+    (text,) = texts
     if kind in _FLOATS:
-        return float(text)
+        if not math.isfinite(value := float(text)):
+            raise CommandError(f"'{where}' line {typed.sourceline} gives '{name}' the value {text}.")
+        return value
     if kind == "Boolean":
         return boolean(text)
     return int(text) if "Int" in kind else text
@@ -63,7 +78,7 @@ def add_parameter_set(root: XmlElement, parameter_set: ParameterSet) -> None:
 def _text(parameter: Parameter) -> str:
     if parameter.type in _FLOATS:
         return number(float(parameter.value))
-    return str(parameter.value).lower() if parameter.type == "Boolean" else str(parameter.value)
+    return plain(parameter.value)
 
 
 def format_parameter_set(parameter_set: ParameterSet) -> bytes:
@@ -89,7 +104,7 @@ def read_mapping(root: XmlElement, where: str) -> tuple[MappingEntry, ...]:
                 f"'{entries[target].source}'."
             )
         suppress = boolean(element.get("suppressUnitConversion"))
-        entries[target] = MappingEntry(source, target, read_transformation(element), suppress)
+        entries[target] = MappingEntry(source, target, read_transformation(element, where), suppress)
     return tuple(entries.values())
 
 

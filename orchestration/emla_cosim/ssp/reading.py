@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..system.model import Alias, Component, Connection, System
-from ..units import IDENTITY, LinearTransformation, conversion
-from .binding import Bound, bound_values
+from ..units import IDENTITY, conversion
+from .binding import Bound, bound_values, transformation
 from .collecting import collected
 from .loading import loaded
 from .package import opened
-from .structure import ParameterSet, Structure
-from .wiring import Fmu, Node, Wiring
+from .structure import Parameter, ParameterBinding, ParameterSet, Structure, TableTransformation
+from .wiring import Fmu, Node, Path_, Wiring
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ def read_ssp(path: Path) -> Iterator[Document]:
 def _document(structure: Structure, where: str) -> Document:
     wired = collected(structure.system, where)
     values, unused = bound_values(structure.system, wired)
-    names = {path: _name(fmu) for path, fmu in wired.fmus.items()}
-    components = tuple(_component(names[path], fmu, values[path]) for path, fmu in wired.fmus.items())
+    names = _names(wired)
+    components = (_component(wired, names[path], fmu, values[path]) for path, fmu in wired.fmus.items())
     connections = (_connection(wired, node, names) for node in wired.drivers if node[0] in wired.fmus)
     return Document(
         name=structure.name,
         description=structure.description,
-        system=System(components, tuple(x for x in connections if x is not None)),
+        system=System(tuple(components), tuple(x for x in connections if x is not None)),
         start_time=structure.start_time,
         stop_time=structure.stop_time,
         step_size=structure.step_size,
@@ -62,46 +62,79 @@ def _document(structure: Structure, where: str) -> Document:
     )
 
 
-def _component(name: str, fmu: Fmu, values: dict[str, Bound]) -> Component:
+def _names(wired: Wiring) -> dict[Path_, str]:
+    """The names of all components; CommandError for two of the same name."""
+    names: dict[Path_, str] = {}
+    for path, fmu in wired.fmus.items():
+        id_ = fmu.component.id
+        flat = len(path) == 1 and id_ is not None and id_.replace(".", "_") == path[0]
+        name = id_ if flat and id_ is not None else ".".join(path)
+        if name in names.values():
+            raise wired.fault(f"there are two components '{name}'.")
+        names[path] = name
+    return names
+
+
+def _component(wired: Wiring, name: str, fmu: Fmu, values: dict[str, Bound]) -> Component:
     """A component with its values, called as its own mapping calls them."""
-    aliases = dict(_aliases(fmu))
+    aliases = _aliases(wired, fmu, values)
+    sources = {alias.variable: source for source, alias in aliases.items()}
     parameters = {}
     for variable, bound in values.items():
-        source = bound.entry.source if bound.entry is not None else variable
-        if source in aliases:
-            parameters[source] = bound.parameter.value
+        if variable in sources and bound.entry is not None:
+            parameters[sources[variable]] = bound.parameter.value
         else:
             parameters[variable] = bound.value
     return Component(name, parameters=parameters, fmu=Path(fmu.component.source), aliases=aliases)
 
 
-def _aliases(fmu: Fmu) -> Iterator[tuple[str, Alias]]:
-    """Variables that the mappings of a component give another name or value."""
-    for binding in fmu.component.bindings:
-        if not isinstance(binding.mapping, tuple) or not isinstance(binding.values, ParameterSet):
+def _aliases(wired: Wiring, fmu: Fmu, values: dict[str, Bound]) -> dict[str, Alias]:
+    """Other names and units that the mappings of a component give to its variables.
+
+    They are those of a replaced component. What is no other name for one variable is left out: its
+    value is given to the FMU's variable.
+    """
+    variables = fmu.interface.variables
+    found = {
+        (entry.source, entry.target): (entry, binding)
+        for binding in fmu.component.bindings
+        if isinstance(binding.mapping, tuple)
+        for entry in binding.mapping
+        if entry.target in variables
+    }
+    aliases = {}
+    for (source, target), (entry, binding) in found.items():
+        single = sum(1 for s, t in found if s == source or t == target) == 1
+        hidden = source != target and source in variables
+        if not single or hidden:
             continue
-        units = {f"{binding.prefix}{p.name}": p.unit for p in binding.values.parameters}
-        for entry in binding.mapping:
-            transformation = entry.transformation or IDENTITY
-            known = entry.target in fmu.interface.variables
-            if not known or not isinstance(transformation, LinearTransformation):
-                continue
-            unit = units.get(entry.source)
-            if not entry.suppress_unit_conversion:
-                transformation = transformation.after(conversion(unit, fmu.interface.unit(entry.target)))
-            if entry.source != entry.target or transformation != IDENTITY:
-                yield entry.source, Alias(entry.target, transformation, unit)
+        bound, parameter = values.get(target), _source(binding, source)
+        if bound is not None and bound.entry is not None:
+            entry, parameter = bound.entry, bound.parameter
+        if isinstance(entry.transformation, TableTransformation):
+            continue
+        node = (fmu.path, target)
+        linear = transformation(wired, parameter, entry, node, node)
+        given_elsewhere = bound is not None and bound.entry is None
+        if linear == IDENTITY:
+            fits = source != target
+        else:
+            fits = linear.factor != 0.0 and variables[target].type == "Real"
+            fits = fits and not (source == target and given_elsewhere)
+        if fits:
+            aliases[source] = Alias(target, linear, parameter.unit)
+    return aliases
 
 
-def _name(fmu: Fmu) -> str:
-    """The name of a component, unique because those of elements are."""
-    id_ = fmu.component.id
-    if len(fmu.path) == 1 and id_ is not None and id_.replace(".", "_") == fmu.path[0]:
-        return id_
-    return ".".join(fmu.path)
+def _source(binding: ParameterBinding, name: str) -> Parameter:
+    """The parameter of a binding that its mapping calls by this name; one without a unit if there is none."""
+    values = binding.values
+    parameters = values.parameters if isinstance(values, ParameterSet) else ()
+    found = (p for p in parameters if f"{binding.prefix}{p.name}" == name)
+    return next(found, Parameter(name, "Real", 0.0))
 
 
-def _connection(wired: Wiring, target: Node, names: dict[tuple[str, ...], str]) -> Connection | None:
+def _connection(wired: Wiring, target: Node, names: dict[Path_, str]) -> Connection | None:
     """What drives an input of an FMU, through all systems between; None if nothing does."""
     *_, source = wired.chain(target)
     if source[0] not in wired.fmus:

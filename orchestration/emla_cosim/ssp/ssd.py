@@ -50,7 +50,7 @@ _CORNERS = ("x1", "y1", "x2", "y2")
 def parse_structure(content: bytes, where: str) -> Structure:
     """An SSD file; `where` is its name in messages. Raises CommandError for what is none."""
     root = parse(content, where, "ssd")
-    reader = _Reader(where, read_units(root, "ssd"))
+    reader = _Reader(where, read_units(root, "ssd", where))
     experiment = child(root, "ssd:DefaultExperiment")
     times: Any = experiment.attrib if experiment is not None else {}
     return Structure(
@@ -58,7 +58,7 @@ def parse_structure(content: bytes, where: str) -> Structure:
         system=reader.system(child(root, "ssd:System")),
         start_time=_number(times.get("startTime")),
         stop_time=_number(times.get("stopTime")),
-        step_size=_step_size(root),
+        step_size=_step_size(root, where),
         description=root.get("description", ""),
     )
 
@@ -67,15 +67,20 @@ def _number(text: str | None) -> float | None:
     return None if text is None else float(text)
 
 
-def _step_size(root: XmlElement) -> float | None:
-    """The step size that OMSimulator or libcosim were told, in s."""
+def _step_size(root: XmlElement, where: str) -> float | None:
+    """The step size that OMSimulator or libcosim were told, in s; CommandError for what is no number."""
     for element, attribute in (
         ("oms:FixedStepMaster", "stepSize"),
         ("osp:FixedStepAlgorithm", "baseStepSize"),
     ):
         found = root.find(f".//{element}", NAMESPACES | _ANNOTATIONS)
         if found is not None and found.get(attribute):
-            return float(found.get(attribute))
+            try:
+                return float(found.get(attribute))
+            except ValueError as error:
+                raise CommandError(
+                    f"'{where}' line {found.sourceline} has the step size '{found.get(attribute)}'."
+                ) from error
     return None
 
 
@@ -93,7 +98,9 @@ class _Reader:
         return SystemElement(
             **self._common(element),
             elements=tuple(self._elements(element)),
-            connections=tuple(_connection(c) for c in children(element, "ssd:Connections", "ssd:Connection")),
+            connections=tuple(
+                self._connection(c) for c in children(element, "ssd:Connections", "ssd:Connection")
+            ),
             dictionaries=tuple(
                 d.get("name") for d in children(element, "ssd:SignalDictionaries", "ssd:SignalDictionary")
             ),
@@ -137,7 +144,9 @@ class _Reader:
         }
 
     def _connector(self, element: XmlElement) -> Connector:
-        typed = [e for e in element if local_name(e) not in ("ConnectorGeometry", "Annotations", "Dimension")]
+        if child(element, "ssc:Dimension") is not None:
+            raise self._fault(element, f"'{element.get('name')}' has dimensions; FMI 2.0 has no arrays")
+        typed = [e for e in element if local_name(e) not in ("ConnectorGeometry", "Annotations", "Clock")]
         place = child(element, "ssd:ConnectorGeometry")
         return Connector(
             name=element.get("name"),
@@ -156,6 +165,24 @@ class _Reader:
             mapping=self._mapping(mapping) if mapping is not None else None,
         )
 
+    def _connection(self, element: XmlElement) -> Connection:
+        if element.get("startIndices") or element.get("endIndices"):
+            raise self._fault(element, "the connection has indices; FMI 2.0 has no arrays")
+        geometry = child(element, "ssd:ConnectionGeometry")
+        x, y = (
+            [float(p) for p in geometry.get(name).split()] if geometry is not None else []
+            for name in ("pointsX", "pointsY")
+        )
+        return Connection(
+            start_element=element.get("startElement"),
+            start_connector=element.get("startConnector"),
+            end_element=element.get("endElement"),
+            end_connector=element.get("endConnector"),
+            transformation=read_transformation(element, self._where),
+            suppress_unit_conversion=boolean(element.get("suppressUnitConversion")),
+            waypoints=tuple(zip(x, y, strict=False)),
+        )
+
     def _mapping(self, element: XmlElement) -> Any:
         entries = self._content(element, element, "ssm")
         return entries if isinstance(entries, Reference) else read_mapping(entries, self._where)
@@ -169,23 +196,6 @@ class _Reader:
             raise self._fault(element, f"the {local_name(element)} has neither a source nor a content")
         check(inside, self._where, kind)
         return inside
-
-
-def _connection(element: XmlElement) -> Connection:
-    geometry = child(element, "ssd:ConnectionGeometry")
-    x, y = (
-        [float(p) for p in geometry.get(name).split()] if geometry is not None else []
-        for name in ("pointsX", "pointsY")
-    )
-    return Connection(
-        start_element=element.get("startElement"),
-        start_connector=element.get("startConnector"),
-        end_element=element.get("endElement"),
-        end_connector=element.get("endConnector"),
-        transformation=read_transformation(element),
-        suppress_unit_conversion=boolean(element.get("suppressUnitConversion")),
-        waypoints=tuple(zip(x, y, strict=False)),
-    )
 
 
 def _corners(element: XmlElement | None) -> Any:

@@ -17,7 +17,7 @@ class TableTransformation:
     """A mapping of single values: of Boolean, Integer or Enumeration `kind`."""
 
     kind: str
-    entries: tuple[tuple[str, str], ...]
+    entries: tuple[tuple[int | bool | str, int | bool | str], ...]
 
 
 Transformation = LinearTransformation | TableTransformation

@@ -41,9 +41,17 @@ class Wiring:
         return CommandError(f"'{self.where}': {text}")
 
     def unit(self, node: Node) -> Unit | None:
-        """The unit of a connector: the one it declares, or that of the FMU's variable."""
+        """The unit of a connector: the one it declares, that of the FMU's variable, or of what it drives."""
         declared = self.connectors[node].unit if node in self.connectors else None
-        return declared if declared is not None else self.fmu_unit(node)
+        if declared is None:
+            declared = self.fmu_unit(node)
+        return declared if declared is not None else self._unit_inside(node)
+
+    def _unit_inside(self, node: Node) -> Unit | None:
+        """The unit of all connectors inside a system that its own connector drives, if it is one."""
+        inside = (t for t, (source, _) in self.drivers.items() if source == node and t[0][:-1] == node[0])
+        units = {self.unit(target) for target in inside}
+        return units.pop() if len(units) == 1 else None
 
     def fmu_unit(self, node: Node) -> Unit | None:
         """The unit of the FMU's variable behind a connector, if there is one."""
@@ -63,14 +71,15 @@ class Wiring:
             if node in seen:
                 raise self.fault(f"the connections of {node_name(node)} go in a circle.")
 
-    def arriving(self, node: Node, origin: Node) -> LinearTransformation:
+    def arriving(self, node: Node, origin: Node, given: Unit | None = None) -> LinearTransformation:
         """What makes the values of a variable of the values at `origin`, which is in its chain.
 
         At both ends values are in the unit of the FMU's variable, or of the connector if it has none.
+        `given` is the unit at `origin` where that has none.
         """
         nodes = list(self.chain(node))
         nodes = nodes[: nodes.index(origin) + 1]
-        unit, total = self.unit(origin), IDENTITY
+        unit, total = self.unit(origin) or given, IDENTITY
         if origin != node:
             total = self._converted(self.fmu_unit(origin), unit, origin)
         for target in reversed(nodes[:-1]):

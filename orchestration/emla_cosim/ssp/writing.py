@@ -10,9 +10,9 @@ from ..errors import CommandError, RunError
 from ..fmu.interface import Interface, read_interface
 from ..system.model import System
 from ..system.resolution import resolved
-from .building import Part, root_system
+from .building import Part, in_order, root_system
 from .package import DEFAULT_SSD
-from .parameter_files import parameter_files
+from .parameter_files import file_name, parameter_files
 from .ssd import format_structure
 from .structure import Structure
 
@@ -42,6 +42,8 @@ def write_ssp(
     """
     if path.suffix.lower() != ".ssp":
         raise CommandError(f"an SSP is written to a file that ends in .ssp, not to '{path}'.")
+    system = in_order(system, nested)
+    fmus = {c.name: fmus[c.name] for c in system.components}
     interfaces = _interfaces(fmus)
     plain = resolved(system, interfaces)
     uris = _uris(fmus)
@@ -75,9 +77,5 @@ def _uris(fmus: Mapping[str, Path]) -> dict[Path, str]:
     """A place in the package for every FMU; files of the same name are numbered."""
     uris: dict[Path, str] = {}
     for file in dict.fromkeys(fmus.values()):
-        stem, number = file.stem, 1
-        while f"resources/{stem}.fmu" in uris.values():
-            number += 1
-            stem = f"{file.stem}_{number}"
-        uris[file] = f"resources/{stem}.fmu"
+        uris[file] = file_name(file.stem, ".fmu", uris.values())
     return uris

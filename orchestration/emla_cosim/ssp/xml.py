@@ -1,5 +1,6 @@
 """XML of the SSP standard: read with care, checked against the standard's schemas, written tidily."""
 
+import math
 import re
 from collections.abc import Iterable
 from functools import cache
@@ -31,14 +32,16 @@ _TABLES = ("Boolean", "Integer", "Enumeration")
 def parse(content: bytes, where: str, kind: str) -> XmlElement:
     """The root of a document of one kind: ssd, ssv or ssm.
 
-    Entities are left alone and nothing is fetched. Raises CommandError, with `where`, for what is
-    no such document by the standard's schema.
+    Nothing is fetched. Raises CommandError, with `where`, for what is no such document by the
+    standard's schema, and for a document type, which may hold entities.
     """
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
         root = etree.fromstring(content, parser)
     except etree.XMLSyntaxError as error:
-        raise CommandError(f"'{where}' is not well-formed XML: {error.msg}.") from error
+        raise CommandError(f"'{where}' is not well-formed XML: {_short(str(error.msg))}.") from error
+    if root.getroottree().docinfo.doctype:
+        raise CommandError(f"'{where}' has a document type (<!DOCTYPE), which SSP has not.")
     check(root, where, kind)
     return root
 
@@ -65,8 +68,8 @@ def _schema(key: str) -> Any:
 
 
 def _short(text: str) -> str:
-    """A message or tag without namespaces."""
-    return re.sub(r"\{[^}]*\}", "", text)
+    """A message or tag without namespaces, in one line."""
+    return " ".join(re.sub(r"\{[^}]*\}", "", text).split())
 
 
 def child(element: XmlElement, name: str) -> XmlElement | None:
@@ -84,13 +87,18 @@ def local_name(element: XmlElement) -> str:
     return etree.QName(element).localname
 
 
-def read_units(root: XmlElement, owner: str) -> dict[str, Unit]:
-    """The units that a document defines, by name; `owner` is the prefix of its own namespace."""
+def read_units(root: XmlElement, owner: str, where: str) -> dict[str, Unit]:
+    """The units that a document defines, by name; `owner` is the prefix of its own namespace.
+
+    Raises CommandError, with `where`, for units that nothing can be converted to.
+    """
     units = {}
     for definition in children(root, f"{owner}:Units", "ssc:Unit"):
         base: Any = child(definition, "ssc:BaseUnit")
         exponents = tuple(int(base.get(b, "0")) for b in BASE_UNITS)
-        factor, offset = float(base.get("factor", "1")), float(base.get("offset", "0"))
+        factor, offset = _finite(base, "factor", "1", where), _finite(base, "offset", "0", where)
+        if factor == 0.0:
+            raise CommandError(f"'{where}' line {base.sourceline} has a unit with the factor 0.")
         units[definition.get("name")] = Unit(definition.get("name"), exponents, factor, offset)
     return units
 
@@ -107,22 +115,35 @@ def read_unit(element: XmlElement, units: dict[str, Unit], where: str) -> Unit |
     return units[name]
 
 
-def read_transformation(element: XmlElement) -> Transformation | None:
-    """The transformation inside a connection or a mapping entry."""
+def _finite(element: XmlElement, attribute: str, default: str, where: str) -> float:
+    """A number that is neither infinite nor NaN, as the schema would allow; CommandError otherwise."""
+    value = float(element.get(attribute, default))
+    if not math.isfinite(value):
+        raise CommandError(f"'{where}' line {element.sourceline} has the {attribute} {value}.")
+    return value
+
+
+def read_transformation(element: XmlElement, where: str) -> Transformation | None:
+    """The transformation inside a connection or a mapping entry; CommandError if it is not finite."""
     linear = child(element, "ssc:LinearTransformation")
     if linear is not None:
-        return LinearTransformation(float(linear.get("factor", "1")), float(linear.get("offset", "0")))
+        return LinearTransformation(
+            _finite(linear, "factor", "1", where), _finite(linear, "offset", "0", where)
+        )
     for kind in _TABLES:
         table = child(element, f"ssc:{kind}MappingTransformation")
         if table is not None:
-            entries = tuple((e.get("source"), e.get("target")) for e in children(table, "ssc:MapEntry"))
-            return TableTransformation(kind, entries)
+            one = {"Boolean": boolean, "Integer": int, "Enumeration": str}[kind]
+            entries = children(table, "ssc:MapEntry")
+            return TableTransformation(
+                kind, tuple((one(e.get("source")), one(e.get("target"))) for e in entries)
+            )
     return None
 
 
 def boolean(text: str | None) -> bool:
     """A Boolean attribute, false without one."""
-    return text in ("true", "1")
+    return text is not None and text.strip() in ("true", "1")
 
 
 def document(kind: str, more: dict[str, str] | None = None, /, **attributes: str | None) -> XmlElement:
@@ -176,7 +197,12 @@ def add_transformation(parent: XmlElement, transformation: Transformation | None
     elif transformation is not None:
         table = add(parent, f"ssc:{transformation.kind}MappingTransformation")
         for source, target in transformation.entries:
-            add(table, "ssc:MapEntry", source=source, target=target)
+            add(table, "ssc:MapEntry", source=plain(source), target=plain(target))
+
+
+def plain(value: object) -> str:
+    """A Boolean, a whole number or a text as XML has it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def number(value: float) -> str:

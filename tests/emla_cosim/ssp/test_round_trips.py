@@ -1,0 +1,121 @@
+"""What is exported, read and exported again is the same, byte for byte."""
+
+import zipfile
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from emla_cosim.cli import app
+from emla_cosim.fmu.interface import read_interface
+from emla_cosim.preparation import prepared
+from emla_cosim.run import Progress
+from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.settings import Settings
+from emla_cosim.system.resolution import resolved
+from ssp_documents import folder, understood
+
+MAPPING = Path(__file__).parents[2] / "foreign_plant" / "ForeignPlant.ssm"
+NESTED = ["--nested"]
+
+
+@pytest.fixture(autouse=True)
+def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def export(source: str, file: str, fmus: Path, *options: str) -> dict[str, bytes]:
+    """The files of an exported package."""
+    result = CliRunner().invoke(app, ["export", source, file, "--fmus", str(fmus), *options])
+    assert result.exit_code == 0, result.output
+    with zipfile.ZipFile(file) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def there_and_back(scenario: str, fmus: Path, *options: str, nested: bool = False) -> dict[str, bytes]:
+    """Export, export what was read, and compare; returns the files."""
+    shape = NESTED if nested else []
+    first = export(scenario, "first.ssp", fmus, *options, *shape)
+    assert export("first.ssp", "second.ssp", fmus, *shape) == first
+    assert Path("first.ssp").read_bytes() == Path("second.ssp").read_bytes()
+    return first
+
+
+@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
+@pytest.mark.parametrize("scenario", ["study", "published"])
+def test_scenarios(scenario: str, nested: bool, fmu_folder: Path) -> None:
+    there_and_back(scenario, fmu_folder, nested=nested)
+
+
+@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
+def test_flat_and_nested_become_each_other(nested: bool, fmu_folder: Path) -> None:
+    one, other = (NESTED, []) if nested else ([], NESTED)
+    expected = export("study", "one.ssp", fmu_folder, *one)
+    export("study", "other.ssp", fmu_folder, *other)
+    assert export("other.ssp", "again.ssp", fmu_folder, *one) == expected
+
+
+@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
+def test_a_replaced_component(nested: bool, fmu_folder: Path, foreign_plant: Path) -> None:
+    options = ["--replace", f"lift.plant={foreign_plant}", "--mapping", f"lift.plant={MAPPING}"]
+    files = there_and_back("study", fmu_folder, *options, nested=nested)
+    assert "resources/lift_plant.ssm" in files
+    found = understood(Path("second.ssp"))
+    plant = found.system.component("lift.plant")
+    assert plant.aliases["x_L"].variable == "Screw.Position_mm"
+    assert found.values("lift.plant")["Screw.Position_mm"] == pytest.approx(1e3 * 0.24 + 850.0)
+    assert found.values("lift.plant")["Motor.Rs_mOhm"] == pytest.approx(1e3 * plant.parameters["motor.R_s"])
+
+
+@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
+def test_components_that_disagree(nested: bool, fmu_folder: Path) -> None:
+    """The set of a joint cannot hold two values of one name."""
+    step, force = "solver.internal_step", "model.A_eq"
+    options = ["--set", f"lift.plant.{step}=3e-5", "--set", f"tilt.controller.{force}=0.0456"]
+    files = there_and_back("study", fmu_folder, *options, nested=nested)
+    sets = {name for name in files if name.endswith(".ssv")}
+    assert sets > {f"resources/{joint}.ssv" for joint in ("lift", "tilt", "telescope")}
+    found = understood(Path("second.ssp"))
+    assert found.values("lift.plant")[step] == 3e-5
+    assert found.values("lift.controller").get(step) != 3e-5
+    assert found.values("tilt.controller")[force] == 0.0456
+    assert found.values("tilt.observer")[force] != 0.0456
+
+
+def test_what_is_read_is_what_was_exported(fmu_folder: Path) -> None:
+    """Names, connections and values; a start value may be given where it is the default."""
+    export("study", "first.ssp", fmu_folder)
+    system, fmus = prepared(load_scenario("study").system, Settings(fmus=fmu_folder), Progress())
+    interfaces = {name: read_interface(file) for name, file in fmus.items()}
+    expected, found = resolved(system, interfaces), understood(Path("first.ssp")).plain
+    assert found.connections == expected.connections
+    for ours, theirs in zip(expected.components, found.components, strict=True):
+        variables = interfaces[ours.name].variables
+        starts = {n: float(v.start) for n, v in variables.items() if v.type == "Real" and v.start}
+        assert theirs.name == ours.name
+        assert {**starts, **theirs.parameters} == {**starts, **ours.parameters}
+
+
+def test_a_variable_set_by_the_name_of_the_fmu(fmu_folder: Path, foreign_plant: Path) -> None:
+    """Our name for it is another one, which the mapping then leaves out."""
+    options = ["--replace", f"lift.plant={foreign_plant}", "--mapping", f"lift.plant={MAPPING}"]
+    export("lift", "first.ssp", fmu_folder, *options)
+    export("first.ssp", "second.ssp", fmu_folder, "--set", "lift.plant.Motor.Rs_mOhm=77")
+    export("second.ssp", "third.ssp", fmu_folder)
+    assert Path("second.ssp").read_bytes() == Path("third.ssp").read_bytes()
+    assert understood(Path("third.ssp")).values("lift.plant")["Motor.Rs_mOhm"] == 77.0
+
+
+def test_a_value_of_a_replaced_component_that_is_no_number(fmu_folder: Path, foreign_plant: Path) -> None:
+    options = ["--replace", f"lift.plant={foreign_plant}", "--mapping", f"lift.plant={MAPPING}"]
+    more = ["--set", "lift.plant.motor.R_s=much", "--fmus", str(fmu_folder)]
+    result = CliRunner().invoke(app, ["export", "lift", "first.ssp", *options, *more])
+    assert result.exit_code == 2, result.output
+    assert "lift.plant.motor.R_s = much is not a number." in result.stderr
+
+
+def test_files_of_strange_names(fmu_folder: Path, foreign_plant: Path) -> None:
+    folder(Path("strange"), **{"Plant #1 100%__fmu": foreign_plant})
+    options = ["--replace", "lift.plant=strange/Plant #1 100%.fmu", "--mapping", f"lift.plant={MAPPING}"]
+    files = there_and_back("lift", fmu_folder, *options)
+    assert "resources/Plant__1_100_.fmu" in files

@@ -1,0 +1,51 @@
+"""Commands that are refused: one sentence, and nothing left behind."""
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from emla_cosim.cli import app
+
+Refused = Callable[..., str]
+
+
+def refusals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Refused:
+    """A function that runs an SSP in `tmp_path`, checks that it is refused, and returns the sentence."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    work = tmp_path / "work"
+    work.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    monkeypatch.chdir(work)
+
+    def refused(path: Path | str, *options: str) -> str:
+        before = _listing(tmp_path)
+        times = ["--stop-time", "1", "--step-size", "0.1", "--no-plots"]
+        result = CliRunner().invoke(app, ["run", str(path), *times, *options])
+        assert result.exit_code == 2, result.output
+        assert isinstance(result.exception, SystemExit)
+        assert _listing(tmp_path) == before
+        lines = [line for line in result.stderr.splitlines() if line.strip() and not _is_progress(line)]
+        assert result.stdout == ""
+        assert len(lines) == 1, lines
+        sentence = lines[0]
+        assert sentence.startswith("Error: ")
+        assert sentence[-1] in ".?"
+        assert str(temporary) not in sentence
+        return sentence.removeprefix("Error: ")
+
+    return refused
+
+
+def _is_progress(line: str) -> bool:
+    return "━" in line or line.endswith("-:--:--")
+
+
+def _listing(folder: Path) -> dict[Path, int]:
+    """All files and folders around, but for the results of a run, with their sizes."""
+    results = folder / "work" / "results"
+    around = [*folder.parent.iterdir(), *folder.rglob("*")]
+    return {p: p.lstat().st_size for p in around if results not in (p, *p.parents) and p != folder}
