@@ -15,7 +15,7 @@ from .master.algorithms.extrapolation import EXTRAPOLATIONS
 from .master.simulation import ALGORITHMS
 from .models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
 from .replacement import Replacement
-from .run import run
+from .run import results_folder, run
 from .scenarios.reading import describe_scenario, opened_scenario, scenario_names
 from .settings import Settings
 from .system.study import CONTROLLERS
@@ -204,7 +204,7 @@ def run_command(
         settings = Settings.merged(chosen.settings, _only_given(given))
         check_choice("flavour", settings.flavour, FLAVOURS)
         with BarProgress() as progress:
-            result = run(chosen, settings, settings.output or Path("results") / chosen.name, progress)
+            result = run(chosen, settings, settings.output or results_folder(chosen.name), progress)
         show_result(chosen, result)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {result.folder}.")

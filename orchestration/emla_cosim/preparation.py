@@ -76,6 +76,8 @@ def _with_parameter_sets(system: System, files: Sequence[Path], fmus: Mapping[st
             if fmu not in interfaces:
                 interfaces[fmu] = read_interface(fmu)
             unit = interfaces[fmu].unit(name) if name in interfaces[fmu].variables else None
+            if name in component.aliases:
+                unit = component.aliases[name].unit
             value = parameter.value
             if parameter.unit is not None and unit is not None:
                 try:

@@ -1,6 +1,7 @@
 """One run from a scenario to its output folder."""
 
 import contextlib
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -95,9 +96,16 @@ def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress
         simulation = _Simulation(assembly, stepping, pacing, checkpoints, resumed, progress)
         result = simulation.run(output, system, every, selected)
         effective = settings.record(name, times)
-        record = run_record(scenario.name, effective, system, assembly, result.stepping, result.problem)
+        record = run_record(
+            scenario.name, effective, system, assembly, result.stepping, result.problem, scenario.unpacked
+        )
     drawn = list(result.metrics) if settings.plots else []
     return _reported(result, output, record, drawn, progress)
+
+
+def results_folder(name: str) -> Path:
+    """Where the results of a scenario go unless told otherwise; a name cannot lead elsewhere."""
+    return Path("results") / (re.sub(r"[^\w.-]+", "_", name).strip("._") or "run")
 
 
 def run_times(scenario: Scenario, settings: Settings) -> Timing:

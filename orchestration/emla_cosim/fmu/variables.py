@@ -34,7 +34,7 @@ def start_value(component: str, variable: ModelVariable, value: Any) -> Any:
             raise CommandError(f"{name} = {value} is not a Boolean; write true or false.")
         return booleans[str(value).lower()]
     try:
-        number = float(value) if variable.type == "Real" else int(value)
+        number = float(value) if variable.type == "Real" else _whole(value)
     except ValueError as error:
         kind = "number" if variable.type == "Real" else "whole number"
         raise CommandError(f"{name} = {value} is not a {kind}.") from error
@@ -48,6 +48,13 @@ def start_value(component: str, variable: ModelVariable, value: Any) -> Any:
         right = " and ".join(limits) or "a finite number"
         raise CommandError(f"{name} = {number:g}{unit} is out of range: it must be {right}{unit}.")
     return number
+
+
+def _whole(value: Any) -> int:
+    """A whole number, which may be written as a float; ValueError for any other."""
+    if isinstance(value, float) and not value.is_integer():
+        raise ValueError(value)
+    return int(value)
 
 
 def _enumeration(name: str, variable: ModelVariable, value: Any) -> int:

@@ -26,8 +26,12 @@ def run_record(
     assembly: Assembly,
     stepping: Mapping[str, Any],
     problem: str | None,
+    unpacked: Path | None = None,
 ) -> dict[str, Any]:
-    """The record of a run of this system; `problem` says why it ended early, if it did."""
+    """The record of a run of this system; `problem` says why it ended early, if it did.
+
+    FMUs in the folder `unpacked` are called as in their package.
+    """
     return {
         "scenario": scenario,
         "status": "completed" if problem is None else problem,
@@ -40,7 +44,7 @@ def run_record(
         },
         "components": {
             c.name: {
-                "fmu": str(assembly.files[c.name].path),
+                "fmu": _file(assembly.files[c.name].path, unpacked),
                 "sha256": assembly.files[c.name].sha256,
                 "guid": assembly.files[c.name].description.guid,
                 "parameters": dict(c.parameters),
@@ -74,6 +78,12 @@ def stepping_record(stepping: Stepping, system: System) -> dict[str, Any]:
     if not isinstance(algorithm, Jacobi):
         record["order"] = [slaves[i].name for i in algorithm.network.order]
     return record
+
+
+def _file(path: Path, unpacked: Path | None) -> str:
+    if unpacked is not None and path.is_relative_to(unpacked):
+        path = path.relative_to(unpacked)
+    return str(path)
 
 
 def _version(package: str) -> str | None:

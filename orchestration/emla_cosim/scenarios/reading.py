@@ -136,6 +136,7 @@ def _scenario(name: str, read: ScenarioFile, system: System, document: Document 
         algorithm=read.algorithm or "gauss-seidel",
         settings=read.settings,
         notes=document.notes if document else (),
+        unpacked=document.unpacked if document else None,
     )
 
 

@@ -4,7 +4,7 @@ import contextlib
 import posixpath
 import zipfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import unquote, urlsplit
@@ -20,11 +20,15 @@ _LARGEST_INSIDE = 2**26
 
 @dataclass(frozen=True)
 class Package:
-    """A folder that files may come from, and the SSD to read; `name` is for messages."""
+    """A folder that files may come from, and the SSD to read; `name` is for messages.
+
+    What was unpacked is in the folder `unpacked`, which nobody needs to see.
+    """
 
     folder: Path
     ssd: Path
     name: str
+    unpacked: Path | None = None
 
     def file(self, uri: str, where: str) -> Path:
         """The file that a relative URI in `where` names, from the folder of the SSD.
@@ -74,7 +78,7 @@ def opened(path: Path, variant: str = "") -> Iterator[Package]:
         with _temporary() as temporary, _names_of_users(f"{temporary}/"):
             folder = Path(temporary) / file.name
             _unpack(file, folder)
-            yield _package(folder, variant, name)
+            yield replace(_package(folder, variant, name), unpacked=Path(temporary))
 
 
 @contextlib.contextmanager

@@ -145,7 +145,8 @@ def _write(files: ParameterFiles, name: str, members: list[_Member]) -> None:
             reference = Reference(file_name(owner, ".ssm", files.contents))
             files.contents[reference.source] = format_mapping(mapping)
         bound = member.parameters or mapping
-        files.bindings[owner] = (ParameterBinding(Reference(uri), mapping=reference),) if bound else ()
+        binding = ParameterBinding(Reference(uri), mapping=reference, renames=reference is not None)
+        files.bindings[owner] = (binding,) if bound else ()
 
 
 def file_name(name: str, ending: str, taken: Collection[str]) -> str:

@@ -10,7 +10,7 @@ from ..units import IDENTITY, conversion
 from .binding import Bound, bound_values, transformation
 from .collecting import collected
 from .loading import loaded
-from .package import opened
+from .package import Package, opened
 from .structure import Parameter, ParameterBinding, ParameterSet, Structure, TableTransformation
 from .wiring import Fmu, Node, Path_, Wiring
 
@@ -19,7 +19,8 @@ from .wiring import Fmu, Node, Path_, Wiring
 class Document:
     """What an SSP says: the flat system, and how to run it where it does; times in s.
 
-    `notes` are sentences on what was read but means nothing.
+    `notes` are sentences on what was read but means nothing. FMUs of a package are in the folder
+    `unpacked`.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Document:
     stop_time: float | None
     step_size: float | None
     notes: list[str]
+    unpacked: Path | None
 
 
 @contextlib.contextmanager
@@ -42,11 +44,11 @@ def read_ssp(path: Path) -> Iterator[Document]:
     with contextlib.ExitStack() as held:
         package = held.enter_context(opened(path))
         structure = loaded(package, held)
-        yield _document(structure, package.name)
+        yield _document(structure, package)
 
 
-def _document(structure: Structure, where: str) -> Document:
-    wired = collected(structure.system, where)
+def _document(structure: Structure, package: Package) -> Document:
+    wired = collected(structure.system, package.name)
     values, unused = bound_values(structure.system, wired)
     names = _names(wired)
     components = (_component(wired, names[path], fmu, values[path]) for path, fmu in wired.fmus.items())
@@ -59,6 +61,7 @@ def _document(structure: Structure, where: str) -> Document:
         stop_time=structure.stop_time,
         step_size=structure.step_size,
         notes=[f"no variable is called as the parameter {name}" for name in unused],
+        unpacked=package.unpacked,
     )
 
 
@@ -91,14 +94,14 @@ def _component(wired: Wiring, name: str, fmu: Fmu, values: dict[str, Bound]) -> 
 def _aliases(wired: Wiring, fmu: Fmu, values: dict[str, Bound]) -> dict[str, Alias]:
     """Other names and units that the mappings of a component give to its variables.
 
-    They are those of a replaced component. What is no other name for one variable is left out: its
-    value is given to the FMU's variable.
+    They are those of a replaced component, whose bindings say so. What is no other name for one
+    variable is left out: its value is given to the FMU's variable.
     """
     variables = fmu.interface.variables
     found = {
         (entry.source, entry.target): (entry, binding)
         for binding in fmu.component.bindings
-        if isinstance(binding.mapping, tuple)
+        if binding.renames and isinstance(binding.mapping, tuple)
         for entry in binding.mapping
         if entry.target in variables
     }

@@ -39,6 +39,7 @@ from .xml import (
 )
 
 _OPENMODELICA = "org.openmodelica"
+_RENAMES = "emla-cosim.renames"
 _OPEN_SIMULATION_PLATFORM = "com.opensimulationplatform"
 _ANNOTATIONS = {
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
@@ -163,6 +164,9 @@ class _Reader:
             values=values if isinstance(values, Reference) else read_parameter_set(values, self._where),
             prefix=element.get("prefix", ""),
             mapping=self._mapping(mapping) if mapping is not None else None,
+            renames=any(
+                a.get("type") == _RENAMES for a in children(element, "ssd:Annotations", "ssc:Annotation")
+            ),
         )
 
     def _connection(self, element: XmlElement) -> Connection:
@@ -249,10 +253,9 @@ def _add_system(parent: XmlElement, system: SystemElement) -> XmlElement:
             if isinstance(inside, SystemElement):
                 _add_system(group, inside)
             elif isinstance(inside, Component):
-                kind = None if inside.type == FMU else inside.type
                 how = None if inside.implementation == "any" else inside.implementation
                 _add_common(
-                    group, "ssd:Component", inside, type=kind, source=inside.source, implementation=how
+                    group, "ssd:Component", inside, type=inside.type, source=inside.source, implementation=how
                 )
             elif isinstance(inside, DictionaryReference):
                 _add_common(group, "ssd:SignalDictionaryReference", inside, dictionary=inside.dictionary)
@@ -297,6 +300,8 @@ def _add_binding(group: XmlElement, binding: ParameterBinding) -> None:
         mapping = add(added, "ssd:ParameterMapping", **_source(binding.mapping))
         if not isinstance(binding.mapping, Reference):
             add_mapping(add(mapping, "ssm:ParameterMapping", version="1.0"), binding.mapping)
+    if binding.renames:
+        _annotation(added, _RENAMES)
 
 
 def _source(content: object) -> dict[str, str | None]:

@@ -62,11 +62,15 @@ class Reference:
 
 @dataclass(frozen=True)
 class ParameterBinding:
-    """A parameter set that applies to an element, itself or as a file, and how names are mapped."""
+    """A parameter set that applies to an element, itself or as a file, and how names are mapped.
+
+    With `renames` the sources of the mapping are what results call the variables, too.
+    """
 
     values: ParameterSet | Reference
     prefix: str = ""
     mapping: tuple[MappingEntry, ...] | Reference | None = None
+    renames: bool = False
 
 
 @dataclass(frozen=True)

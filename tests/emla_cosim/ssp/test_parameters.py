@@ -203,9 +203,16 @@ def test_the_same_mapping_for_sets_in_different_units(tmp_path: Path, fmu: Path)
     assert values(tmp_path, fmu, both) == {"k": 3.0, "x": 5e-3}
 
 
-def test_a_replaced_component_keeps_its_names(tmp_path: Path, fmu: Path) -> None:
-    mapping = ssm(entry("p", "k", linear(-1.0)), entry("y_ours", "y"))
-    found = read(tmp_path, fmu, component("a", "a.fmu", bindings=binding(ssv(p=(250.0, "mm")), mapping)))
+def test_only_a_replaced_component_has_the_names_of_its_mapping_in_results(tmp_path: Path, fmu: Path) -> None:
+    """Which its binding says; a mapping of parameters must not rename the outputs of other people."""
+    bound = binding(ssv(p=(250.0, "mm")), ssm(entry("p", "k", linear(-1.0)), entry("y_ours", "y")))
+    annotation = '<ssc:Annotation type="emla-cosim.renames"/>'
+    end = "</ssd:ParameterBinding>"
+    renaming = bound.replace(end, f"<ssd:Annotations>{annotation}</ssd:Annotations>{end}")
+    found = read(tmp_path, fmu, component("a", "a.fmu", bindings=bound))
+    (theirs,) = found.system.components
+    assert (dict(theirs.parameters), dict(theirs.aliases)) == ({"k": -0.25}, {})
+    found = read(tmp_path, fmu, component("a", "a.fmu", bindings=renaming))
     (ours,) = found.system.components
     assert dict(ours.parameters) == {"p": 250.0}
     assert ours.aliases["y_ours"].variable == "y"
