@@ -11,6 +11,9 @@ import pytest
 from typer.testing import Result
 
 from commands import Emla, sentence
+from emla_cosim.ssp.parameters import format_parameter_set
+from emla_cosim.ssp.structure import Parameter, ParameterSet
+from emla_cosim.units import Unit
 
 FOREIGN = Path(__file__).parents[1] / "foreign_plant" / "ForeignPlant.ssm"
 
@@ -233,6 +236,18 @@ def test_a_package_does_the_same(emla: Emla, foreign: tuple[str, ...], nested: t
     assert Path("package/results.csv").read_bytes() == Path("options/results.csv").read_bytes()
     ran(emla, "set", "my.ssp", "--set", "lift.plant.x_L=0.25")
     assert results("set")["lift.plant.x_L"][0] == pytest.approx(0.25, rel=1e-15)
+
+
+def test_parameter_files_know_the_units_of_a_packed_replacement(emla: Emla, foreign: tuple[str, ...]) -> None:
+    """In the package the lead has our name and is in m, while the FMU has it in mm."""
+    assert emla("export", "lift", "my.ssp", "--stop-time", "0.02", *IDEAL, *foreign).exit_code == 0
+    lead = Parameter("lift.plant.screw.lead", "Real", 20.5, Unit("mm", (0, 1, 0, 0, 0, 0, 0, 0), 1e-3))
+    Path("lead.ssv").write_bytes(format_parameter_set(ParameterSet("lead", (lead,))))
+    ran(emla, "file", "my.ssp", "--parameters", "lead.ssv")
+    ran(emla, "set", "my.ssp", "--set", "lift.plant.screw.lead=0.0205")
+    assert Path("file/results.csv").read_bytes() == Path("set/results.csv").read_bytes()
+    fmus = {name: component["fmu"] for name, component in record("file")["components"].items()}
+    assert fmus["lift.plant"] == "my.ssp/resources/ForeignPlant.fmu"
 
 
 def test_a_component_of_a_package_can_be_replaced(emla: Emla, foreign: tuple[str, ...]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import polars
 import pytest
 
-from emla_cosim.run import Progress, Settings, run
+from emla_cosim.run import Progress, Settings, results_folder, run
 from emla_cosim.scenarios.reading import opened_scenario
 from ssp_documents import binding, component, connection, folder, linear, packed, ssd, ssv, system
 
@@ -82,3 +82,10 @@ def test_parameters_reach_nested_systems(tmp_path: Path, faulty_fmu: Path) -> No
     path = folder(tmp_path / "ssp", root=ssd(root), Faulty__fmu=faulty_fmu)
     found = results(path, tmp_path / "out", "inner.a.y", "b.y")
     assert tuple(found.values()) == pytest.approx((8.0, 8.0), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"), [("study", "study"), ("../../x", "x"), ("/etc", "etc"), ("a b", "a_b"), ("..", "run")]
+)
+def test_the_name_of_a_structure_leads_nowhere_else(name: str, folder: str) -> None:
+    assert results_folder(name) == Path("results") / folder

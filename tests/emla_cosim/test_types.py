@@ -1,0 +1,138 @@
+"""Integers, Enumerations and Booleans on connections, as systems of other people have them."""
+
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emla_cosim.errors import CommandError
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.assembly import assembled
+from emla_cosim.system.model import Component, Connection, System
+from emla_cosim.units import LinearTransformation
+from fmublock import Block, DiscreteState, Input, Output, Parameter, where
+from fmublock.native import build_native, host_platform, native_draft
+from toy_fmu import DOCUMENTS, PRODUCER
+
+
+class Gear(IntEnum):
+    NEUTRAL = 1
+    FIRST = 2
+    SECOND = 3
+
+
+class Counter(Block):
+    """Counts while it is on, in steps that it is told."""
+
+    by = Input(1)
+    on = Input(True)
+    gear = Input(Gear.FIRST)
+    level = Input(0.5)
+    first = Parameter(0)
+    most = Parameter(4)
+
+    n = DiscreteState(0.0)
+
+    count = Output(0)
+    wants = Output(True)
+    shifted = Output(Gear.FIRST)
+    half = Output(0.0)
+
+    def update(self, v: Any) -> dict[str, Any]:
+        return {"n": where(v.on > 0.5, v.n + v.by, v.n)}
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {
+            "count": v.first + v.n,
+            "wants": where(v.n < v.most, 1.0, 0.0),
+            "shifted": where(v.gear > 2.5, 1.0, v.gear + 1.0),
+            "half": 0.5 * v.level,
+        }
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("counter") / "Counter.fmu"
+    build_native(native_draft(Counter(), PRODUCER, DOCUMENTS), [host_platform()], path)
+    return path
+
+
+def pair(*wires: tuple[str, str], **connection: Any) -> System:
+    """Two counters a and b; wires such as ("a.count", "b.by")."""
+    ends = ([end.split(".") for end in wire] for wire in wires)
+    connections = (Connection(*source, *target, **connection) for source, target in ends)
+    return System((Component("a"), Component("b")), tuple(connections))
+
+
+def rows(system: System, fmu: Path, steps: int) -> dict[str, np.ndarray]:
+    """Signals by name, a value per communication point, with jacobi."""
+    with assembled(system, {"a": fmu, "b": fmu}) as assembly:
+        network, master = assembly.network, Jacobi()
+        master.setup(network)
+        master.initialize(0.0, 1.0)
+        found = [network.signals.copy()]
+        for k in range(steps):
+            master.step(0.1 * k, 0.1)
+            found.append(network.signals.copy())
+        return dict(zip(network.names, np.array(found).T, strict=True))
+
+
+def test_values_arrive_as_they_left(fmu: Path) -> None:
+    wires = [("a.count", "b.by"), ("a.wants", "b.on"), ("a.shifted", "b.gear"), ("a.count", "b.level")]
+    found = rows(pair(*wires), fmu, 6)
+    # a counts from 0 and wants until 4; b adds what a had counted, while a wanted, one step later
+    assert found["a.count"].tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert found["a.wants"].tolist() == [1, 1, 1, 1, 0, 0, 0]
+    assert found["a.shifted"].tolist() == [3] * 7
+    assert found["b.half"].tolist() == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
+
+
+def test_what_arrives_moves_the_other(fmu: Path) -> None:
+    wires = [("a.count", "b.by"), ("a.wants", "b.on"), ("b.count", "a.by")]
+    found = rows(pair(*wires), fmu, 5)
+    a, b, n_a, n_b = [0], [0], 0, 0
+    for _ in range(5):
+        on = n_a < 4
+        n_a, n_b = n_a + b[-1], n_b + a[-1] if on else n_b
+        a.append(n_a)
+        b.append(n_b)
+    assert found["a.count"].tolist() == a
+    assert found["b.count"].tolist() == b
+
+
+@pytest.mark.parametrize(
+    ("wire", "types"),
+    [
+        (("a.wants", "b.by"), "Boolean and Integer"),
+        (("a.half", "b.by"), "Real and Integer"),
+        (("a.shifted", "b.by"), "Enumeration and Integer"),
+        (("a.count", "b.on"), "Integer and Boolean"),
+    ],
+)
+def test_other_types_are_not_joined(fmu: Path, wire: tuple[str, str], types: str) -> None:
+    message = f"{wire[0]} -> {wire[1]} joins the types {types}"
+    with pytest.raises(CommandError, match=message), assembled(pair(wire), {"a": fmu, "b": fmu}):
+        pass
+
+
+def test_only_reals_are_transformed(fmu: Path) -> None:
+    system = pair(("a.count", "b.by"), transformation=LinearTransformation(2.0))
+    with (
+        pytest.raises(CommandError, match="transforms values of the type Integer"),
+        assembled(system, {"a": fmu, "b": fmu}),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(("given", "reason"), [(2.5, "2.5 is not a whole number"), ("two", "two is not a")])
+def test_an_integer_is_a_whole_number(fmu: Path, given: object, reason: str) -> None:
+    system = pair().with_parameters({"a.first": given})  # pyright: ignore[reportArgumentType]
+    with pytest.raises(CommandError, match=reason), assembled(system, {"a": fmu, "b": fmu}):
+        pass
+
+
+def test_a_whole_number_may_be_written_as_a_float(fmu: Path) -> None:
+    system = pair(("a.count", "b.by")).with_parameters({"a.first": 3.0})
+    assert rows(system, fmu, 1)["a.count"].tolist() == [3, 4]
