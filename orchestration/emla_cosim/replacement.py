@@ -148,6 +148,8 @@ class _Matching:
             self._parameter(name)
         self._shown(outputs)
         self.matches += self._free(inputs)
+        if any(match.fatal for match in self.matches):
+            self.matches += self._unused()
 
     @property
     def same(self) -> int:
@@ -199,6 +201,13 @@ class _Matching:
         for name, variable in self._other.variables.items():
             if variable.causality == "input" and name not in driven:
                 yield Match("input", "", self._with_unit(name, self._other), "keeps its start value")
+
+    def _unused(self) -> Iterator[Match]:
+        """Outputs and parameters of the other FMU that a mapping could still name."""
+        used = {*self._taken, *self._same}
+        for name, variable in self._other.variables.items():
+            if variable.causality in ("output", "parameter") and name not in used:
+                yield Match(variable.causality, "", self._with_unit(name, self._other), "is not used")
 
     def _converted(self, kind: str, name: str, variable: ModelVariable) -> None:
         if name in self.aliases:

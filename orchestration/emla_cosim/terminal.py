@@ -64,7 +64,7 @@ class BarProgress(Progress):
         self._bars.update(self._task, completed=task.total)
 
 
-_WORTH_A_LOOK = ("is left out", "keeps its start value")
+_WORTH_A_LOOK = ("is left out", "keeps its start value", "is not used")
 
 _ROWS: tuple[tuple[str, Callable[[JointMetrics], float], str], ...] = (
     ("position error", lambda m: 1e6 * m.position_error_m, "µm"),
