@@ -80,7 +80,7 @@ def plant_points(draw: Draw) -> Point:
         "sensor.noise": noise,
         "sensor.resolution": (x_L + sigma * noise) / steps if quantized else 0.0,
         "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
-        "x_L": x_L,
+        "start.x_L": x_L,
         "v_L": signed(draw, 1e-3, 0.3),
         "i_q": signed(draw, 0.1, 100.0),
         "i_d": signed(draw, 0.1, 100.0),
@@ -109,11 +109,12 @@ def observer_points(draw: Draw) -> Point:
         "model.A_eq": magnitude(draw, 10.0, 100.0),
         "model.B_eq": magnitude(draw, 1.0, 10.0),
         "solver.internal_step": 5e-5,
-        "x_hat": x_hat,
+        "start.x_hat": x_hat,
         "v_hat": signed(draw, 1e-3, 0.3),
         "eta_hat": magnitude(draw, 0.1, 10.0),
     }
-    return Point(values, draw(st.floats(0.0, 10.0)), reach={"y": abs(y_bar), "x_hat": abs(y_bar)})
+    reach = dict.fromkeys(("y", "x_hat", "start.x_hat"), abs(y_bar))
+    return Point(values, draw(st.floats(0.0, 10.0)), reach=reach)
 
 
 @st.composite

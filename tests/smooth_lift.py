@@ -62,8 +62,10 @@ def lift() -> System:
         "plant.sensor.resolution": 0.0,
         "observer.m_0": M_0,
         "reference.move.start[1]": MOTION.starts[0],
-        **{f"plant.{name}": START[name] for name in ("x_L", "v_L", "i_q", "i_d")},
-        **{f"observer.{name}": START[name] for name in ("x_hat", "v_hat", "eta_hat")},
+        "plant.start.x_L": START["x_L"],
+        "observer.start.x_hat": START["x_hat"],
+        **{f"plant.{name}": START[name] for name in ("v_L", "i_q", "i_d")},
+        **{f"observer.{name}": START[name] for name in ("v_hat", "eta_hat")},
     }
     system = load_scenario("lift", "robust").system
     return system.with_parameters({f"lift.{name}": value for name, value in given.items()})

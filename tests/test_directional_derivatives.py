@@ -16,6 +16,8 @@ from sessions import Session, continuous_states, refused, set_continuous_states
 from toy import Toy
 
 WITH_STATES = ("EmlaPlant", "EmlaObserver", "RsbaController", "Toy")
+STARTS = ("start.x_L", "start.x_hat", "x_0")
+"""Parameters that states start from."""
 
 
 def test_every_model_has_its_points() -> None:
@@ -150,7 +152,7 @@ def test_parameters_count_alike_in_every_phase(
         At(sessions[model], point, kind, running=True) as after,
     ):
         for parameter in before.parameters:
-            if parameter != "x_0":  # by then its state has a value of its own
+            if parameter not in STARTS:  # by then their states have values of their own
                 d = before.exact({parameter: 1.0}), after.exact({parameter: 1.0})
                 assert np.array_equal(*d), parameter
 
@@ -193,7 +195,7 @@ ZEROS = [
     ("EmlaPlant", {}, "u_d", {"inverter.u_q": 0.0, "inverter.u_d": 1.0, "der(i_d)": 1.0 / 2.4e-3}),
     ("EmlaPlant", {}, "inverter.u_max", {"inverter.u_q": 0.0, "der(i_q)": 0.0, "P_el": 0.0}),
     # the innovation is zero; H = H_0 at y = 0
-    ("EmlaObserver", {"y": 0.0, "x_hat": 0.0}, "y", {"y_bar": 1.0, "f": 400.0 / 200.0}),
+    ("EmlaObserver", {"y": 0.0, "start.x_hat": 0.0}, "y", {"y_bar": 1.0, "f": 400.0 / 200.0}),
     # k = 1500 and P_1 = 0; A_2 = 1.5 * 8 * 0.15 / 35.26
     ("RsbaController", {}, "x_hat", {"P[1]": 1.0, "P[2]": 1500.0}),
     ("RsbaController", {"limit_acceleration": True}, "x_hat", {"P[1]": 1.0, "P[2]": 1500.0}),

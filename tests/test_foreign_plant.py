@@ -60,6 +60,7 @@ PARAMETERS = {
     "sensor.resolution": Theirs("Sensor.Resolution_nm", 1e9),
     "sensor.sigma": Theirs("Sensor.Noise_um", 1e6),
     "sensor.seed": Theirs("Sensor.Seed"),
+    "start.x_L": Theirs("Screw.Start_mm", 1e3, 850.0),
     "solver.internal_step": Theirs("Solver.Step_us", 1e6),
 }
 OUTPUTS = {
@@ -97,7 +98,7 @@ EVERYTHING = {
     "sensor.resolution": 1e-5,
     "sensor.sigma": 2e-5,
     "solver.internal_step": 3e-5,
-    "x_L": 0.31,
+    "start.x_L": 0.31,
     "v_L": 0.05,
     "i_q": 12.0,
     "i_d": -7.0,
@@ -254,7 +255,7 @@ def test_dependencies_are_what_the_outputs_follow(theirs: Session) -> None:
     # zeros would hide what they multiply, a round position what the sensor rounds, and voltages far
     # from the limit what saturates
     start |= {name: 0.3 for name, value in start.items() if value == 0.0}
-    start |= {"Screw.Position_mm": 901.2345678, "Motor.Uq_V": 2.0, "Motor.Ud_V": 2.0, "Inverter.Limit_V": 2.5}
+    start |= {"Screw.Start_mm": 901.2345678, "Motor.Uq_V": 2.0, "Motor.Ud_V": 2.0, "Inverter.Limit_V": 2.5}
     slave = theirs.instance("test", running=False, **start)
     follow = {name: followers(theirs, slave, name, value) for name, value in start.items()}
     initial, stepping = (

@@ -9,6 +9,10 @@ block Observer "Adaptive robust observer of screw position and speed"
     Real B_eq(unit = "kg.m/s", min = 0.0) = 3.67 "Equivalent friction, as the observer knows it";
   end Known;
 
+  record Start "Where the estimate begins"
+    Real x_hat(unit = "m") = 0.24 "Initial estimate of the position";
+  end Start;
+
   Interfaces.RealInput y(unit = "m", nominal = 0.1) "Measured screw position"
     annotation(Placement(transformation(extent = {{-120, 40}, {-100, 60}})));
   Interfaces.RealInput i_q_ref(unit = "A", nominal = 10.0) "Commanded q-axis current i_q*, used with use_model"
@@ -25,8 +29,9 @@ block Observer "Adaptive robust observer of screw position and speed"
   parameter Real ell(min = 0.0) = 1.0 "Adaptation gain of (23)";
   parameter Boolean use_model = true "Include B u + g of (20): commanded torque and viscous friction";
   parameter Known known "The actuator as the observer knows it";
+  parameter Start start "Start";
 
-  Interfaces.RealOutput x_hat(start = 0.24, fixed = true, unit = "m", nominal = 0.1) "Estimated screw position"
+  Interfaces.RealOutput x_hat(start = start.x_hat, fixed = true, unit = "m", nominal = 0.1) "Estimated screw position"
     annotation(Placement(transformation(extent = {{100, 70}, {120, 90}})));
   Interfaces.RealOutput v_hat(start = 0.0, fixed = true, unit = "m/s", nominal = 0.1) "Estimated screw speed"
     annotation(Placement(transformation(extent = {{100, 30}, {120, 50}})));

@@ -35,6 +35,10 @@ block Plant "PMSM-driven electromechanical linear actuator with inverter limit a
     Real F_4 = 0.0 "Modelling error of g_4 as a fraction (100)";
   end Uncertainty;
 
+  record Start "Where the motion begins"
+    Real x_L(unit = "m") = 0.24 "Initial screw position";
+  end Start;
+
   record Phase "Phase currents"
     Real i_a(unit = "A") "Current of phase a (magnet axis at x_L = 0)";
     Real i_b(unit = "A") "Current of phase b";
@@ -63,6 +67,7 @@ block Plant "PMSM-driven electromechanical linear actuator with inverter limit a
   parameter Types.TorqueSource torque_source = Types.TorqueSource.current
     "Current that drives the screw: actual (physics) or commanded (paper)";
   parameter Uncertainty uncertainty "Uncertainty of the model";
+  parameter Start start "Start";
 
   final parameter Real alpha_RL(unit = "rad/m") = Functions.alpha_RL(gearbox.rho, screw.lead) "Motor angle per travel";
   final parameter Real A_eq(unit = "kg.m") =
@@ -75,7 +80,7 @@ block Plant "PMSM-driven electromechanical linear actuator with inverter limit a
   Sensor sensor "Position sensor"
     annotation(Placement(transformation(extent = {{40, -50}, {80, -10}})));
 
-  Interfaces.RealOutput x_L(start = 0.24, fixed = true, unit = "m", nominal = 0.1) "Screw position"
+  Interfaces.RealOutput x_L(start = start.x_L, fixed = true, unit = "m", nominal = 0.1) "Screw position"
     annotation(Placement(transformation(extent = {{100, 80}, {120, 100}})));
   Interfaces.RealOutput v_L(start = 0.0, fixed = true, unit = "m/s", nominal = 0.1) "Screw speed"
     annotation(Placement(transformation(extent = {{100, 60}, {120, 80}})));

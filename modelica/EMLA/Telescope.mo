@@ -16,11 +16,11 @@ model Telescope "The telescope joint of the study"
     reference(
       waypoint = {0.499, 0.348, 0.348, 0.348, 0.348, 0.348, 0.348, 0.348, 0.348},
       move(duration = {15.0 * (0.499 - 0.348) / (8.0 * 0.210), 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0})),
-    plant(x_L(start = 0.5), sensor(resolution = emla.rho * emla.lead / encoder_steps, seed = 1327217885)),
+    plant(start(x_L = 0.5), sensor(resolution = emla.rho * emla.lead / encoder_steps, seed = 1327217885)),
     disturbance(
       load(level = fill(-3.4e3, 6)),
       d_2_terms(amplitude = {0.9, -0.3}, omega = {65.0, 50.0}, phase = {0.0, pi / 4.0}, seed = 1327217885)),
-    observer(x_hat(start = 0.5)),
+    observer(start(x_hat = 0.5)),
     controller(beta = {1000.0, 2500.0, 5000.0, 5000.0}, limit(a_max = 10.0, i_max = emla.i_max, u_max = emla.u_max)));
   annotation(experiment(StartTime = 0.0, StopTime = 10.0, Tolerance = 1e-6, Interval = 1e-3));
 end Telescope;

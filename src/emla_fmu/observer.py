@@ -62,8 +62,13 @@ class EmlaObserver(Block):
         name="model.B_eq",
         description="Equivalent friction, as the observer knows it",
     )
+    x_hat_start = Parameter(
+        0.24, unit="m", name="start.x_hat", description="Initial estimate of the position"
+    )
 
-    x_hat = State(0.24, unit="m", nominal=0.1, description="Estimated screw position", terminal="estimate")
+    x_hat = State(
+        x_hat_start, unit="m", nominal=0.1, description="Estimated screw position", terminal="estimate"
+    )
     v_hat = State(0.0, unit="m/s", nominal=0.1, description="Estimated screw speed", terminal="estimate")
     eta_hat = State(1.0, minimum=0.0, description="Estimated bound of the uncertainty")
 

@@ -133,8 +133,9 @@ class EmlaPlant(Block):
     seed = Parameter(
         20240901, minimum=1, maximum=2147483646, name="sensor.seed", description="Start of the noise sequence"
     )
+    x_L_start = Parameter(0.24, unit="m", name="start.x_L", description="Initial screw position")
 
-    x_L = State(0.24, unit="m", nominal=0.1, description="Screw position")
+    x_L = State(x_L_start, unit="m", nominal=0.1, description="Screw position")
     v_L = State(0.0, unit="m/s", nominal=0.1, description="Screw speed", terminal="load")
     i_q = State(0.0, unit="A", nominal=10.0, description="q-axis stator current", terminal="drive")
     i_d = State(0.0, unit="A", nominal=10.0, description="d-axis stator current", terminal="drive")

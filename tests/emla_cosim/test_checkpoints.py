@@ -168,7 +168,7 @@ def test_results_that_are_not_those_of_the_checkpoint_are_not_continued(emla: Em
     """Another run of the same columns has left its results in the folder."""
     done(emla("--stop-time", "0.02", "--output", "whole"))
     done(emla("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c"))
-    done(emla("--stop-time", "0.02", "--output", "parts", "--set", "lift.plant.x_L=0.25"))
+    done(emla("--stop-time", "0.02", "--output", "parts", "--set", "lift.plant.start.x_L=0.25"))
     done(emla("--stop-time", "0.02", "--output", "parts", "--resume", "c"))
     whole, parts = ((tmp_path / x / "results.csv").read_text().splitlines() for x in ("whole", "parts"))
     assert parts == [whole[0], *whole[-10:]]
@@ -206,7 +206,7 @@ def made(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--set", "lift.plant.x_L=0.25"], "other values set, of lift.plant.x_L."),
+        (["--set", "lift.plant.start.x_L=0.25"], "other values set, of lift.plant.start.x_L."),
         (["--controller", "published"], "other values set, of lift."),
         (["--algorithm", "jacobi"], "the algorithm gauss-seidel, this run has jacobi."),
         (["--flavour", "python"], "other FMUs, of lift.reference, lift.plant"),

@@ -95,7 +95,7 @@ def test_an_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_f
     ran(emla, "ours", "study", "--stop-time", "0.02")
     result = ran(emla, "theirs", "study", "--stop-time", "0.02", "--replace", f"lift.plant={other}")
     assert Path("ours/results.csv").read_bytes() == Path("theirs/results.csv").read_bytes()
-    assert rows(result) == [["", "44 more", "", "same name and unit"]]
+    assert rows(result) == [["", "45 more", "", "same name and unit"]]
     assert record("theirs")["components"]["lift.plant"]["fmu"] == str(other)
     assert record("theirs")["components"]["tilt.plant"]["fmu"] != str(other)
 
@@ -149,7 +149,8 @@ def test_the_table_says_how_everything_is_converted(emla: Emla, foreign: tuple[s
     assert ["input", "F_L [N]", "Load.Force_kN [kN]", "x -0.001"] in table
     assert ["output", "x_measured [m]", "Sensor.Position_mm [mm]", "x 1000 + 850"] in table
     assert ["output", "i_q [A]", "Motor.Iq_A [A]", "fits"] in table
-    assert ["start value", "x_L [m]", "Screw.Position_mm [mm]", "x 1000 + 850"] in table
+    assert ["parameter", "start.x_L [m]", "Screw.Start_mm [mm]", "x 1000 + 850"] in table
+    assert ["output", "x_L [m]", "Screw.Position_mm [mm]", "x 1000 + 850"] in table
     assert ["parameter", "gearbox.eta_GB", "Gearbox.Efficiency_pct", "x 100"] in table
     assert ["output", "P_el [W]", "Motor.Power_kW [kW]", "x 0.001"] in table
     ours = [ours for _, ours, _, _ in table if ours]
@@ -159,9 +160,9 @@ def test_the_table_says_how_everything_is_converted(emla: Emla, foreign: tuple[s
 
 
 def test_start_values_keep_our_names_and_units(emla: Emla, foreign: tuple[str, ...]) -> None:
-    ran(emla, "out", "lift", "--stop-time", "0.001", *foreign, "--set", "lift.plant.x_L=0.25")
+    ran(emla, "out", "lift", "--stop-time", "0.001", *foreign, "--set", "lift.plant.start.x_L=0.25")
     assert results("out")["lift.plant.x_L"][0] == pytest.approx(0.25, rel=1e-15)
-    assert record("out")["components"]["lift.plant"]["parameters"]["x_L"] == "0.25"
+    assert record("out")["components"]["lift.plant"]["parameters"]["start.x_L"] == "0.25"
 
 
 def test_their_own_parameters_keep_their_names(emla: Emla, foreign: tuple[str, ...]) -> None:
@@ -234,7 +235,7 @@ def test_a_package_does_the_same(emla: Emla, foreign: tuple[str, ...], nested: t
     assert exported.exit_code == 0, exported.output
     ran(emla, "package", "my.ssp")
     assert Path("package/results.csv").read_bytes() == Path("options/results.csv").read_bytes()
-    ran(emla, "set", "my.ssp", "--set", "lift.plant.x_L=0.25")
+    ran(emla, "set", "my.ssp", "--set", "lift.plant.start.x_L=0.25")
     assert results("set")["lift.plant.x_L"][0] == pytest.approx(0.25, rel=1e-15)
 
 
@@ -267,7 +268,7 @@ def test_without_a_mapping_there_is_a_table_and_a_sentence(emla: Emla, foreign_p
     assert ["input", "F_L [N]", "", "is missing"] in table
     assert ["output", "x_measured [m]", "", "is missing"] in table
     assert ["parameter", "motor.R_s [Ohm]", "", "is left out"] in table
-    assert ["start value", "x_L [m]", "", "is left out"] in table
+    assert ["parameter", "start.x_L [m]", "", "is left out"] in table
     assert ["input", "", "Load.Force_kN [kN]", "keeps its start value"] in table
     assert not Path("results/lift/results.csv").exists()
 

@@ -87,7 +87,7 @@ ELSEWHERE = {"system", "description", "controller", "output", "plots", "signals"
 @pytest.mark.parametrize("key", SETTINGS)
 def test_a_key_reaches_the_run(key: str, emla: Emla, python_fmu_folder: Path, tmp_path: Path) -> None:
     line, setting, expected = SETTINGS[key]
-    write_parameters({"lift.plant.x_L": (0.24, "mm")})
+    write_parameters({"lift.plant.start.x_L": (0.24, "mm")})
     (tmp_path / "my.fmu").write_bytes((python_fmu_folder / "EmlaPlant/EmlaPlant.fmu").read_bytes())
     given = re.sub(f"^{key} = .*\n", "", SHORT, flags=re.MULTILINE)
     write(given)
@@ -261,8 +261,8 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
         ('system = "lift"\norder = "lift.plant"\n', ["'order'", "must be a list"]),
         ('system = "lift"\nset = 1\n', ["'set'", "must be a table"]),
         (
-            'system = "lift"\n[set]\n"lift.plant.x_L" = [1]\n',
-            ["'lift.plant.x_L' in 'set'", "must be a number"],
+            'system = "lift"\n[set]\n"lift.plant.start.x_L" = [1]\n',
+            ["'lift.plant.start.x_L' in 'set'", "must be a number"],
         ),
         (
             'system = "lift"\n[set]\nlift.plant.motor.R_s = []\n',
@@ -339,14 +339,16 @@ def test_a_built_in_name_wins_over_a_folder_of_that_name(emla: Emla) -> None:
 
 def test_parameters_are_converted_to_the_units_of_their_variables(emla: Emla) -> None:
     write_parameters(
-        {"lift.disturbance.load.level[1]": (40.0, "kN"), "lift.plant.x_L": (241.5, "mm")}, "one.ssv"
+        {"lift.disturbance.load.level[1]": (40.0, "kN"), "lift.plant.start.x_L": (241.5, "mm")}, "one.ssv"
     )
-    write_parameters({"lift.plant.x_L": (242.0, "mm"), "lift.observer.x_hat": (242.0, "mm")}, "two.ssv")
+    write_parameters(
+        {"lift.plant.start.x_L": (242.0, "mm"), "lift.observer.start.x_hat": (242.0, "mm")}, "two.ssv"
+    )
     options = ("--stop-time", "0.001", "--no-plots", "--parameters", "one.ssv", "--parameters", "two.ssv")
-    record = ran(emla, "lift", *options, "--set", "lift.observer.x_hat=0.2425", output="results/lift")
+    record = ran(emla, "lift", *options, "--set", "lift.observer.start.x_hat=0.2425", output="results/lift")
     assert start_value(record, "lift.disturbance.load.level[1]") == 40e3
-    assert start_value(record, "lift.plant.x_L") == 0.242  # the later file
-    assert start_value(record, "lift.observer.x_hat") == "0.2425"  # --set
+    assert start_value(record, "lift.plant.start.x_L") == 0.242  # the later file
+    assert start_value(record, "lift.observer.start.x_hat") == "0.2425"  # --set
     first = polars.read_csv("results/lift/results.csv").row(0, named=True)
     assert (first["lift.plant.x_L"], first["lift.observer.x_hat"]) == (0.242, 0.2425)
     assert first["lift.disturbance.F_L"] == 40e3
@@ -358,8 +360,8 @@ def test_parameters_are_converted_to_the_units_of_their_variables(emla: Emla) ->
         ("lift.plant.x", "mm", ["lift.plant has no variable 'x'", "x_L"]),
         ("lift.pump.x_L", "mm", ["no component 'lift.pump'"]),
         ("x_L", "mm", ["'x_L' is not a variable", "joint.component.variable"]),
-        ("lift.plant.x_L", "s", ["'lift.plant.x_L' of 'my.ssv' has the units s and m"]),
-        ("lift.plant.x_L", "inch", ["names the unit 'inch', which it does not define"]),
+        ("lift.plant.start.x_L", "s", ["'lift.plant.start.x_L' of 'my.ssv' has the units s and m"]),
+        ("lift.plant.start.x_L", "inch", ["names the unit 'inch', which it does not define"]),
         ("lift.plant.tau_m", "mm", ["lift.plant.tau_m"]),
     ],
 )

@@ -56,7 +56,7 @@ def test_the_robust_term_keeps_its_bound(y_bar: float, eta_hat: float, y: float,
 
 def _errors(gains: observer_gains.ObserverGains, stop: float, step: float, H_0: float) -> tuple[float, float]:
     """Position and speed error at `stop` under an acceleration of 2 m/s2 that the observer does not know."""
-    parameters = start_values(EmlaObserver, gains, {"x_hat": 0.0, "use_model": False, "H_0": H_0})
+    parameters = start_values(EmlaObserver, gains, {"x_hat_start": 0.0, "use_model": False, "H_0": H_0})
     slave = BlockSlave(EmlaObserver(), {n: float(v) for n, v in parameters.items()})
     slave.enter_initialization(0.0, stop)
     slave.exit_initialization()

@@ -21,7 +21,7 @@ enum {
     FIRST_PARAMETER,
     R_S = FIRST_PARAMETER, L_D, L_Q, FLUX, INERTIA, FRICTION, WINDING, COUPLING_INERTIA, GEARBOX_INERTIA,
     SCREW_TURNS, EFFICIENCY, LEAD, MASS, SCREW_FRICTION, SPRING, RETRACTED, LIMIT, ERROR_MOTION, ERROR_I_Q,
-    ERROR_I_D, RESOLUTION, NOISE, SOLVER_STEP,
+    ERROR_I_D, RESOLUTION, NOISE, SOLVER_STEP, START,
     FIRST_INPUT,
     U_Q = FIRST_INPUT, U_D, I_Q_SETPOINT, FORCE, DISTURBANCE, DISTURBANCE_Q, DISTURBANCE_D,
     N_REALS
@@ -50,11 +50,11 @@ typedef struct {
 } Instance;
 
 static const State start = {
-    .reals = {[POSITION] = 900.0, [R_S] = 220.0, [L_D] = 3.1, [L_Q] = 3.4, [FLUX] = 180.0, [INERTIA] = 95.0,
+    .reals = {[R_S] = 220.0, [L_D] = 3.1, [L_Q] = 3.4, [FLUX] = 180.0, [INERTIA] = 95.0,
               [FRICTION] = 2.1, [WINDING] = 293.15, [COUPLING_INERTIA] = 4.0, [GEARBOX_INERTIA] = 6.0,
               [SCREW_TURNS] = 0.25, [EFFICIENCY] = 85.0, [LEAD] = 16.0, [MASS] = 75.0,
               [SCREW_FRICTION] = 0.05, [RETRACTED] = 850.0, [LIMIT] = 560.0, [RESOLUTION] = 1000.0,
-              [SOLVER_STEP] = 50.0},
+              [SOLVER_STEP] = 50.0, [START] = 900.0},
     .integers = {[POLE_PAIRS] = 4, [SEED] = 1},
 };
 
@@ -201,7 +201,8 @@ static void write_states(State *now) {
 
 /* In initialization mode states and outputs follow from what has been set so far. */
 static void initialize(State *now) {
-    now->x[POSITION] = (now->reals[POSITION] - now->reals[RETRACTED]) * 1e-3;
+    now->reals[POSITION] = now->reals[START];
+    now->x[POSITION] = (now->reals[START] - now->reals[RETRACTED]) * 1e-3;
     now->x[SPEED] = now->reals[SPEED] * 1e-3;
     now->x[I_Q] = now->reals[I_Q];
     now->x[I_D] = now->reals[I_D];
@@ -296,9 +297,11 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
     return fmi2OK;
 }
 
-/* Inputs can always be set, parameters and the start values of states until steps begin. */
+/* Inputs can always be set, parameters and the start values of states until steps begin. The position
+ * starts from a parameter. */
 static int is_settable(const State *now, fmi2ValueReference vr) {
-    const int is_input = vr >= FIRST_INPUT, is_calculated = vr >= N_STATES && vr < FIRST_PARAMETER;
+    const int is_input = vr >= FIRST_INPUT;
+    const int is_calculated = vr == POSITION || (vr >= N_STATES && vr < FIRST_PARAMETER);
     return vr < N_REALS && (is_input || (now->phase < STEP && !is_calculated));
 }
 

@@ -37,11 +37,11 @@ def moving_joint() -> System:
     In the study itself the controller begins at its limits, whatever the observer tells it.
     """
     start = {
-        "plant.x_L": 0.244 + 3.0e-6,
+        "plant.start.x_L": 0.244 + 3.0e-6,
         "plant.v_L": 1e-3,
         "plant.i_q": 5.0,
         "plant.i_d": 2.0,
-        "observer.x_hat": 0.244 + 3.5e-6,
+        "observer.start.x_hat": 0.244 + 3.5e-6,
         "observer.v_hat": 2e-3,
     }
     return study_joint().with_parameters({f"lift.{name}": value for name, value in start.items()})

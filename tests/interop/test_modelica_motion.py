@@ -127,7 +127,7 @@ PLANT = {  # a number wherever the default makes a term vanish
     "uncertainty.F_2": 0.01,
     "uncertainty.F_3": 0.02,
     "uncertainty.F_4": 0.03,
-    "x_L": 0.3,
+    "start.x_L": 0.3,
     "v_L": 0.01,
     "i_q": 5.0,
     "i_d": 2.0,
@@ -149,7 +149,7 @@ OBSERVER = {  # the repaired gains with slower poles, so that the innovation can
     "ell": 2.0,
     "use_model": True,
     "model.A_eq": 30.0,
-    "x_hat": 0.243,
+    "start.x_hat": 0.243,
 }
 MOTION = {
     "x_d": "0.246 - 0.006 * cos(12.0 * time)",

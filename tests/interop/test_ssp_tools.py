@@ -38,14 +38,6 @@ Signal = tuple[str, str]
 SIGNALS: list[Signal] = list(dict.fromkeys((x.source, x.output) for x in SYSTEM.connections))
 """Every connected signal."""
 
-STATES: dict[Signal, float] = {
-    (c.name, name): float(c.parameters[name])
-    for c in SYSTEM.components
-    for name in ("x_L", "x_hat", "eta_hat")
-    if name in c.parameters
-}
-"""Start values of outputs: libcosim 0.11.2 does not take them from a package, but it does from its user."""
-
 NAMESPACES = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
@@ -87,11 +79,9 @@ def our_run(package: Path, folder: Path, step: float, count: int) -> Array:
     return np.array(list(read_results(folder / "results.csv", names).values())).T
 
 
-def libcosim_run(package: Path, count: int, start_values: Mapping[Signal, float]) -> Array:
+def libcosim_run(package: Path, count: int) -> Array:
     execution, observer = CosimExecution.from_ssp_file(str(package)), CosimObserver.create_time_series()
     assert execution.add_observer(observer)
-    for signal, value in start_values.items():
-        assert execution.real_initial_value(*_place(execution, *signal), value)
     places = [_place(execution, *signal) for signal in SIGNALS]
     for place in places:
         assert observer.start_time_series(*place, CosimVariableType.REAL)
@@ -136,18 +126,8 @@ def too_far(found: Array, expected: Array) -> dict[str, float]:
 def test_libcosim_does_what_we_do(package: Path, tmp_path: Path) -> None:
     log_output_level(CosimLogLevel.ERROR)
     assert len(SIGNALS) == 48
-    found = libcosim_run(package, STEPS, STATES)
+    found = libcosim_run(package, STEPS)
     assert too_far(found, our_run(package, tmp_path, STEP, STEPS)) == {}
-
-
-def test_libcosim_leaves_outputs_at_their_defaults_unless_told(package: Path) -> None:
-    """The lift starts there anyway, so its package needs no help."""
-    log_output_level(CosimLogLevel.ERROR)
-    first = dict(zip(SIGNALS, libcosim_run(package, 1, {})[0], strict=True))
-    for joint in ("lift", "tilt", "telescope"):
-        assert first[f"{joint}.plant", "x_measured"] == pytest.approx(0.24, abs=1e-8)
-        at_default = STATES[f"{joint}.plant", "x_L"] == STATES[f"{joint}.observer", "x_hat"] == 0.24
-        assert at_default == (joint == "lift")
 
 
 def test_ecos_does_what_we_do(package: Path, tmp_path: Path) -> None:
@@ -185,7 +165,7 @@ def foreign_parameters(fmu_folder: Path) -> set[tuple[str, str]]:
 def test_libcosim_warns_of_what_it_leaves_out(
     package: Path, fmu_folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Of parameters that are for others and of enumerations; and of start values of outputs, see above."""
+    """Of parameters that are for others, of enumerations, and of a start value of an output: the default."""
     log_output_level(CosimLogLevel.WARNING)
     CosimExecution.from_ssp_file(str(package)).step(1)
     log_output_level(CosimLogLevel.ERROR)
@@ -193,7 +173,7 @@ def test_libcosim_warns_of_what_it_leaves_out(
     others = re.findall(r"No such variable: (\w+):(\S+)$", text, re.MULTILINE)
     assert set(others) == foreign_parameters(fmu_folder)
     states = re.findall(r"Non-input causality for variable \w+:(\S+)$", text, re.MULTILINE)
-    assert set(states) == {name for _, name in STATES}
+    assert set(states) == {"eta_hat"}
     ignored = re.findall(r"with name (\S+) will be ignored$", text, re.MULTILINE)
     assert set(ignored) == {"torque_source", "d_2.reading"}
     assert len(text.splitlines()) == len(others) + len(states) + len(ignored)

@@ -8,6 +8,7 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ..errors import CommandError
+from .interface import Interface
 
 
 def find_variable(component: str, variables: Mapping[str, ModelVariable], name: str) -> ModelVariable:
@@ -19,11 +20,13 @@ def find_variable(component: str, variables: Mapping[str, ModelVariable], name: 
     raise CommandError(f"{component} has no variable '{name}'{meant}")
 
 
-def start_value(component: str, variable: ModelVariable, value: Any) -> Any:
+def start_value(component: str, interface: Interface, variable: ModelVariable, value: Any) -> Any:
     """A value as the variable's type, within its range; CommandError otherwise."""
     name = f"{component}.{variable.name}"
-    if variable.causality not in ("parameter", "input") and variable.initial not in ("exact", "approx"):
-        raise CommandError(f"{name} is computed by the FMU and cannot be set.")
+    if not interface.settable(variable.name):
+        near = [n for n in interface.variables if n.endswith(f".{variable.name}") and interface.settable(n)]
+        meant = f"; did you mean {' or '.join(near)}?" if near else "."
+        raise CommandError(f"{name} is computed by the FMU and cannot be set{meant}")
     if variable.type == "String":
         return str(value)
     if variable.type == "Enumeration":

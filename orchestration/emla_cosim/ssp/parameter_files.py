@@ -82,7 +82,7 @@ class _Member:
                 return Parameter(name, "Real", float(str(value)), alias.unit)
             except ValueError as error:
                 raise CommandError(f"{component.name}.{name} = {value} is not a number.") from error
-        typed = start_value(component.name, variable, value)
+        typed = start_value(component.name, self.interface, variable, value)
         if variable.type == "Enumeration":
             return Parameter(name, "Enumeration", _literal(variable, typed))
         unit = self.interface.unit(variable.name) if variable.type == "Real" else None

@@ -53,7 +53,7 @@ def joint(
         Reference: ("reference", [reference]),
         EmlaPlant: ("plant", [emla, plant]),
         Disturbance: ("disturbance", [disturbance]),
-        EmlaObserver: ("observer", [emla, observer_gains, {"x_hat": estimate}]),
+        EmlaObserver: ("observer", [emla, observer_gains, {"x_hat_start": estimate}]),
         RsbaController: ("controller", [emla, gains]),
     }
     components = [

@@ -99,7 +99,7 @@ def _study_joint(
     `as_printed` is the paper's plant: driven by the commanded current, with an ideal sensor.
     """
     study, emla = STUDY[name], EMLAS[name]
-    plant: dict[str, Any] = {"x_L": study.x_start, "seed": study.seed, **UNCERTAINTIES}
+    plant: dict[str, Any] = {"x_L_start": study.x_start, "seed": study.seed, **UNCERTAINTIES}
     if as_printed:
         plant["torque_source"] = int(TorqueSource.COMMAND)
     else:

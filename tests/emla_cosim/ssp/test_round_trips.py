@@ -62,8 +62,8 @@ def test_a_replaced_component(nested: bool, fmu_folder: Path, foreign_plant: Pat
     assert "resources/lift_plant.ssm" in files
     found = understood(Path("second.ssp"))
     plant = found.system.component("lift.plant")
-    assert plant.aliases["x_L"].variable == "Screw.Position_mm"
-    assert found.values("lift.plant")["Screw.Position_mm"] == pytest.approx(1e3 * 0.24 + 850.0)
+    assert plant.aliases["start.x_L"].variable == "Screw.Start_mm"
+    assert found.values("lift.plant")["Screw.Start_mm"] == pytest.approx(1e3 * 0.24 + 850.0)
     assert found.values("lift.plant")["Motor.Rs_mOhm"] == pytest.approx(1e3 * plant.parameters["motor.R_s"])
 
 

@@ -111,9 +111,10 @@ class FmuSlave(Slave):
 
         Raises CommandError for what cannot be set, SlaveError where the FMU itself refuses.
         """
+        interface = self.file.interface
         for name, value in values.items():
-            variable = find_variable(self.name, self.file.variables, name)
-            reference, start = [variable.valueReference], [start_value(self.name, variable, value)]
+            variable = find_variable(self.name, interface.variables, name)
+            reference, start = [variable.valueReference], [start_value(self.name, interface, variable, value)]
             match variable.type:
                 case "Real":
                     call = self._fmu.setReal
