@@ -111,7 +111,7 @@ def observer_points(draw: Draw) -> Point:
         "solver.internal_step": 5e-5,
         "start.x_hat": x_hat,
         "v_hat": signed(draw, 1e-3, 0.3),
-        "eta_hat": magnitude(draw, 0.1, 10.0),
+        "start.eta_hat": magnitude(draw, 0.1, 10.0),
     }
     reach = dict.fromkeys(("y", "x_hat", "start.x_hat"), abs(y_bar))
     return Point(values, draw(st.floats(0.0, 10.0)), reach=reach)

@@ -65,7 +65,8 @@ def lift() -> System:
         "plant.start.x_L": START["x_L"],
         "observer.start.x_hat": START["x_hat"],
         **{f"plant.{name}": START[name] for name in ("v_L", "i_q", "i_d")},
-        **{f"observer.{name}": START[name] for name in ("v_hat", "eta_hat")},
+        "observer.start.eta_hat": START["eta_hat"],
+        "observer.v_hat": START["v_hat"],
     }
     system = load_scenario("lift", "robust").system
     return system.with_parameters({f"lift.{name}": value for name, value in given.items()})

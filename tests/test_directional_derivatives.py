@@ -16,7 +16,7 @@ from sessions import Session, continuous_states, refused, set_continuous_states
 from toy import Toy
 
 WITH_STATES = ("EmlaPlant", "EmlaObserver", "RsbaController", "Toy")
-STARTS = ("start.x_L", "start.x_hat", "x_0")
+STARTS = ("start.x_L", "start.x_hat", "start.eta_hat", "x_0")
 """Parameters that states start from."""
 
 

@@ -20,7 +20,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "uncertainty.F_2": 0.1,
         "motor.L_q": 3e-3,
     },
-    "EmlaObserver": {"H_0": 2.0, "eta_hat": 3.0},
+    "EmlaObserver": {"H_0": 2.0, "start.eta_hat": 3.0},
     "RsbaController": {"limit_acceleration": True, "limit_current": True, "freeze_adaptation": True},
     "Reference": {"waypoint[2]": 0.3, "move.start[1]": 1e-4, "move.duration[1]": 5e-3},
     "Disturbance": {

@@ -11,6 +11,7 @@ block Observer "Adaptive robust observer of screw position and speed"
 
   record Start "Where the estimate begins"
     Real x_hat(unit = "m") = 0.24 "Initial estimate of the position";
+    Real eta_hat(min = 0.0) = 1.0 "Initial estimate of the bound";
   end Start;
 
   Interfaces.RealInput y(unit = "m", nominal = 0.1) "Measured screw position"
@@ -35,7 +36,7 @@ block Observer "Adaptive robust observer of screw position and speed"
     annotation(Placement(transformation(extent = {{100, 70}, {120, 90}})));
   Interfaces.RealOutput v_hat(start = 0.0, fixed = true, unit = "m/s", nominal = 0.1) "Estimated screw speed"
     annotation(Placement(transformation(extent = {{100, 30}, {120, 50}})));
-  Interfaces.RealOutput eta_hat(start = 1.0, fixed = true, min = 0.0) "Estimated bound of the uncertainty"
+  Interfaces.RealOutput eta_hat(start = start.eta_hat, fixed = true, min = 0.0) "Estimated bound of the uncertainty"
     annotation(Placement(transformation(extent = {{100, -10}, {120, 10}})));
   Interfaces.RealOutput y_bar(unit = "m") "Innovation y - x_hat"
     annotation(Placement(transformation(extent = {{100, -50}, {120, -30}})));

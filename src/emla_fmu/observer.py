@@ -65,12 +65,15 @@ class EmlaObserver(Block):
     x_hat_start = Parameter(
         0.24, unit="m", name="start.x_hat", description="Initial estimate of the position"
     )
+    eta_hat_start = Parameter(
+        1.0, minimum=0.0, name="start.eta_hat", description="Initial estimate of the bound"
+    )
 
     x_hat = State(
         x_hat_start, unit="m", nominal=0.1, description="Estimated screw position", terminal="estimate"
     )
     v_hat = State(0.0, unit="m/s", nominal=0.1, description="Estimated screw speed", terminal="estimate")
-    eta_hat = State(1.0, minimum=0.0, description="Estimated bound of the uncertainty")
+    eta_hat = State(eta_hat_start, minimum=0.0, description="Estimated bound of the uncertainty")
 
     y_bar = Output(unit="m", description="Innovation y - x_hat")
     f = Output(description="Robust term of (21)")

@@ -16,12 +16,12 @@ class ObserverGains:
     m_0: float
     m_decay: float
     ell: float
-    eta_hat: float
+    eta_hat_start: float
     """Start value of the adapted bound."""
     use_model: bool
 
 
-def published(eta_hat: float) -> ObserverGains:
+def published(eta_hat_start: float) -> ObserverGains:
     """(101) to (103) as printed.
 
     The poles are at -0.16 +- 0.54j, and m also multiplies the leak in (23), so eta_hat decays
@@ -37,7 +37,7 @@ def published(eta_hat: float) -> ObserverGains:
         m_0=200.0,
         m_decay=0.001,
         ell=1.0,
-        eta_hat=eta_hat,
+        eta_hat_start=eta_hat_start,
         use_model=True,
     )
 
@@ -60,7 +60,7 @@ def robust(w: float = 4000.0) -> ObserverGains:
         m_0=16.0 / (w * w),
         m_decay=0.001,
         ell=1.0,
-        eta_hat=1.0,
+        eta_hat_start=1.0,
         use_model=False,
     )
 

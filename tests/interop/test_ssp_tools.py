@@ -165,18 +165,16 @@ def foreign_parameters(fmu_folder: Path) -> set[tuple[str, str]]:
 def test_libcosim_warns_of_what_it_leaves_out(
     package: Path, fmu_folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Of parameters that are for others, of enumerations, and of a start value of an output: the default."""
+    """Of parameters that are for others, and of enumerations."""
     log_output_level(CosimLogLevel.WARNING)
     CosimExecution.from_ssp_file(str(package)).step(1)
     log_output_level(CosimLogLevel.ERROR)
     text = "".join(capfd.readouterr())
     others = re.findall(r"No such variable: (\w+):(\S+)$", text, re.MULTILINE)
     assert set(others) == foreign_parameters(fmu_folder)
-    states = re.findall(r"Non-input causality for variable \w+:(\S+)$", text, re.MULTILINE)
-    assert set(states) == {"eta_hat"}
     ignored = re.findall(r"with name (\S+) will be ignored$", text, re.MULTILINE)
     assert set(ignored) == {"torque_source", "d_2.reading"}
-    assert len(text.splitlines()) == len(others) + len(states) + len(ignored)
+    assert len(text.splitlines()) == len(others) + len(ignored)
 
 
 def test_ecos_warns_of_parameters_of_others_only(
