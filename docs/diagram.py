@@ -13,9 +13,9 @@ from emla_cosim.export import export
 from emla_cosim.run import Progress
 from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.settings import Settings
-from emla_cosim.ssp.package import opened
-from emla_cosim.ssp.ssd import parse_structure
-from emla_cosim.ssp.structure import Connection, Connector, Element, SystemElement
+from emla_cosim.ssp.documents.ssd_reader import parse_structure
+from emla_cosim.ssp.documents.structure import Connection, Connector, Element, SystemElement
+from emla_cosim.ssp.reader.package import opened
 
 HERE = Path(__file__).parent
 JOINT = "lift"

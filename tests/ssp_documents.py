@@ -12,7 +12,7 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.ssp.reading import read_ssp
+from emla_cosim.ssp.reader.reading import read_ssp
 from emla_cosim.system.model import System
 from emla_cosim.system.resolution import resolved
 from fmublock.archive import write_archive

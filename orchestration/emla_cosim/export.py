@@ -6,7 +6,7 @@ from .preparation import Listener, prepared
 from .run import run_times
 from .scenarios.scenario import Scenario
 from .settings import Settings
-from .ssp.writing import Experiment, write_ssp
+from .ssp.writer.writing import Experiment, write_ssp
 
 
 def export(scenario: Scenario, settings: Settings, file: Path, nested: bool, listener: Listener) -> None:

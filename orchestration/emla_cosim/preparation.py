@@ -9,7 +9,7 @@ from .fmu.interface import Interface, read_interface
 from .models import build
 from .replacement import Fit, Replacement, fitted
 from .settings import Settings
-from .ssp.parameters import parse_parameter_set
+from .ssp.documents.parameters import parse_parameter_set
 from .system.model import System, Value
 from .units import conversion
 

@@ -8,8 +8,8 @@ from fmpy.model_description import ModelVariable
 
 from .errors import CommandError
 from .fmu.interface import Interface, read_interface
-from .ssp.parameters import parse_mapping
-from .ssp.structure import MappingEntry, TableTransformation
+from .ssp.documents.parameters import parse_mapping
+from .ssp.documents.structure import MappingEntry, TableTransformation
 from .system.model import Alias, Component, Connection, System
 from .system.resolution import transformed
 from .units import IDENTITY, LinearTransformation, Unit, conversion

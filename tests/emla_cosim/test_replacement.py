@@ -11,8 +11,8 @@ import pytest
 from typer.testing import Result
 
 from commands import Emla, sentence
-from emla_cosim.ssp.parameters import format_parameter_set
-from emla_cosim.ssp.structure import Parameter, ParameterSet
+from emla_cosim.ssp.documents.parameters import format_parameter_set
+from emla_cosim.ssp.documents.structure import Parameter, ParameterSet
 from emla_cosim.units import Unit
 
 FOREIGN = Path(__file__).parents[1] / "foreign_plant" / "ForeignPlant.ssm"

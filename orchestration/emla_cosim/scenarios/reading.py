@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from ..errors import CommandError, listed
-from ..ssp.reading import Document, read_ssp
+from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
 from ..system.study import SYSTEMS, built_in_system
 from .scenario import Scenario

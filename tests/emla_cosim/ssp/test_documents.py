@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.ssp.reading import read_ssp
+from emla_cosim.ssp.reader.reading import read_ssp
 from ssp_documents import (
     binding,
     component,

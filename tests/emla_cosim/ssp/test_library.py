@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 
 from emla_cosim.cli import app
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.ssp.parameters import parse_mapping, parse_parameter_set
-from emla_cosim.ssp.reading import read_ssp
-from emla_cosim.ssp.ssd import parse_structure
-from emla_cosim.ssp.structure import Component, Reference, SystemElement
+from emla_cosim.ssp.documents.parameters import parse_mapping, parse_parameter_set
+from emla_cosim.ssp.documents.ssd_reader import parse_structure
+from emla_cosim.ssp.documents.structure import Component, Reference, SystemElement
+from emla_cosim.ssp.reader.reading import read_ssp
 
 MAPPING = Path(__file__).parents[2] / "foreign_plant" / "ForeignPlant.ssm"
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from emla_cosim.errors import CommandError
 from emla_cosim.fmu.interface import Interface, read_interface
-from emla_cosim.ssp.reading import read_ssp
-from emla_cosim.ssp.writing import Experiment, write_ssp
+from emla_cosim.ssp.reader.reading import read_ssp
+from emla_cosim.ssp.writer.writing import Experiment, write_ssp
 from emla_cosim.system.model import Alias, Component, Connection, System
 from emla_cosim.system.resolution import resolved
 from emla_cosim.units import IDENTITY, LinearTransformation, Unit, conversion

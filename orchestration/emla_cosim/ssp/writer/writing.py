@@ -6,15 +6,14 @@ from pathlib import Path
 
 from fmublock.archive import write_archive
 
-from ..errors import CommandError, RunError
-from ..fmu.interface import Interface, read_interface
-from ..system.model import System
-from ..system.resolution import resolved
+from ...errors import CommandError, RunError
+from ...fmu.interface import Interface, read_interface
+from ...system.model import System
+from ...system.resolution import resolved
+from ..documents.ssd_writer import format_structure
+from ..documents.structure import DEFAULT_SSD, Structure
 from .building import Part, in_order, root_system
-from .package import DEFAULT_SSD
 from .parameter_files import file_name, parameter_files
-from .ssd import format_structure
-from .structure import Structure
 
 
 @dataclass(frozen=True)

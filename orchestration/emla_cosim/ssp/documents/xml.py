@@ -8,8 +8,8 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from ..errors import CommandError
-from ..units import BASE_UNITS, LinearTransformation, Unit
+from ...errors import CommandError
+from ...units import BASE_UNITS, LinearTransformation, Unit
 from .structure import TableTransformation, Transformation
 
 XmlElement = Any
@@ -21,6 +21,18 @@ NAMESPACES = {
     "ssv": f"{_ROOT}ParameterValues",
     "ssm": f"{_ROOT}ParameterMapping",
 }
+ANNOTATION_NAMESPACES = {
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+}
+"""Namespaces of the annotations in which OMSimulator and libcosim look for the step size."""
+
+RENAMES = "emla-cosim.renames"
+"""The type of the annotation of a binding whose mapping holds for results, too."""
+
+CORNERS = ("x1", "y1", "x2", "y2")
+"""Attributes of a rectangle."""
+
 _KINDS = {
     "ssd": "SystemStructureDescription",
     "ssv": "ParameterSet",

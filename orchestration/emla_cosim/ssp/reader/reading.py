@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..system.model import Alias, Component, Connection, System
-from ..units import IDENTITY, conversion
+from ...system.model import Alias, Component, Connection, System
+from ...units import IDENTITY, conversion
+from ..documents.structure import Parameter, ParameterBinding, ParameterSet, Structure, TableTransformation
 from .binding import Bound, bound_values, transformation
 from .collecting import collected
 from .loading import loaded
 from .package import Package, opened
-from .structure import Parameter, ParameterBinding, ParameterSet, Structure, TableTransformation
 from .wiring import Fmu, Node, Path_, Wiring
 
 

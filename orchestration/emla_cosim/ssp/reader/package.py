@@ -9,10 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import unquote, urlsplit
 
-from ..errors import CommandError, CosimError, listed
-from ..fmu.unpack import UnsafeArchiveError, unpack
-
-DEFAULT_SSD = "SystemStructure.ssd"
+from ...errors import CommandError, CosimError, listed
+from ...fmu.unpack import UnsafeArchiveError, unpack
+from ..documents.structure import DEFAULT_SSD
 
 _LARGEST_INSIDE = 2**26
 """Bytes that a parameter file inside an FMU may have."""

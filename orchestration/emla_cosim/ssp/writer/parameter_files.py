@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 
 from fmpy.model_description import ModelVariable
 
-from ..errors import CommandError
-from ..fmu.interface import Interface
-from ..fmu.variables import find_variable, start_value
-from ..system.model import Component, System
+from ...errors import CommandError
+from ...fmu.interface import Interface
+from ...fmu.variables import find_variable, start_value
+from ...system.model import Component, System
+from ..documents.parameters import format_mapping, format_parameter_set
+from ..documents.structure import MappingEntry, Parameter, ParameterBinding, ParameterSet, Reference
 from .building import unambiguous
-from .parameters import format_mapping, format_parameter_set
-from .structure import MappingEntry, Parameter, ParameterBinding, ParameterSet, Reference
 
 SET_NAME = "initialValues"
 """The name of every parameter set: Ecos takes the sets of one name, and its users expect this one."""

@@ -4,12 +4,12 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..errors import CommandError
-from ..fmu.interface import Interface
-from ..system.model import Component, Connection, System
-from ..units import IDENTITY, Unit
-from . import structure as ssp
-from .layout import canvas, layout, route
+from ...errors import CommandError
+from ...fmu.interface import Interface
+from ...system.model import Component, Connection, System
+from ...units import IDENTITY, Unit
+from ..documents import structure as ssp
+from .drawing import drawn
 
 _LETTERS = "A-Z_a-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u3001-\ud7ff"
 """What an id in XML may begin with, as a set of a regular expression."""
@@ -117,7 +117,7 @@ class _Builder:
         elements = [self._element(path, child, places, wires) for child in children]
         connections = dict.fromkeys(c for w in wires for c in self._connections(path, w))
         own = {c.name: c for w in wires for c in self._own_connectors(path, w)}
-        return _drawn(
+        return drawn(
             ssp.SystemElement(
                 name, tuple(own.values()), elements=tuple(elements), connections=tuple(connections)
             )
@@ -216,44 +216,3 @@ def unambiguous(units: Iterable[Unit | None]) -> set[Unit]:
 def _is_id(name: str) -> bool:
     """Whether a name may be an id in XML."""
     return re.fullmatch(f"[{_LETTERS}][{_LETTERS}0-9.-]*", name) is not None
-
-
-def _drawn(system: ssp.SystemElement) -> ssp.SystemElement:
-    """With coordinates for everything inside."""
-    if not system.elements:
-        return system
-    links = [
-        (c.start_element, c.end_element)
-        for c in system.connections
-        if c.start_element is not None and c.end_element is not None
-    ]
-    sides = {e.name: _sides(e) for e in system.elements}
-    names = {e.name: e.id or e.name for e in system.elements}
-    corners = layout(list(sides), names, links, {n: max(map(len, s)) for n, s in sides.items()})
-    elements = tuple(
-        replace(e, extent=corners[e.name], connectors=_positioned(e.connectors)) for e in system.elements
-    )
-    placed = replace(
-        system,
-        elements=elements,
-        canvas=canvas(corners.values()),
-        connectors=_positioned(system.connectors),
-    )
-    return replace(placed, connections=route(placed))
-
-
-def _sides(element: ssp.Element) -> tuple[list[str], list[str]]:
-    inputs = [c.name for c in element.connectors if c.kind == "input"]
-    return inputs, [c.name for c in element.connectors if c.kind == "output"]
-
-
-def _positioned(connectors: Sequence[ssp.Connector]) -> tuple[ssp.Connector, ...]:
-    """Inputs at the left side, outputs at the right, evenly from top to bottom."""
-    count = {kind: sum(1 for c in connectors if c.kind == kind) for kind in ("input", "output")}
-    seen = {"input": 0, "output": 0}
-    placed = []
-    for connector in connectors:
-        seen[connector.kind] += 1
-        y = 1.0 - seen[connector.kind] / (count[connector.kind] + 1)
-        placed.append(replace(connector, position=(0.0 if connector.kind == "input" else 1.0, round(y, 6))))
-    return tuple(placed)

@@ -7,11 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
-from ..errors import CommandError
-from .package import Package, inside_fmu, opened
-from .parameters import parse_mapping, parse_parameter_set
-from .ssd import parse_structure
-from .structure import (
+from ...errors import CommandError
+from ..documents.parameters import parse_mapping, parse_parameter_set
+from ..documents.ssd_reader import parse_structure
+from ..documents.structure import (
     FMU,
     SSD,
     SSP,
@@ -23,6 +22,7 @@ from .structure import (
     Structure,
     SystemElement,
 )
+from .package import Package, inside_fmu, opened
 
 _DEEPEST = 50
 """How many documents may be inside each other."""

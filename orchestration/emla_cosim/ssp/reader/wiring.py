@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from ..errors import CommandError
-from ..fmu.interface import Interface
-from ..units import IDENTITY, LinearTransformation, Unit, conversion
-from .structure import (
+from ...errors import CommandError
+from ...fmu.interface import Interface
+from ...units import IDENTITY, LinearTransformation, Unit, conversion
+from ..documents.structure import (
     Component,
     Connection,
     Connector,

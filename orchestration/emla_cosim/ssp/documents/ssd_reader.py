@@ -1,11 +1,11 @@
-"""Structure descriptions (SSD) as XML."""
+"""Structure descriptions (SSD) from XML."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
-from ..errors import CommandError
-from ..units import Unit
-from .parameters import add_mapping, add_parameter_set, read_mapping, read_parameter_set
+from ...errors import CommandError
+from ...units import Unit
+from .parameters import read_mapping, read_parameter_set
 from .structure import (
     FMU,
     Component,
@@ -19,33 +19,21 @@ from .structure import (
     SystemElement,
 )
 from .xml import (
+    ANNOTATION_NAMESPACES,
+    CORNERS,
     NAMESPACES,
+    RENAMES,
     XmlElement,
-    add,
-    add_transformation,
-    add_units,
     boolean,
     check,
     child,
     children,
-    document,
     local_name,
-    number,
     parse,
     read_transformation,
     read_unit,
     read_units,
-    to_bytes,
 )
-
-_OPENMODELICA = "org.openmodelica"
-_RENAMES = "emla-cosim.renames"
-_OPEN_SIMULATION_PLATFORM = "com.opensimulationplatform"
-_ANNOTATIONS = {
-    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
-    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
-}
-_CORNERS = ("x1", "y1", "x2", "y2")
 
 
 def parse_structure(content: bytes, where: str) -> Structure:
@@ -74,7 +62,7 @@ def _step_size(root: XmlElement, where: str) -> float | None:
         ("oms:FixedStepMaster", "stepSize"),
         ("osp:FixedStepAlgorithm", "baseStepSize"),
     ):
-        found = root.find(f".//{element}", NAMESPACES | _ANNOTATIONS)
+        found = root.find(f".//{element}", NAMESPACES | ANNOTATION_NAMESPACES)
         if found is not None and found.get(attribute):
             try:
                 return float(found.get(attribute))
@@ -165,7 +153,7 @@ class _Reader:
             prefix=element.get("prefix", ""),
             mapping=self._mapping(mapping) if mapping is not None else None,
             renames=any(
-                a.get("type") == _RENAMES for a in children(element, "ssd:Annotations", "ssc:Annotation")
+                a.get("type") == RENAMES for a in children(element, "ssd:Annotations", "ssc:Annotation")
             ),
         )
 
@@ -203,130 +191,4 @@ class _Reader:
 
 
 def _corners(element: XmlElement | None) -> Any:
-    return None if element is None else tuple(float(element.get(c)) for c in _CORNERS)
-
-
-def format_structure(structure: Structure) -> bytes:
-    """A structure as an SSD file.
-
-    The step size is told to OMSimulator and to libcosim, each in its own annotation.
-    """
-    root = document("ssd", _ANNOTATIONS, name=structure.name, description=structure.description or None)
-    system = _add_system(root, structure.system)
-    if structure.step_size is not None:
-        step = number(structure.step_size)
-        inside = add(_annotation(system, _OPENMODELICA), "oms:Annotations")
-        master = add(inside, "oms:SimulationInformation")
-        add(
-            master,
-            "oms:FixedStepMaster",
-            description="oms-ma",
-            stepSize=step,
-            absoluteTolerance="1e-4",
-            relativeTolerance="1e-4",
-        )
-    add_units(root, "ssd", _units(structure.system))
-    start, stop = (None if t is None else number(t) for t in (structure.start_time, structure.stop_time))
-    experiment = add(root, "ssd:DefaultExperiment", startTime=start, stopTime=stop)
-    if structure.step_size is not None:
-        algorithm = add(_annotation(experiment, _OPEN_SIMULATION_PLATFORM), "osp:Algorithm")
-        add(algorithm, "osp:FixedStepAlgorithm", baseStepSize=number(structure.step_size))
-    return to_bytes(root)
-
-
-def _annotation(parent: XmlElement, type_: str) -> XmlElement:
-    return add(add(parent, "ssd:Annotations"), "ssc:Annotation", type=type_)
-
-
-def _units(element: Element) -> Iterator[Unit | None]:
-    yield from (c.unit for c in element.connectors)
-    if isinstance(element, SystemElement):
-        for inside in element.elements:
-            yield from _units(inside)
-
-
-def _add_system(parent: XmlElement, system: SystemElement) -> XmlElement:
-    element = _add_common(parent, "ssd:System", system)
-    if system.elements:
-        group = add(element, "ssd:Elements")
-        for inside in system.elements:
-            if isinstance(inside, SystemElement):
-                _add_system(group, inside)
-            elif isinstance(inside, Component):
-                how = None if inside.implementation == "any" else inside.implementation
-                _add_common(
-                    group, "ssd:Component", inside, type=inside.type, source=inside.source, implementation=how
-                )
-            elif isinstance(inside, DictionaryReference):
-                _add_common(group, "ssd:SignalDictionaryReference", inside, dictionary=inside.dictionary)
-    if system.connections:
-        _add_connections(add(element, "ssd:Connections"), system.connections)
-    if system.canvas is not None:
-        add(element, "ssd:SystemGeometry", **_geometry(system.canvas))
-    return element
-
-
-def _add_common(parent: XmlElement, tag: str, element: Element, /, **attributes: str | None) -> XmlElement:
-    added = add(parent, tag, id=element.id, name=element.name, **attributes)
-    if element.connectors:
-        group = add(added, "ssd:Connectors")
-        for connector in element.connectors:
-            _add_connector(group, connector)
-    if element.extent is not None:
-        add(added, "ssd:ElementGeometry", **_geometry(element.extent))
-    if element.bindings:
-        group = add(added, "ssd:ParameterBindings")
-        for binding in element.bindings:
-            _add_binding(group, binding)
-    return added
-
-
-def _add_connector(group: XmlElement, connector: Connector) -> None:
-    added = add(group, "ssd:Connector", name=connector.name, kind=connector.kind)
-    if connector.type is not None:
-        add(added, f"ssc:{connector.type}", unit=connector.unit.name if connector.unit is not None else None)
-    if connector.position is not None:
-        x, y = connector.position
-        add(added, "ssd:ConnectorGeometry", x=number(x), y=number(y))
-
-
-def _add_binding(group: XmlElement, binding: ParameterBinding) -> None:
-    added = add(group, "ssd:ParameterBinding", **_source(binding.values), prefix=binding.prefix or None)
-    if not isinstance(binding.values, Reference):
-        inside = add(add(added, "ssd:ParameterValues"), "ssv:ParameterSet", version="1.0")
-        inside.set("name", binding.values.name)
-        add_parameter_set(inside, binding.values)
-    if binding.mapping is not None:
-        mapping = add(added, "ssd:ParameterMapping", **_source(binding.mapping))
-        if not isinstance(binding.mapping, Reference):
-            add_mapping(add(mapping, "ssm:ParameterMapping", version="1.0"), binding.mapping)
-    if binding.renames:
-        _annotation(added, _RENAMES)
-
-
-def _source(content: object) -> dict[str, str | None]:
-    if not isinstance(content, Reference):
-        return {}
-    return {"source": content.source, "sourceBase": content.base if content.base != "SSD" else None}
-
-
-def _add_connections(group: XmlElement, connections: Iterable[Connection]) -> None:
-    for connection in connections:
-        added = add(
-            group,
-            "ssd:Connection",
-            startElement=connection.start_element,
-            startConnector=connection.start_connector,
-            endElement=connection.end_element,
-            endConnector=connection.end_connector,
-            suppressUnitConversion="true" if connection.suppress_unit_conversion else None,
-        )
-        add_transformation(added, connection.transformation)
-        if connection.waypoints:
-            x, y = zip(*connection.waypoints, strict=True)
-            points = {name: " ".join(map(number, p)) for name, p in (("pointsX", x), ("pointsY", y))}
-            add(added, "ssd:ConnectionGeometry", **points)
-
-
-def _geometry(corners: Iterable[float]) -> dict[str, str | None]:
-    return {name: number(value) for name, value in zip(_CORNERS, corners, strict=True)}
+    return None if element is None else tuple(float(element.get(c)) for c in CORNERS)

@@ -4,9 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import CommandError, listed
-from ..fmu.interface import Interface, read_interface
-from .structure import Component, Connection, Connector, DictionaryReference, Element, SystemElement
+from ...errors import CommandError, listed
+from ...fmu.interface import Interface, read_interface
+from ..documents.structure import (
+    Component,
+    Connection,
+    Connector,
+    DictionaryReference,
+    Element,
+    SystemElement,
+)
 from .wiring import Fmu, Node, Path_, Wiring, node_name
 
 _GIVES = ("output", "calculatedParameter")

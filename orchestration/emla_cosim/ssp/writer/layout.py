@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from .structure import Connection, SystemElement
+from ..documents.structure import Connection, SystemElement
 
 Corners = tuple[float, float, float, float]
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ..units import IDENTITY, LinearTransformation, conversion
-from .structure import (
+from ...units import IDENTITY, LinearTransformation, conversion
+from ..documents.structure import (
     Component,
     Element,
     MappingEntry,

@@ -1,0 +1,160 @@
+"""Structure descriptions (SSD) to XML."""
+
+from collections.abc import Iterable, Iterator
+
+from ...units import Unit
+from .parameters import add_mapping, add_parameter_set
+from .structure import (
+    Component,
+    Connection,
+    Connector,
+    DictionaryReference,
+    Element,
+    ParameterBinding,
+    Reference,
+    Structure,
+    SystemElement,
+)
+from .xml import (
+    ANNOTATION_NAMESPACES,
+    CORNERS,
+    RENAMES,
+    XmlElement,
+    add,
+    add_transformation,
+    add_units,
+    document,
+    number,
+    to_bytes,
+)
+
+_OPENMODELICA = "org.openmodelica"
+_OPEN_SIMULATION_PLATFORM = "com.opensimulationplatform"
+
+
+def format_structure(structure: Structure) -> bytes:
+    """A structure as an SSD file.
+
+    The step size is told to OMSimulator and to libcosim, each in its own annotation.
+    """
+    root = document(
+        "ssd", ANNOTATION_NAMESPACES, name=structure.name, description=structure.description or None
+    )
+    system = _add_system(root, structure.system)
+    if structure.step_size is not None:
+        step = number(structure.step_size)
+        inside = add(_annotation(system, _OPENMODELICA), "oms:Annotations")
+        master = add(inside, "oms:SimulationInformation")
+        add(
+            master,
+            "oms:FixedStepMaster",
+            description="oms-ma",
+            stepSize=step,
+            absoluteTolerance="1e-4",
+            relativeTolerance="1e-4",
+        )
+    add_units(root, "ssd", _units(structure.system))
+    start, stop = (None if t is None else number(t) for t in (structure.start_time, structure.stop_time))
+    experiment = add(root, "ssd:DefaultExperiment", startTime=start, stopTime=stop)
+    if structure.step_size is not None:
+        algorithm = add(_annotation(experiment, _OPEN_SIMULATION_PLATFORM), "osp:Algorithm")
+        add(algorithm, "osp:FixedStepAlgorithm", baseStepSize=number(structure.step_size))
+    return to_bytes(root)
+
+
+def _annotation(parent: XmlElement, type_: str) -> XmlElement:
+    return add(add(parent, "ssd:Annotations"), "ssc:Annotation", type=type_)
+
+
+def _units(element: Element) -> Iterator[Unit | None]:
+    yield from (c.unit for c in element.connectors)
+    if isinstance(element, SystemElement):
+        for inside in element.elements:
+            yield from _units(inside)
+
+
+def _add_system(parent: XmlElement, system: SystemElement) -> XmlElement:
+    element = _add_common(parent, "ssd:System", system)
+    if system.elements:
+        group = add(element, "ssd:Elements")
+        for inside in system.elements:
+            if isinstance(inside, SystemElement):
+                _add_system(group, inside)
+            elif isinstance(inside, Component):
+                how = None if inside.implementation == "any" else inside.implementation
+                _add_common(
+                    group, "ssd:Component", inside, type=inside.type, source=inside.source, implementation=how
+                )
+            elif isinstance(inside, DictionaryReference):
+                _add_common(group, "ssd:SignalDictionaryReference", inside, dictionary=inside.dictionary)
+    if system.connections:
+        _add_connections(add(element, "ssd:Connections"), system.connections)
+    if system.canvas is not None:
+        add(element, "ssd:SystemGeometry", **_geometry(system.canvas))
+    return element
+
+
+def _add_common(parent: XmlElement, tag: str, element: Element, /, **attributes: str | None) -> XmlElement:
+    added = add(parent, tag, id=element.id, name=element.name, **attributes)
+    if element.connectors:
+        group = add(added, "ssd:Connectors")
+        for connector in element.connectors:
+            _add_connector(group, connector)
+    if element.extent is not None:
+        add(added, "ssd:ElementGeometry", **_geometry(element.extent))
+    if element.bindings:
+        group = add(added, "ssd:ParameterBindings")
+        for binding in element.bindings:
+            _add_binding(group, binding)
+    return added
+
+
+def _add_connector(group: XmlElement, connector: Connector) -> None:
+    added = add(group, "ssd:Connector", name=connector.name, kind=connector.kind)
+    if connector.type is not None:
+        add(added, f"ssc:{connector.type}", unit=connector.unit.name if connector.unit is not None else None)
+    if connector.position is not None:
+        x, y = connector.position
+        add(added, "ssd:ConnectorGeometry", x=number(x), y=number(y))
+
+
+def _add_binding(group: XmlElement, binding: ParameterBinding) -> None:
+    added = add(group, "ssd:ParameterBinding", **_source(binding.values), prefix=binding.prefix or None)
+    if not isinstance(binding.values, Reference):
+        inside = add(add(added, "ssd:ParameterValues"), "ssv:ParameterSet", version="1.0")
+        inside.set("name", binding.values.name)
+        add_parameter_set(inside, binding.values)
+    if binding.mapping is not None:
+        mapping = add(added, "ssd:ParameterMapping", **_source(binding.mapping))
+        if not isinstance(binding.mapping, Reference):
+            add_mapping(add(mapping, "ssm:ParameterMapping", version="1.0"), binding.mapping)
+    if binding.renames:
+        _annotation(added, RENAMES)
+
+
+def _source(content: object) -> dict[str, str | None]:
+    if not isinstance(content, Reference):
+        return {}
+    return {"source": content.source, "sourceBase": content.base if content.base != "SSD" else None}
+
+
+def _add_connections(group: XmlElement, connections: Iterable[Connection]) -> None:
+    for connection in connections:
+        added = add(
+            group,
+            "ssd:Connection",
+            startElement=connection.start_element,
+            startConnector=connection.start_connector,
+            endElement=connection.end_element,
+            endConnector=connection.end_connector,
+            suppressUnitConversion="true" if connection.suppress_unit_conversion else None,
+        )
+        add_transformation(added, connection.transformation)
+        if connection.waypoints:
+            x, y = zip(*connection.waypoints, strict=True)
+            points = {name: " ".join(map(number, p)) for name, p in (("pointsX", x), ("pointsY", y))}
+            add(added, "ssd:ConnectionGeometry", **points)
+
+
+def _geometry(corners: Iterable[float]) -> dict[str, str | None]:
+    return {name: number(value) for name, value in zip(CORNERS, corners, strict=True)}

@@ -1,0 +1,1 @@
+"""From an SSP, whoever wrote it, to a flat system of FMUs."""
