@@ -43,9 +43,9 @@ class Wiring:
     def unit(self, node: Node) -> Unit | None:
         """The unit of a connector: the one it declares, that of the FMU's variable, or of what it drives."""
         declared = self.connectors[node].unit if node in self.connectors else None
-        if declared is None:
-            declared = self.fmu_unit(node)
-        return declared if declared is not None else self._unit_inside(node)
+        if declared is not None:
+            return declared
+        return self.fmu_unit(node) if node[0] in self.fmus else self._unit_inside(node)
 
     def _unit_inside(self, node: Node) -> Unit | None:
         """The unit of all connectors inside a system that its own connector drives, if it is one."""
