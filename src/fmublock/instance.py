@@ -16,6 +16,9 @@ from .variables import Input, Output
 STEP_TOLERANCE = 1e-3
 """By how much of a step the time that a tool passes may differ from the instance's own."""
 
+SAME_TIME, SAME_STEP = 1e-6, 1e-9
+"""As a part of the step: what differs by less from the instance's own time and step is rounding."""
+
 MAXIMUM_SUBSTEPS = 1e9
 """A step that needs more internal steps is refused: it would seem to hang."""
 
@@ -54,6 +57,8 @@ class Instance:
         self._y = Values()  # the frozen outputs
         self._v.time = 0.0
         self._stop_time = math.inf
+        # steps of one length since an origin: origin, step and count
+        self._clock = (0.0, 0.0, 0.0)
         # where each scalar lives, as (container, key): an attribute dict or an array's list
         self._slots: list[tuple[Any, Any]] = []
         for scalar in self.layout.scalars:
@@ -131,9 +136,10 @@ class Instance:
         """
         self._require(Phase.STEP, "do a step")
         self._check_step(time, step)
-        before = self.time, self.get(self._evolving)
+        before = self.time, self._clock, self.get(self._evolving)
         try:
-            problem = self._advance(time, step)
+            self._begin_step(time, step)
+            problem = self._advance()
         except BaseException:
             self._restore(*before)
             raise
@@ -151,7 +157,13 @@ class Instance:
     def get_state(self) -> dict[str, Any]:
         """Everything that evolves or was set, as plain values."""
         values = [container[key] for container, key in self._slots]
-        return {"phase": int(self.phase), "time": self.time, "stop_time": self._stop_time, "values": values}
+        return {
+            "phase": int(self.phase),
+            "time": self.time,
+            "stop_time": self._stop_time,
+            "clock": list(self._clock),
+            "values": values,
+        }
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Return to a state taken from an instance of the same block."""
@@ -161,6 +173,8 @@ class Instance:
         for (container, key), value in zip(self._slots, values, strict=True):
             container[key] = value
         self._v.time, self._stop_time = state["time"], state["stop_time"]
+        origin, step, count = state["clock"]
+        self._clock = (origin, step, count)
         self.phase = Phase(state["phase"])
 
     def _check_step(self, time: float, step: float) -> None:
@@ -179,11 +193,25 @@ class Instance:
                 f"{self.name}: the step of {step} s needs more than {MAXIMUM_SUBSTEPS:g} internal steps."
             )
 
-    def _advance(self, time: float, step: float) -> str | None:
+    def _begin_step(self, time: float, step: float) -> None:
+        """Begin a step on the instance's own clock.
+
+        It counts steps of the same length instead of adding them up: results are then the same bits
+        however a tool rounds its times.
+        """
+        origin, same, count = self._clock
+        goes_on = abs(step - same) <= SAME_STEP * same and abs(time - self.time) <= SAME_TIME * step
+        if not goes_on:
+            origin, same, count = self._clock = (time, step, 0.0)
+        self._v.time = origin + count * same
+
+    def _advance(self) -> str | None:
         """Do the step; returns what is not finite afterwards, if anything."""
+        origin, step, count = self._clock
+        self._clock = (origin, step, count + 1.0)
         try:
-            self._integrate(time, step)
-            self._v.time = time + step
+            self._integrate(self.time, step)
+            self._v.time = origin + (count + 1.0) * step
             self._update_discrete_states()
             self._evaluate_outputs()
         except ArithmeticError as error:
@@ -194,8 +222,8 @@ class Instance:
                 return f"{self.layout.scalars[r].name} became {container[key]}"
         return None
 
-    def _restore(self, time: float, evolving: Sequence[float]) -> None:
-        self._v.time = time
+    def _restore(self, time: float, clock: tuple[float, float, float], evolving: Sequence[float]) -> None:
+        self._v.time, self._clock = time, clock
         self._write(self._evolving, evolving)
 
     def _write(self, references: Sequence[int], values: Sequence[float]) -> None:

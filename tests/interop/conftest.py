@@ -3,7 +3,6 @@
 import ctypes
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ from emla_cosim.fmu.file import FmuFile, open_fmu
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.models import MODELS, fmu_path
 from interop.c_programs import Build, build
-from interop.joint_run import EVEN_STEP, STEP, Case, moving_joint, study_joint
+from interop.joint_run import STEP, Case, moving_joint, study_joint
 
 VARIANTS = {
     "study-native": (study_joint, "native", 2000),
@@ -25,7 +24,7 @@ if sys.platform == "linux":
     # Ecos needs this library and does not find it in the package tbb by itself
     ctypes.CDLL(str(Path(sys.prefix, "lib", "libtbb.so.12")), ctypes.RTLD_GLOBAL)
 else:  # for which libcosim and Ecos have no packages
-    collect_ignore = ["test_libcosim.py", "test_ecos.py"]
+    collect_ignore = ["test_libcosim.py", "test_ecos.py", "test_ssp_tools.py"]
 
 
 @pytest.fixture(params=VARIANTS)
@@ -33,12 +32,6 @@ def case(request: pytest.FixtureRequest, python_fmu_folder: Path) -> Case:
     """Each variant of the joint in turn."""
     joint, flavour, steps = VARIANTS[request.param]
     return Case(joint(), python_fmu_folder, flavour, steps, STEP)
-
-
-@pytest.fixture
-def even_case(case: Case) -> Case:
-    """The same with steps whose sums are exact."""
-    return replace(case, step=EVEN_STEP)
 
 
 @pytest.fixture(autouse=True)

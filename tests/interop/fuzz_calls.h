@@ -275,7 +275,10 @@ static void do_step(Instance *instance) {
     }
     const double end = current_time(instance), expected = is_done ? time + step : now;
     if (is_done && !isfinite(end)) fail("a step that was OK ended at the time %g", end);
-    if (instance->type == fmi2CoSimulation && memcmp(&end, &expected, sizeof end) != 0)
+    /* an instance counts steps of one length, so that it may end some rounding off the sum */
+    const double rounding = nextafter(fabs(expected), HUGE_VAL) - fabs(expected);
+    const int is_there = is_done ? fabs(end - expected) <= 2e-6 * step + rounding : end == expected;
+    if (instance->type == fmi2CoSimulation && !is_there)
         fail("a step from %a by %a that was %s ended at %a", time, step, status_name(status), end);
     free(before), free(after);
 }

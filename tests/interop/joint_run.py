@@ -18,10 +18,7 @@ from simulated import simulated
 
 STEP = 1e-4
 """Communication step in s: the study's. Tools count time in different ways, which differ in the last
-digits, and the closed loop makes 1e-11 to 1e-10 of that in 0.2 s."""
-
-EVEN_STEP = 2.0**-13
-"""A communication step in s of which all multiples and sums are exact: all tools agree on time."""
+digits; the FMUs count steps of one length, so that this does not matter."""
 
 Array = NDArray[np.float64]
 

@@ -48,10 +48,10 @@ def container_of(case: Case, sequential: bool, folder: Path) -> Path:
 
 @pytest.mark.parametrize(("sequential", "algorithm"), [(False, "jacobi"), (True, "gauss-seidel")])
 def test_container_is_bit_for_bit_our_master(
-    sequential: bool, algorithm: str, even_case: Case, tmp_path: Path
+    sequential: bool, algorithm: str, case: Case, tmp_path: Path
 ) -> None:
-    container = container_of(even_case, sequential, tmp_path)
-    outputs, step = [output for _, output in even_case.signals], even_case.step
+    container = container_of(case, sequential, tmp_path)
+    outputs, step = [output for _, output in case.signals], case.step
     errors = []
 
     def logger(environment: object, instance: bytes, status: int, category: bytes, message: bytes) -> None:
@@ -60,12 +60,12 @@ def test_container_is_bit_for_bit_our_master(
 
     result = simulate_fmu(
         str(container),
-        stop_time=even_case.times.stop,
+        stop_time=case.times.stop,
         step_size=step,
         output_interval=step,
         output=outputs,
         logger=logger,
     )
     found = np.array([result[name] for name in outputs]).T.copy()
-    assert differences(even_case, found, our_run(even_case, algorithm)) == {}
+    assert differences(case, found, our_run(case, algorithm)) == {}
     assert set(errors) <= {OWN_ERROR}

@@ -2,7 +2,8 @@
 
 It exchanges values in initialization mode until they have gone all the way round, and once more after
 it. In a step all FMUs step, then all outputs are read and passed on; what it returns at a time are the
-outputs at that time. Time is summed up step by step, which is exact for steps such as 2^-13 s.
+outputs at that time. Time is summed up step by step; the FMUs count steps, so that its rounding
+does not matter.
 """
 
 import numpy as np
@@ -32,8 +33,8 @@ def ecos_run(case: Case) -> Array:
     return np.array(rows)
 
 
-def test_closed_loop_is_bit_for_bit_that_of_our_master(even_case: Case) -> None:
-    assert differences(even_case, ecos_run(even_case), our_run(even_case, "jacobi")) == {}
+def test_closed_loop_is_bit_for_bit_that_of_our_master(case: Case) -> None:
+    assert differences(case, ecos_run(case), our_run(case, "jacobi")) == {}
 
 
 def test_it_complains_of_nothing(case: Case, capfd: pytest.CaptureFixture[str]) -> None:

@@ -62,11 +62,11 @@ def naive_run(case: Case, folder: Path, log: FmuLog) -> Array:
     return np.array(rows)
 
 
-def test_naive_loop_is_bit_for_bit_our_master(even_case: Case, tmp_path: Path) -> None:
+def test_naive_loop_is_bit_for_bit_our_master(case: Case, tmp_path: Path) -> None:
     log = FmuLog()
-    found = naive_run(even_case, tmp_path, log)
-    assert differences(even_case, found, our_run(even_case, "jacobi")) == {}
-    assert {name: log.lines(name) for name in even_case.fmus if log.lines(name)} == {}
+    found = naive_run(case, tmp_path, log)
+    assert differences(case, found, our_run(case, "jacobi")) == {}
+    assert {name: log.lines(name) for name in case.fmus if log.lines(name)} == {}
 
 
 @pytest.mark.parametrize("flavour", FLAVOURS)

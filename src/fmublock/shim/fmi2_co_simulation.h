@@ -1,6 +1,8 @@
 /* Co-simulation: the communication step and its status. */
 
 #define STEP_TOLERANCE 1e-3 /* how far the host's times may be off, as a part of the step */
+#define SAME_TIME 1e-6      /* as a part of the step: what differs by less is rounding of the host */
+#define SAME_STEP 1e-9
 
 static fmi2Status check_step(const Instance *instance, double time, double step) {
     const State *now = &instance->now;
@@ -18,6 +20,16 @@ static fmi2Status check_step(const Instance *instance, double time, double step)
     return fmi2OK;
 }
 
+/* Begin a step on the instance's own clock, which counts steps of the same length instead of adding
+   them up: results are then the same bits however a host rounds its times. */
+static void begin_step(State *now, double time, double step) {
+    Clock *clock = &now->clock;
+    const int goes_on =
+        fabs(step - clock->step) <= SAME_STEP * clock->step && fabs(time - now->time) <= SAME_TIME * step;
+    if (!goes_on) *clock = (Clock){time, step, 0.0};
+    now->time = clock->origin + clock->count * clock->step;
+}
+
 /* Value reference of a state or output that is not finite, or -1. */
 static int find_not_finite(const State *now) {
     for (int r = FIRST_STATE; r < FIRST_DERIVATIVE; r++)
@@ -25,10 +37,13 @@ static int find_not_finite(const State *now) {
     return -1;
 }
 
-static void advance(State *now, const double *u0, double time, double step) {
-    integrate(now, u0, time, step);
+static void advance(State *now, const double *u0) {
+    Clock *clock = &now->clock;
+    const double step = clock->step;
+    integrate(now, u0, now->time, step);
     if (now->inputs_move) move_inputs(now, u0, step);
-    now->time = time + step;
+    clock->count += 1.0;
+    now->time = clock->origin + clock->count * step;
     update_discrete_states(now);
     evaluate_outputs(now);
 }
@@ -38,26 +53,30 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
     Instance *instance = c;
     State *now = &instance->now;
     const double time = currentCommunicationPoint, step = communicationStepSize, start = now->time;
+    const Clock clock = now->clock;
     double u0[ROOM(N_INPUTS)], before[ROOM(N_EVOLVING)];
     if (require(instance, STEP, "do a step") != fmi2OK) return fmi2Error;
     if (check_step(instance, time, step) != fmi2OK) return fmi2Error;
     memcpy(u0, now->values, N_INPUTS * sizeof(double));
     memcpy(before, now->values + FIRST_STATE, N_EVOLVING * sizeof(double));
-    advance(now, u0, time, step);
+    begin_step(now, time, step);
+    const double begin = now->time;
+    advance(now, u0);
     const int bad = find_not_finite(now);
     if (bad >= 0) {
         const double value = now->values[bad];
         now->time = start;
+        now->clock = clock;
         memcpy(now->values, u0, N_INPUTS * sizeof(double));
         memcpy(now->values + FIRST_STATE, before, N_EVOLVING * sizeof(double));
         return report(instance, fmi2Discard,
                       "step from t = %.9g s with h = %.9g s discarded: %s became %g.", time, step,
                       variables[bad].name, value);
     }
-    hold_inputs(now, step);
+    hold_inputs(now, now->clock.step);
     memset(now->input_derivatives, 0, sizeof now->input_derivatives);
     now->inputs_move = 0;
-    if (noSetFMUStatePriorToCurrentPoint) instance->no_return_before = time;
+    if (noSetFMUStatePriorToCurrentPoint) instance->no_return_before = begin;
     return fmi2OK;
 }
 

@@ -23,6 +23,11 @@ enum {
 #define MODEL_EXCHANGE_RUNNING (EVENT | CONTINUOUS_TIME)
 #define RUNNING (STEP | MODEL_EXCHANGE_RUNNING)
 
+/* Steps of one length since an origin: that of hosts which round their times in different ways. */
+typedef struct {
+    double origin, step, count;
+} Clock;
+
 /* Everything that evolves or was set; begins with the GUID so that a foreign one is recognized. */
 typedef struct {
     char guid[sizeof MODEL_GUID];
@@ -30,6 +35,7 @@ typedef struct {
     int phase;
     int inputs_move; /* whether any input derivative is not zero */
     double time, stop_time;
+    Clock clock;
     double values[ROOM(N_VALUES)];
     double input_derivatives[ROOM(N_INPUTS)][INPUT_ORDERS]; /* for the next step */
     double held[ROOM(N_INPUTS)];       /* inputs that the present outputs were computed with */
