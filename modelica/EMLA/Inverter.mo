@@ -18,7 +18,7 @@ equation
   scale = Functions.shortening(demand_q, demand_d, u_max);
   u_q = scale * demand_q;
   u_d = scale * demand_d;
-  saturated = noEvent(if scale < 1.0 then 1.0 else 0.0);
+  saturated = noEvent(if scale < 1.0 - 1e-9 then 1.0 else 0.0);
   annotation(
     Icon(graphics = {Line(points = {{-70, -60}, {-30, -60}, {30, 60}, {70, 60}}, color = {0, 0, 127}, thickness = 0.5)}));
 end Inverter;

@@ -129,7 +129,10 @@ def clamp(x: Any, low: Any, high: Any) -> Any:
 
 
 def limit_magnitude(x: Any, y: Any, limit: Any) -> tuple[Any, Any, Any]:
-    """The vector (x, y) shortened to a length of at most `limit` > 0, and whether it had to be (0 or 1)."""
+    """The vector (x, y) shortened to a length of at most `limit` > 0, and whether it had to be (0 or 1).
+
+    What was shortened to the same limit before may be longer by rounding; that does not count.
+    """
     length = sqrt(x * x + y * y)
     scale = minimum(limit / maximum(length, limit), 1.0)
-    return scale * x, scale * y, where(length > limit, 1.0, 0.0)
+    return scale * x, scale * y, where(length > 1.000000001 * limit, 1.0, 0.0)

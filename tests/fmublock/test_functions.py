@@ -54,12 +54,19 @@ def test_limit_magnitude_keeps_direction_and_length(x: float, y: float, limit: f
     a, b, limited = fmublock.limit_magnitude(x, y, limit)
     length = math.hypot(x, y)
     assert math.hypot(a, b) <= limit * (1 + 1e-12)
-    assert limited == float(math.sqrt(x * x + y * y) > limit)
+    assert limited == float(math.sqrt(x * x + y * y) > 1.000000001 * limit)
     if not limited:
-        assert (a, b) == (x, y)
+        assert (a, b) == pytest.approx((x, y), rel=2e-9)
+        assert length > limit or (a, b) == (x, y)
     else:
         assert a == pytest.approx(x * limit / length)
         assert b == pytest.approx(y * limit / length)
+
+
+@given(x=st.floats(-1e6, 1e6), y=st.floats(-1e6, 1e6), limit=st.floats(1e-3, 1e6))
+def test_what_is_within_the_limit_is_not_limited_again(x: float, y: float, limit: float) -> None:
+    a, b, _ = fmublock.limit_magnitude(x, y, limit)
+    assert fmublock.limit_magnitude(a, b, limit)[2] == 0.0
 
 
 def test_lehmer_is_the_park_miller_generator() -> None:

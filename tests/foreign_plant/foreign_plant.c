@@ -93,8 +93,8 @@ static Actuator actuator(const State *now) {
 static Drive drive(const State *now) {
     const double *v = now->reals;
     const double demand = sqrt(v[U_Q] * v[U_Q] + v[U_D] * v[U_D]);
-    const int saturated = demand > v[LIMIT];
-    const double scale = saturated ? v[LIMIT] / demand : 1.0;
+    const int saturated = demand > v[LIMIT] * (1.0 + 1e-9); /* by more than rounding */
+    const double scale = demand > v[LIMIT] ? v[LIMIT] / demand : 1.0;
     return (Drive){
         .u_q = scale * v[U_Q],
         .u_d = scale * v[U_D],
