@@ -2,35 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
 
 from .errors import CommandError
 from .fmu.interface import Interface, read_interface
 from .models import build
-from .replacement import Fit, Replacement, fitted
+from .progress import Progress
+from .replacement import Replacement, fitted
 from .settings import Settings
 from .ssp.documents.parameters import parse_parameter_set
 from .system.model import System, Value
 from .units import conversion
 
 
-class Listener(Protocol):
-    """Hears how the preparation goes on."""
-
-    def begin(self, task: str, total: int) -> None:
-        """A task of `total` units begins."""
-        ...
-
-    def advance(self, count: int) -> None:
-        """So many units more are done."""
-        ...
-
-    def replaced(self, fit: Fit) -> None:
-        """A component is replaced; this is how the other FMU fits."""
-        ...
-
-
-def prepared(system: System, settings: Settings, listener: Listener) -> tuple[System, dict[str, Path]]:
+def prepared(system: System, settings: Settings, progress: Progress) -> tuple[System, dict[str, Path]]:
     """The system with all that the settings change, and the FMU file of every component.
 
     Begins a task of preparing that has one unit more, for what follows. Raises CommandError for
@@ -39,25 +23,25 @@ def prepared(system: System, settings: Settings, listener: Listener) -> tuple[Sy
     system.with_parameters(settings.values)  # unknown names are found before anything is built
     for name in settings.replacements:
         system.component(name)
-    fmus = _fmu_files(system, settings, listener)
+    fmus = _fmu_files(system, settings, progress)
     if settings.parameter_sets:
         system = _with_parameter_sets(system, settings.parameter_sets, fmus)
     system = system.with_parameters(settings.values)
     interfaces = {name: read_interface(fmus[name]) for name in fmus} if settings.replacements else {}
     for name, replacement in settings.replacements.items():
-        system = _replaced(system, name, replacement, interfaces, listener)
+        system = _replaced(system, name, replacement, interfaces, progress)
         fmus[name], interfaces[name] = replacement.fmu, read_interface(replacement.fmu)
     return system, fmus
 
 
-def _fmu_files(system: System, settings: Settings, listener: Listener) -> dict[str, Path]:
+def _fmu_files(system: System, settings: Settings, progress: Progress) -> dict[str, Path]:
     """The FMU file of every component, ours built where missing or out of date."""
     models = list(dict.fromkeys(c.model for c in system.components if c.fmu is None))
-    listener.begin("preparing", len(models) + 1)
+    progress.begin("preparing", len(models) + 1)
     built = {}
     for model in models:
         built[model] = build(model, settings.flavour, settings.platforms, settings.fmus)
-        listener.advance(1)
+        progress.advance(1)
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
 
 
@@ -93,10 +77,10 @@ def _replaced(
     name: str,
     replacement: Replacement,
     interfaces: Mapping[str, Interface],
-    listener: Listener,
+    progress: Progress,
 ) -> System:
     changed, fit = fitted(system, name, replacement, interfaces)
-    listener.replaced(fit)
+    progress.replaced(fit)
     if fit.problems:
         first, *others = fit.problems
         more = f", and {len(others)} more do not fit" if others else ""

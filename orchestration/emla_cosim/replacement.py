@@ -11,7 +11,7 @@ from .fmu.interface import Interface, read_interface
 from .ssp.documents.parameters import parse_mapping
 from .ssp.documents.structure import MappingEntry, TableTransformation
 from .system.model import Alias, Component, Connection, System
-from .system.resolution import transformed
+from .system.resolution import plain, transformed
 from .units import IDENTITY, LinearTransformation, Unit, conversion
 
 
@@ -65,7 +65,7 @@ def fitted(
     their names and units, connections get those of the other FMU. Raises CommandError for files that
     cannot be read and for mappings that name what neither FMU has.
     """
-    component, original = system.component(name), interfaces[name]
+    component, original = plain(system.component(name)), interfaces[name]
     other = read_interface(replacement.fmu)
     entries = _entries(replacement, original, other)
     matching = _Matching(system, component, original, other, entries)

@@ -17,7 +17,8 @@ from .master.stepping.checkpoint import Checkpoint, check_can_save
 from .master.stepping.pacing import Pacing
 from .master.stepping.stepping import Stepping
 from .master.stepping.timing import Timing, timing
-from .preparation import Fit, prepared
+from .preparation import prepared
+from .progress import Progress
 from .results.metrics import JointMetrics, as_json
 from .results.output_folder import METRICS, RECORD, OutputFolder, Recording
 from .results.plots import FIGURES
@@ -49,19 +50,6 @@ class RunResult:
     pictures: list[Path]
     pacing: Pacing | None
     problem: str | None
-
-
-class Progress:
-    """What a run tells while it goes on; this one keeps quiet."""
-
-    def begin(self, task: str, total: int) -> None:
-        """A task of `total` units begins."""
-
-    def advance(self, count: int) -> None:
-        """So many units more are done."""
-
-    def replaced(self, fit: Fit) -> None:
-        """A component is replaced; this is how the other FMU fits."""
 
 
 def run(scenario: Scenario, settings: Settings, folder: Path, progress: Progress) -> RunResult:

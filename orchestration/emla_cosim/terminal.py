@@ -9,9 +9,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as RichProgress
 from rich.table import Table
 
+from .progress import Progress
 from .replacement import Fit
 from .results.metrics import JointMetrics
-from .run import Progress, RunResult
+from .run import RunResult
 from .scenarios.scenario import Scenario
 
 OUT, ERR = Console(), Console(stderr=True)

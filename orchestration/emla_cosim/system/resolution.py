@@ -17,7 +17,7 @@ def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
 
     `interfaces` has that of every component. Raises CommandError for whatever does not fit.
     """
-    components = tuple(replace(c, parameters=_parameters(c), aliases={}) for c in system.components)
+    components = tuple(plain(c) for c in system.components)
     given = {c.name: c.parameters for c in components}
     driven: dict[tuple[str, str], Connection] = {}
     for x in system.connections:
@@ -31,15 +31,16 @@ def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
     return System(components, tuple(connections))
 
 
-def _parameters(component: Component) -> dict[str, Value]:
-    values = {}
+def plain(component: Component) -> Component:
+    """The component with start values as its FMU has them."""
+    values: dict[str, Value] = {}
     for name, value in component.parameters.items():
         alias = component.alias(name)
         if alias.transformation != IDENTITY:
             with contextlib.suppress(ValueError):  # who sets it says what is wrong
                 value = alias.transformation(float(value))
         values[alias.variable] = value
-    return values
+    return replace(component, parameters=values, aliases={})
 
 
 def _transformation(

@@ -1,0 +1,16 @@
+"""What a command tells while it goes on."""
+
+from .replacement import Fit
+
+
+class Progress:
+    """Hears how a command goes on; this one keeps quiet."""
+
+    def begin(self, task: str, total: int) -> None:
+        """A task of `total` units begins."""
+
+    def advance(self, count: int) -> None:
+        """So many units more are done."""
+
+    def replaced(self, fit: Fit) -> None:
+        """A component is replaced; this is how the other FMU fits."""
