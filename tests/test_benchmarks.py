@@ -42,12 +42,10 @@ def test_c_loop_gives_the_bits_of_our_master(job: Job) -> None:
         assert found.steps == expected.steps == STEPS
 
 
-def test_c_loop_tells_the_time_as_other_tools_do(job: Job) -> None:
-    """Whose last bits differ, and so do the signals'."""
+def test_the_clocks_of_other_tools_make_no_difference(job: Job) -> None:
+    """Their last bits differ, but the FMUs count steps."""
     found = {clock: run_loop(job, clock=clock).signals for clock in ("decimal", "products", "sums")}
-    assert len(set(map(tuple, found.values()))) == 3
-    for signals in found.values():
-        assert signals == pytest.approx(found["decimal"], rel=1e-6, abs=1e-6)
+    assert len(set(map(tuple, found.values()))) == 1
 
 
 def test_every_tool_has_a_module() -> None:
