@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .errors import CommandError
-from .fmu.interface import Interface, read_interface
+from .fmu.interface import Interface, read_interface, read_interfaces
 from .models import build
 from .progress import Progress
 from .replacement import Replacement, fitted
@@ -24,13 +24,13 @@ def prepared(system: System, settings: Settings, progress: Progress) -> tuple[Sy
     for name in settings.replacements:
         system.component(name)
     fmus = _fmu_files(system, settings, progress)
-    if settings.parameter_sets:
-        system = _with_parameter_sets(system, settings.parameter_sets, fmus)
+    interfaces = read_interfaces(fmus) if settings.parameter_sets or settings.replacements else {}
+    system = _with_parameter_sets(system, settings.parameter_sets, interfaces)
     system = system.with_parameters(settings.values)
-    interfaces = {name: read_interface(fmus[name]) for name in fmus} if settings.replacements else {}
     for name, replacement in settings.replacements.items():
-        system = _replaced(system, name, replacement, interfaces, progress)
-        fmus[name], interfaces[name] = replacement.fmu, read_interface(replacement.fmu)
+        other = read_interface(replacement.fmu)
+        system = _replaced(system, name, replacement, other, interfaces, progress)
+        fmus[name], interfaces[name] = replacement.fmu, other
     return system, fmus
 
 
@@ -45,9 +45,10 @@ def _fmu_files(system: System, settings: Settings, progress: Progress) -> dict[s
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
 
 
-def _with_parameter_sets(system: System, files: Sequence[Path], fmus: Mapping[str, Path]) -> System:
+def _with_parameter_sets(
+    system: System, files: Sequence[Path], interfaces: Mapping[str, Interface]
+) -> System:
     """The system with the values of SSV files, converted to the units of the variables."""
-    interfaces: dict[Path, Interface] = {}
     values: dict[str, Value] = {}
     for file in files:
         try:
@@ -56,10 +57,8 @@ def _with_parameter_sets(system: System, files: Sequence[Path], fmus: Mapping[st
             raise CommandError(f"the parameter set '{file}' cannot be read: {error.strerror}.") from error
         for parameter in parse_parameter_set(content, str(file)).parameters:
             component, name = system.split(parameter.name)
-            fmu = fmus[component.name]
-            if fmu not in interfaces:
-                interfaces[fmu] = read_interface(fmu)
-            unit = interfaces[fmu].unit(name) if name in interfaces[fmu].variables else None
+            interface = interfaces[component.name]
+            unit = interface.unit(name) if name in interface.variables else None
             if name in component.aliases:
                 unit = component.aliases[name].unit
             value = parameter.value
@@ -76,10 +75,11 @@ def _replaced(
     system: System,
     name: str,
     replacement: Replacement,
+    other: Interface,
     interfaces: Mapping[str, Interface],
     progress: Progress,
 ) -> System:
-    changed, fit = fitted(system, name, replacement, interfaces)
+    changed, fit = fitted(system, name, replacement, other, interfaces)
     progress.replaced(fit)
     if fit.problems:
         first, *others = fit.problems

@@ -7,7 +7,7 @@ from pathlib import Path
 from fmpy.model_description import ModelVariable
 
 from .errors import CommandError
-from .fmu.interface import Interface, read_interface
+from .fmu.interface import Interface
 from .ssp.documents.parameters import parse_mapping
 from .ssp.documents.structure import MappingEntry, TableTransformation
 from .system.model import Alias, Component, Connection, System
@@ -57,16 +57,19 @@ class Fit:
 
 
 def fitted(
-    system: System, name: str, replacement: Replacement, interfaces: Mapping[str, Interface]
+    system: System,
+    name: str,
+    replacement: Replacement,
+    other: Interface,
+    interfaces: Mapping[str, Interface],
 ) -> tuple[System, Fit]:
-    """The system with one component replaced, and how it fits.
+    """The system with one component replaced by an FMU with the interface `other`, and how it fits.
 
     `interfaces` are those of the FMUs that were there, by component. Start values and results keep
-    their names and units, connections get those of the other FMU. Raises CommandError for files that
-    cannot be read and for mappings that name what neither FMU has.
+    their names and units, connections get those of the other FMU. Raises CommandError for a mapping
+    that cannot be read, or that names what neither FMU has.
     """
     component, original = plain(system.component(name)), interfaces[name]
-    other = read_interface(replacement.fmu)
     entries = _entries(replacement, original, other)
     matching = _Matching(system, component, original, other, entries)
     fit = Fit(name, replacement.fmu, matching.matches, matching.same)

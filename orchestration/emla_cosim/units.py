@@ -1,6 +1,6 @@
 """Units of measurement, and linear transformations of values: from one unit to another, or as prescribed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 """SI base units in the order of `Unit.exponents`; the radian counts as one, as in FMI and SSP."""
@@ -47,6 +47,10 @@ class Unit:
 
     def __str__(self) -> str:
         return self.name
+
+    def measures_as(self, other: "Unit") -> bool:
+        """Whether both are the same but for their names."""
+        return replace(self, name="") == replace(other, name="")
 
 
 def conversion(source: Unit | None, target: Unit | None) -> LinearTransformation:

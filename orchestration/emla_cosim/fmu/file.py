@@ -19,7 +19,6 @@ class FmuFile:
     path: Path
     folder: Path
     interface: Interface
-    model_identifier: str
     library: Path
     sha256: str
 
@@ -27,6 +26,11 @@ class FmuFile:
     def description(self) -> ModelDescription:
         """The model description."""
         return self.interface.description
+
+    @property
+    def model_identifier(self) -> str:
+        """The name of the library, without its ending."""
+        return self.interface.model_identifier
 
     @property
     def variables(self) -> dict[str, ModelVariable]:
@@ -50,13 +54,12 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
         raise CommandError(f"the FMU '{path}' {error}.") from error
     except Exception as error:  # whatever zip readers raise
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    identifier = interface.model_identifier
+    library = f"{interface.model_identifier}{fmpy.sharedLibraryExtension}"
     return FmuFile(
         path=path,
         folder=folder,
         interface=interface,
-        model_identifier=identifier,
-        library=_library(path, folder / "binaries", f"{identifier}{fmpy.sharedLibraryExtension}"),
+        library=_library(path, folder / "binaries", library),
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
     )
 

@@ -2,6 +2,7 @@
 
 import math
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -86,6 +87,12 @@ def read_interface(path: Path) -> Interface:
         if unit.baseUnit is not None and not (math.isfinite(f := float(unit.baseUnit.factor)) and f != 0.0):
             raise CommandError(f"'{path}' has the unit '{unit.name}' with the factor {f:g}.")
     return Interface(description)
+
+
+def read_interfaces(fmus: Mapping[str, Path]) -> dict[str, Interface]:
+    """Those of several components, each file read once; CommandError as `read_interface`."""
+    read = {file: read_interface(file) for file in dict.fromkeys(fmus.values())}
+    return {name: read[file] for name, file in fmus.items()}
 
 
 def _check_size(path: Path) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from ...system.model import Value
 from ...units import IDENTITY, LinearTransformation, conversion
 from ..documents.structure import (
     Component,
@@ -14,9 +15,7 @@ from ..documents.structure import (
     SystemElement,
     TableTransformation,
 )
-from .wiring import Node, Path_, Wiring
-
-Value = float | int | bool | str
+from .wiring import Node, Path_, Wiring, node_name
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class _Collected:
     def __init__(self, wiring: Wiring) -> None:
         self._wiring = wiring
         self.given: dict[Node, _Given] = {}
-        self._sets: dict[int, tuple[ParameterSet, set[str]]] = {}
+        self._matched: dict[ParameterSet, set[str]] = {}
         self._count = 0
 
     def element(self, element: Element, path: Path_) -> None:
@@ -84,18 +83,18 @@ class _Collected:
 
     def unused(self) -> list[str]:
         """Parameters that matched nothing, each with its set."""
-        matched: dict[ParameterSet, set[str]] = {}
-        for parameter_set, names in self._sets.values():
-            matched.setdefault(parameter_set, set()).update(names)
         return [
-            f"{s.name}: {p.name}" for s, names in matched.items() for p in s.parameters if p.name not in names
+            f"{s.name}: {p.name}"
+            for s, names in self._matched.items()
+            for p in s.parameters
+            if p.name not in names
         ]
 
     def _binding(self, binding: ParameterBinding, element: Element, path: Path_) -> None:
         values = binding.values
         if not isinstance(values, ParameterSet):
             raise TypeError("the structure is not loaded")
-        _, matched = self._sets.setdefault(id(values), (values, set()))
+        matched = self._matched.setdefault(values, set())
         for parameter in values.parameters:
             name = f"{binding.prefix}{parameter.name}"
             for target, entry in _targets(name, binding.mapping):
@@ -157,9 +156,8 @@ def transformation(
         try:
             total = conversion(unit, wiring.unit(node))
         except ValueError as error:
-            path, name = node
             raise wiring.fault(
-                f"the parameter '{parameter.name}' and {'.'.join((*path, name))} have {error}."
+                f"the parameter '{parameter.name}' and {node_name(node)} have {error}."
             ) from error
     if entry is not None and isinstance(entry.transformation, LinearTransformation):
         total = entry.transformation.after(total)

@@ -169,7 +169,7 @@ class _Loader:
             raise self._fault(f"{name} is of kind {outside.kind}, in '{component.source}' {inside.kind}.")
         if outside.unit is None or inside.unit is None:
             return replace(inside, unit=inside.unit or outside.unit)
-        if replace(outside.unit, name="") != replace(inside.unit, name=""):
+        if not outside.unit.measures_as(inside.unit):
             raise self._fault(f"{name} is in {outside.unit}, in '{component.source}' in {inside.unit}.")
         return inside
 

@@ -201,7 +201,7 @@ class _Builder:
 
 
 def _same(source: Unit | None, target: Unit | None) -> bool:
-    return source is None or target is None or replace(source, name="") == replace(target, name="")
+    return source is None or target is None or source.measures_as(target)
 
 
 def unambiguous(units: Iterable[Unit | None]) -> set[Unit]:

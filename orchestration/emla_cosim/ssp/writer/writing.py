@@ -7,7 +7,7 @@ from pathlib import Path
 from fmublock.archive import write_archive
 
 from ...errors import CommandError, RunError
-from ...fmu.interface import Interface, read_interface
+from ...fmu.interface import read_interfaces
 from ...system.model import System
 from ...system.resolution import resolved
 from ..documents.ssd_writer import format_structure
@@ -43,7 +43,7 @@ def write_ssp(
         raise CommandError(f"an SSP is written to a file that ends in .ssp, not to '{path}'.")
     system = in_order(system, nested)
     fmus = {c.name: fmus[c.name] for c in system.components}
-    interfaces = _interfaces(fmus)
+    interfaces = read_interfaces(fmus)
     plain = resolved(system, interfaces)
     uris = _uris(fmus)
     parameters = parameter_files(system, interfaces)
@@ -65,11 +65,6 @@ def write_ssp(
         write_archive(path, contents)
     except OSError as error:
         raise RunError(f"the package '{path}' cannot be written: {error.strerror or error}.") from error
-
-
-def _interfaces(fmus: Mapping[str, Path]) -> dict[str, Interface]:
-    read = {file: read_interface(file) for file in dict.fromkeys(fmus.values())}
-    return {name: read[file] for name, file in fmus.items()}
 
 
 def _uris(fmus: Mapping[str, Path]) -> dict[Path, str]:
