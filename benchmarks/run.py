@@ -1,4 +1,4 @@
-"""Measure how fast several tools run the same FMUs: python benchmarks/run.py --help."""
+"""Measure how fast several tools run the same FMUs: python -m benchmarks.run --help."""
 
 import argparse
 import sys
@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.errors import BenchmarkError
 from benchmarks.registry import TOOLS, Tool

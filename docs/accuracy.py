@@ -3,7 +3,6 @@
 Needs the project with the extra `test`: the whole joint as one equation comes from the tests.
 """
 
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,20 +14,19 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "tests"))
+from emla_cosim.master.algorithms.algorithm import Algorithm
+from emla_cosim.master.assembly import assembled
+from emla_cosim.master.network import Network
+from emla_cosim.master.simulation import ALGORITHMS
+from emla_cosim.master.stepping.error_control import ErrorControl
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.stepping import Stepping
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.models import build
+from tests.support.simulated import begun, recorded
+from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
 
-from emla_cosim.master.algorithms.algorithm import Algorithm  # noqa: E402
-from emla_cosim.master.assembly import assembled  # noqa: E402
-from emla_cosim.master.network import Network  # noqa: E402
-from emla_cosim.master.simulation import ALGORITHMS  # noqa: E402
-from emla_cosim.master.stepping.error_control import ErrorControl  # noqa: E402
-from emla_cosim.master.stepping.fixed_steps import FixedSteps  # noqa: E402
-from emla_cosim.master.stepping.stepping import Stepping  # noqa: E402
-from emla_cosim.master.stepping.timing import timing  # noqa: E402
-from emla_cosim.models import build  # noqa: E402
-from simulated import begun, recorded  # noqa: E402
-from smooth_lift import STATE_SIGNALS, lift, whole  # noqa: E402
+HERE = Path(__file__).parent
 
 STOP, SAMPLE = 0.03, 5e-4
 STEPS = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)

@@ -1,7 +1,7 @@
-"""Write the reference solutions that an FMU can be checked against: `python fmus/make_references.py`.
+"""Write the reference solutions that an FMU can be checked against: `python -m fmus.make_references`.
 
 Per model, in the form of the FMI cross-check rules: <Model>_in.csv (where it has inputs),
-<Model>_ref.csv and <Model>_ref.opt. The solutions come from `tests/reference_model.py`, the
+<Model>_ref.csv and <Model>_ref.opt. The solutions come from `tests/support/reference_model.py`, the
 paper's equations written independently of the FMUs, and are exact to about 1e-11.
 
 Inputs are those of a co-simulation: the value in the row of t_k is held until t_k+1, so step the
@@ -19,18 +19,16 @@ then; the first row is the state after initialization with the first row's input
 #                d_4.phase; no random part
 
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-FMUS = Path(__file__).parent
-sys.path.append(str(FMUS.parent / "tests"))
+from tests.support import reference_model as paper
+from tests.support.reference_model import Vector
 
-import reference_model as paper  # noqa: E402
-from reference_model import Vector  # noqa: E402
+FMUS = Path(__file__).parent
 
 Row = dict[str, float]
 TOLERANCE = 1e-12

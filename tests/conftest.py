@@ -9,10 +9,11 @@ import pytest
 from hypothesis import settings
 
 from emla_cosim.models import MODELS, build, fmu_path
-from faulty_fmu import build_faulty_fmu
-from handwritten_fmu import build_handwritten_fmu
-from sessions import Session, opened
-from toy_fmu import build_toy
+from tests.support.faulty_fmu import build_faulty_fmu
+from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.paths import FOREIGN_PLANT
+from tests.support.sessions import Session, opened
+from tests.support.toy_fmu import build_toy
 
 # a slow machine is no failure; CI tries the same examples every time, people new ones
 settings.register_profile("here", deadline=None)
@@ -47,7 +48,7 @@ def faulty_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def foreign_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An FMU of the plant that somebody else wrote; foreign_plant/ForeignPlant.ssm maps our names to its."""
     path = tmp_path_factory.mktemp("foreign") / "ForeignPlant.fmu"
-    return build_handwritten_fmu(path, Path(__file__).parent / "foreign_plant" / "foreign_plant.c")
+    return build_handwritten_fmu(path, FOREIGN_PLANT / "foreign_plant.c")
 
 
 @pytest.fixture(scope="session")

@@ -6,8 +6,8 @@ from itertools import accumulate, repeat
 import pytest
 
 from fmublock.instance import Instance
-from sessions import Session
-from toy import Toy
+from tests.support.sessions import Session
+from tests.support.toy import Toy
 
 STEP = 1e-4
 COUNT = 3000

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from emla_cosim.models import MODELS
 from fmublock import Block
-from points import POINTS, Point
-from sessions import Session, continuous_states, refused, set_continuous_states
-from toy import Toy
+from tests.support.points import POINTS, Point
+from tests.support.sessions import Session, continuous_states, refused, set_continuous_states
+from tests.support.toy import Toy
 
 WITH_STATES = ("EmlaPlant", "EmlaObserver", "RsbaController", "Toy")
 STARTS = ("start.x_L", "start.x_hat", "start.eta_hat", "x_0")

@@ -13,9 +13,10 @@ from fmpy.ssp.ssd import read_ssm
 from fmpy.validation import validate_fmu
 
 from emla_cosim.scenarios.reading import load_scenario
-from sessions import DISCARD, Session, opened, refused
+from tests.support.paths import FOREIGN_MAPPING
+from tests.support.sessions import DISCARD, Session, opened, refused
 
-MAPPING = Path(__file__).parent / "foreign_plant" / "ForeignPlant.ssm"
+MAPPING = FOREIGN_MAPPING
 TOLERANCE = 1e-9
 """Per largest value of an output; rounding makes 1e-13 of the fastest of them."""
 

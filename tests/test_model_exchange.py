@@ -13,7 +13,7 @@ from fmpy import fmi2, simulate_fmu
 from fmpy.fmi2 import FMU2Model, FMU2Slave
 
 from emla_cosim.models import MODELS, fmu_path
-from sessions import (
+from tests.support.sessions import (
     DISCARD,
     ERROR,
     OK,
@@ -26,7 +26,7 @@ from sessions import (
     set_continuous_states,
     status,
 )
-from toy import Shape
+from tests.support.toy import Shape
 
 
 def native(model: str, folder: Path) -> Path:

@@ -8,7 +8,7 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 
 from emla_cosim.models import MODELS
-from sessions import Session, refused
+from tests.support.sessions import Session, refused
 
 
 def slopes(session: Session, slave: FMU2Slave, *names: str) -> list[float]:

@@ -1,9 +1,6 @@
 """The FMUs, both flavours and run by fmpy, against the reference solutions beside them."""
 
-import importlib.util
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import fmpy
@@ -12,6 +9,7 @@ import pytest
 from fmpy.util import read_csv, read_ref_opt_file
 
 from emla_cosim.models import FLAVOURS, MODELS, build
+from fmus import make_references
 
 FMUS = Path(__file__).parents[1] / "fmus"
 LARGEST_FILE = 150_000
@@ -27,19 +25,6 @@ TOLERANCE = {
     "Reference": 1e-12,
     "Disturbance": 1e-12,
 }
-
-
-def load_script() -> ModuleType:
-    """fmus/make_references.py, which is in no package, as a module."""
-    spec = importlib.util.spec_from_file_location("make_references", FMUS / "make_references.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up there
-    spec.loader.exec_module(module)
-    return module
-
-
-SCRIPT = load_script()
 
 
 def table(model: str, kind: str) -> Any:
@@ -71,7 +56,7 @@ def test_fmu_gives_the_reference_solution(model: str, flavour: str, fmu_folder: 
         stop_time=options["StopTime"],
         step_size=options["StepSize"],
         output_interval=options["OutputIntervalLength"],
-        start_values=SCRIPT.START_VALUES[model],
+        start_values=make_references.START_VALUES[model],
         input=table(model, "in"),
         output=outputs,
     )
@@ -103,7 +88,7 @@ def test_files_cover_the_model_and_keep_the_rules(model: str, fmu_folder: Path) 
 @pytest.mark.parametrize("model", MODELS)
 def test_files_are_those_that_the_script_writes(model: str, tmp_path: Path) -> None:
     """Up to the last digits, which differ between machines."""
-    for name, text in SCRIPT.files(model).items():
+    for name, text in make_references.files(model).items():
         (tmp_path / name).write_text(text, encoding="utf-8")
         if name.endswith(".opt"):
             assert (FMUS / model / name).read_text(encoding="utf-8") == text

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emla_cosim.models import FLAVOURS, MODELS, fmu_path
-from runs import Elsewhere, Job, Run, Step
-from sessions import ERROR, FATAL, OK, Session, refused, status
+from tests.support.runs import Elsewhere, Job, Run, Step
+from tests.support.sessions import ERROR, FATAL, OK, Session, refused, status
 
 PARAMETERS: dict[str, dict[str, Any]] = {
     "EmlaPlant": {

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from commands import Emla
 from emla_cosim.cli import app
+from tests.support.commands import Emla
 
 
 @pytest.fixture

@@ -27,9 +27,9 @@ from emla_cosim.cli import app
 from emla_cosim.errors import CommandError
 from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
 from emla_cosim.master.stepping.stepping import Stepping
-from faulty_fmu import Fault
-from faulty_systems import faulty, line_with_a_fault, run_system, wired
-from full_disk import files_of_at_most
+from tests.support.faulty_fmu import Fault
+from tests.support.faulty_systems import faulty, line_with_a_fault, run_system, wired
+from tests.support.full_disk import files_of_at_most
 
 Emla = Callable[..., Result]
 

@@ -16,11 +16,11 @@ import polars
 import pytest
 from typer.testing import CliRunner
 
-from commands import Emla, sentence
 from emla_cosim.cli import app
 from emla_cosim.models import PLATFORMS
 from emla_cosim.results.plots import FIGURES
 from emla_cosim.scenarios.reading import scenario_names
+from tests.support.commands import Emla, sentence
 
 PICTURES = {f"{name}.png" for name in FIGURES}
 ORDER = "lift.plant,lift.observer,lift.controller,lift.reference,lift.disturbance"

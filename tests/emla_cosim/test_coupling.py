@@ -16,10 +16,10 @@ from emla_cosim.master.network import Link, Network
 from emla_cosim.master.simulation import ALGORITHMS
 from emla_cosim.master.slaves.slave import SlaveError, StepDiscardedError
 from emla_cosim.master.stepping.timing import timing
-from linear import LinearSlave, Whole, connected
-from simulated import begun, simulated
-from slaves import FakeSlave
-from two_masses import MASS, Part, elastic_load, rigid_load, rigid_solution
+from tests.support.linear import LinearSlave, Whole, connected
+from tests.support.simulated import begun, simulated
+from tests.support.slaves import FakeSlave
+from tests.support.two_masses import MASS, Part, elastic_load, rigid_load, rigid_solution
 
 
 def spectral_radius(mass: float, step: float) -> float:

@@ -19,10 +19,10 @@ from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.error_control import SMALLEST, ErrorControl
 from emla_cosim.master.stepping.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, StepControl
 from emla_cosim.master.stepping.timing import clock, timing
-from linear import LinearSlave, Whole, connected
-from simulated import Table, begun, recorded, simulated
-from slaves import FakeSlave
-from two_masses import MASS, STIFFNESS, Part, rigid_load
+from tests.support.linear import LinearSlave, Whole, connected
+from tests.support.simulated import Table, begun, recorded, simulated
+from tests.support.slaves import FakeSlave
+from tests.support.two_masses import MASS, STIFFNESS, Part, rigid_load
 
 all_algorithms = pytest.mark.parametrize("name", ALGORITHMS)
 all_extrapolations = pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)

@@ -34,11 +34,18 @@ from emla_cosim.results.recorder import Recorder
 from emla_cosim.run import RunResult
 from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.system.model import System
-from faulty_fmu import Counts, Fault, build_faulty_fmu
-from faulty_systems import counts_of, faulty, line_with_a_fault, loop_with_a_fault, run_system, wired
-from full_disk import files_of_at_most
-from simulated import simulated
-from slaves import FakeSlave
+from tests.support.faulty_fmu import Counts, Fault, build_faulty_fmu
+from tests.support.faulty_systems import (
+    counts_of,
+    faulty,
+    line_with_a_fault,
+    loop_with_a_fault,
+    run_system,
+    wired,
+)
+from tests.support.full_disk import files_of_at_most
+from tests.support.simulated import simulated
+from tests.support.slaves import FakeSlave
 
 AT = 0.35
 STEPPED = {

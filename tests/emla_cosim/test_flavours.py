@@ -13,7 +13,7 @@ from emla_fmu import observer_gains
 from emla_fmu.parameters import TILT
 from fmublock.native import host_platform
 from rsba_fmu import gains
-from slaves import BlockSlave, fmu_slave, interface
+from tests.support.slaves import BlockSlave, fmu_slave, interface
 
 STEPS, STEP = 10_000, 1e-4
 

@@ -20,10 +20,10 @@ from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.models import fmu_path
 from emla_cosim.scenarios.reading import load_scenario
-from faulty_fmu import Fault
-from faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired
-from simulated import begun
-from slaves import FakeSlave
+from tests.support.faulty_fmu import Fault
+from tests.support.faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired
+from tests.support.simulated import begun
+from tests.support.slaves import FakeSlave
 
 TIMES = timing(1.0, 0.1)
 

@@ -23,10 +23,10 @@ from emla_cosim.master.stepping.timing import Timing, timing
 from emla_cosim.models import fmu_path
 from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import Component, System
-from faulty_fmu import build_faulty_fmu
-from faulty_systems import faulty, open_system, wired
-from simulated import begun, recorded
-from slaves import FakeSlave
+from tests.support.faulty_fmu import build_faulty_fmu
+from tests.support.faulty_systems import faulty, open_system, wired
+from tests.support.simulated import begun, recorded
+from tests.support.slaves import FakeSlave
 
 KINDS: tuple[type[Explicit], ...] = (Jacobi, GaussSeidel)
 KERNEL = "emla_cosim.master.stepping.kernel"
@@ -199,8 +199,8 @@ from pathlib import Path
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.stepping import kernel
 from emla_cosim.master.stepping.timing import timing
-from faulty_systems import faulty, open_system, wired
-from simulated import simulated
+from tests.support.faulty_systems import faulty, open_system, wired
+from tests.support.simulated import simulated
 system = wired([faulty("j.a", Path(sys.argv[1]), u=1.0)])
 with open_system(system) as assembly:
     rows = simulated(assembly.network, Jacobi(), timing(1.0, 0.1))

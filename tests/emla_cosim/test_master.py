@@ -11,8 +11,8 @@ from emla_cosim.master.simulation import ALGORITHMS, simulate
 from emla_cosim.master.slaves.slave import SlaveError
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import timing
-from simulated import Table, begun, recorded, simulated
-from slaves import FakeSlave
+from tests.support.simulated import Table, begun, recorded, simulated
+from tests.support.slaves import FakeSlave
 
 
 def oscillator(calls: list[str] | None = None) -> Network:

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-import reference_model as paper
 from emla_cosim.master.assembly import assembled
 from emla_cosim.master.simulation import ALGORITHMS
 from emla_cosim.master.stepping.timing import timing
@@ -24,8 +23,9 @@ from fmublock.block import Values
 from fmublock.instance import Instance, flatten
 from rsba_fmu import RsbaController
 from rsba_fmu.gains import PUBLISHED
-from simulated import simulated
-from smooth_lift import STATE_SIGNALS, lift, whole
+from tests.support import reference_model as paper
+from tests.support.simulated import simulated
+from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
 
 # ---- the co-simulated joint against the whole joint as one equation ----------------------------
 

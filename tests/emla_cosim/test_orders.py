@@ -12,9 +12,9 @@ from emla_cosim.master.assembly import assembled
 from emla_cosim.master.simulation import ALGORITHMS
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.models import fmu_path
-from linear import LinearSlave, Whole, Wire, connected
-from simulated import simulated
-from smooth_lift import STATE_SIGNALS, lift, whole
+from tests.support.linear import LinearSlave, Whole, Wire, connected
+from tests.support.simulated import simulated
+from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
 
 STOP, SAMPLES = 2.0, 20
 STEPS = (160, 320)

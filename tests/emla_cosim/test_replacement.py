@@ -10,12 +10,13 @@ import polars
 import pytest
 from typer.testing import Result
 
-from commands import Emla, sentence
 from emla_cosim.ssp.documents.parameters import format_parameter_set
 from emla_cosim.ssp.documents.structure import Parameter, ParameterSet
 from emla_cosim.units import Unit
+from tests.support.commands import Emla, sentence
+from tests.support.paths import FOREIGN_MAPPING
 
-FOREIGN = Path(__file__).parents[1] / "foreign_plant" / "ForeignPlant.ssm"
+FOREIGN = FOREIGN_MAPPING
 
 IDEAL = ("--set", "lift.plant.sensor.resolution=0")
 """Rounding of the last digit would move a step of the encoder, and everything after it."""

@@ -18,8 +18,8 @@ from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import MAXIMUM_STEPS, Timing, clock, timing
-from simulated import begun, recorded
-from slaves import FakeSlave, compilable
+from tests.support.simulated import begun, recorded
+from tests.support.slaves import FakeSlave, compilable
 
 DECIMAL_STEPS = (1e-4, 5e-6, 3e-5, 1.25e-6, 0.1, 0.7, 2.0**-13, 0.000123, 1.0, 50.0)
 OTHER_STEPS = (1.0 / 3.0, 2.0 / 3.0, 1e-4 / 3.0, 1.0 / 44100.0, 2.0**-40, np.pi, 1e-200, 1e200)

@@ -21,10 +21,10 @@ from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.system.model import System
-from faulty_systems import faulty, open_system, wired
-from linear import LinearSlave, connected
-from simulated import Table, begun, recorded
-from slaves import FakeSlave, compilable
+from tests.support.faulty_systems import faulty, open_system, wired
+from tests.support.linear import LinearSlave, connected
+from tests.support.simulated import Table, begun, recorded
+from tests.support.slaves import FakeSlave, compilable
 
 RAD_S_PER_RPM, KELVIN = 2.0 * pi / 60.0, 273.15
 WAYS = ["jacobi", "jacobi, compiled", "gauss-seidel", "gauss-seidel, compiled", "strong"]

@@ -14,7 +14,7 @@ from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.units import LinearTransformation
 from fmublock import Block, DiscreteState, Input, Output, Parameter, where
 from fmublock.native import build_native, host_platform, native_draft
-from toy_fmu import DOCUMENTS, PRODUCER
+from tests.support.toy_fmu import DOCUMENTS, PRODUCER
 
 
 class Gear(IntEnum):

@@ -10,7 +10,7 @@ from hypothesis import given
 
 from emla_cosim.system.joint import start_values
 from emla_fmu import EmlaObserver, observer_gains
-from slaves import BlockSlave, interface
+from tests.support.slaves import BlockSlave, interface
 
 OUTPUTS = interface(EmlaObserver)[1]
 

@@ -13,7 +13,7 @@ from emla_cosim.system.study import STUDY, VOLTAGE_DISTURBANCES
 from emla_fmu import Disturbance, DisturbanceReading, Reference
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, rest_to_rest
-from slaves import BlockSlave, interface
+from tests.support.slaves import BlockSlave, interface
 
 
 def outputs_at(

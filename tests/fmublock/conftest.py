@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from toy_fmu import build_toy
+from tests.support.toy_fmu import build_toy
 
 
 @pytest.fixture(scope="session")

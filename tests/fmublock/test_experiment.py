@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from sessions import DISCARD, ERROR, FATAL, OK, WARNING, Session, opened, refused
+from tests.support.sessions import DISCARD, ERROR, FATAL, OK, WARNING, Session, opened, refused
 
 NATIVE_OUTPUTS = ("x", "v[1]", "v[2]", "power", "inverse", "random", "step_count", "force")
 

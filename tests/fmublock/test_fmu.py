@@ -18,9 +18,9 @@ from fmpy.validation import validate_fmu
 
 from fmublock.description import BUILD_TIME
 from fmublock.instance import Instance
-from sessions import DISCARD, ERROR, FATAL, Session, opened
-from toy import Toy
-from toy_fmu import build_toy
+from tests.support.sessions import DISCARD, ERROR, FATAL, Session, opened
+from tests.support.toy import Toy
+from tests.support.toy_fmu import build_toy
 
 REFERENCE = Toy.layout().reference
 OUTPUTS = [REFERENCE(n) for n in ("x", "v[1]", "v[2]", "power", "inverse")]

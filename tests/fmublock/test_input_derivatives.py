@@ -12,8 +12,8 @@ from fmpy.fmi2 import FMU2Slave
 from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 
-from sessions import DISCARD, Session, opened, refused
-from toy import Shape
+from tests.support.sessions import DISCARD, Session, opened, refused
+from tests.support.toy import Shape
 
 STATES = ("x", "v[1]", "v[2]")
 MASS, GAINS, X_0, V_0 = 2.0, (3.0, 0.25), 0.125, (0.5, -0.5)

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from fmublock import Block, Input, Output, Parameter, State
 from fmublock.instance import BlockError, Instance, StepDiscardedError
 from fmublock.symbolic import evaluate_symbolically
-from toy import Toy
+from tests.support.toy import Toy
 
 REFERENCE = Toy.layout().reference
 

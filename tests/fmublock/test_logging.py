@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from fmublock.description import LOG_CATEGORIES
-from sessions import DISCARD, ERROR, OK, WARNING, Line, Session, opened, refused
+from tests.support.sessions import DISCARD, ERROR, OK, WARNING, Line, Session, opened, refused
 
 EVENT, WARN = "logEvents", "logStatusWarning"
 DISCARDED, WRONG = "logStatusDiscard", "logStatusError"

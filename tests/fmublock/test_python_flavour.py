@@ -10,8 +10,8 @@ from textwrap import dedent
 import pytest
 
 from fmublock.python_flavour import build_python, python_draft
-from sessions import DISCARD, FATAL, Session, opened, refused
-from toy_fmu import DOCUMENTS, PRODUCER
+from tests.support.sessions import DISCARD, FATAL, Session, opened, refused
+from tests.support.toy_fmu import DOCUMENTS, PRODUCER
 
 FRAGILE = """
     from enum import IntEnum

@@ -13,7 +13,7 @@ from fmpy import simulate_fmu
 from fmublock.export import BuildError
 from fmublock.python_flavour import build_python, python_draft
 from fmublock.sources import gather_sources, move_into_package
-from toy_fmu import DOCUMENTS, PRODUCER, build_toy
+from tests.support.toy_fmu import DOCUMENTS, PRODUCER, build_toy
 
 
 def test_everything_a_block_imports_is_gathered() -> None:

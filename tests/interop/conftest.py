@@ -10,8 +10,8 @@ import pytest
 from emla_cosim.fmu.file import FmuFile, open_fmu
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.models import MODELS, fmu_path
-from interop.c_programs import Build, build
-from interop.joint_run import STEP, Case, moving_joint, study_joint
+from tests.support.c_programs import Build, build
+from tests.support.joint_run import STEP, Case, moving_joint, study_joint
 
 VARIANTS = {
     "study-native": (study_joint, "native", 2000),

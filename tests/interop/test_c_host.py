@@ -13,8 +13,8 @@ from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import assembled
 from emla_cosim.master.stepping.timing import Timing, timing
 from emla_cosim.scenarios.reading import load_scenario
-from interop.c_programs import Build, host_plan, needs_cc, run_program
-from simulated import simulated
+from tests.support.c_programs import Build, host_plan, needs_cc, run_program
+from tests.support.simulated import simulated
 
 pytestmark = needs_cc
 

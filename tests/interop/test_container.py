@@ -15,7 +15,7 @@ from fmpy import simulate_fmu
 from fmpy.fmi2 import fmi2Error
 from fmu_manipulation_toolbox.assembly import AssemblyNode
 
-from interop.joint_run import Case, differences, our_run
+from tests.support.joint_run import Case, differences, our_run
 
 OWN_ERROR = b"Solver configure...."
 """What the container itself reports as an error whenever it is instantiated."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
 
-from interop.joint_run import Array, Case, differences, our_run
+from tests.support.joint_run import Array, Case, differences, our_run
 
 
 def ecos_run(case: Case) -> Array:

@@ -13,7 +13,7 @@ from fmpy.validation import validate_fmu
 
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.models import FLAVOURS, MODELS, fmu_path
-from interop.joint_run import Array, Case, differences, our_run
+from tests.support.joint_run import Array, Case, differences, our_run
 
 
 def naive_run(case: Case, folder: Path, log: FmuLog) -> Array:

@@ -13,7 +13,7 @@ import pytest
 
 from emla_cosim.fmu.file import FmuFile
 from emla_cosim.models import MODELS
-from interop.c_programs import Build, fuzz_plan, needs_cc, run_program
+from tests.support.c_programs import Build, fuzz_plan, needs_cc, run_program
 
 pytestmark = needs_cc
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import assembled
-from interop.joint_run import STEP, Case, differences, our_run, study_joint
+from tests.support.joint_run import STEP, Case, differences, our_run, study_joint
 
 
 def test_it_sets_no_enumeration(case: Case) -> None:

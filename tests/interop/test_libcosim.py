@@ -19,7 +19,7 @@ from libcosimpy.CosimSlave import CosimLocalSlave
 from emla_cosim.run import Progress, run
 from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.settings import Settings
-from interop.joint_run import STEP, Array, Case, differences, our_run
+from tests.support.joint_run import STEP, Array, Case, differences, our_run
 
 
 def libcosim_run(case: Case) -> Array:

@@ -9,7 +9,16 @@ from emla_cosim.models import MODELS
 from emla_cosim.scenarios.reading import load_scenario
 from emla_fmu import motion_law
 from fmublock.variables import DiscreteState, Parameter, State
-from modelica_package import CLASSES, PACKAGE, SCALARS, as_real, declared, driven, evaluated, name_in
+from tests.support.modelica_package import (
+    CLASSES,
+    PACKAGE,
+    SCALARS,
+    as_real,
+    declared,
+    driven,
+    evaluated,
+    name_in,
+)
 
 CONSTANTS = ["NEVER", "pi"]
 """What package.mo declares itself."""

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import smooth_lift
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.strong import Strong
@@ -22,10 +21,11 @@ from emla_cosim.models import fmu_path
 from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import System
 from fmublock.variables import DiscreteState, Output, State
-from modelica_package import SCALARS, Array, compiled, driven, joint_source, name_in
-from modelica_package import simulated as simulated_by_rumoca
-from sessions import Session
-from simulated import simulated
+from tests.support import smooth_lift
+from tests.support.modelica_package import SCALARS, Array, compiled, driven, joint_source, name_in
+from tests.support.modelica_package import simulated as simulated_by_rumoca
+from tests.support.sessions import Session
+from tests.support.simulated import simulated
 
 FUNCTIONS = {"sin": np.sin, "cos": np.cos, "exp": np.exp}
 

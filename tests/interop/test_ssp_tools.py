@@ -20,7 +20,7 @@ from emla_cosim.fmu.interface import read_interface
 from emla_cosim.models import fmu_path
 from emla_cosim.results.csv_file import read_results
 from emla_cosim.scenarios.reading import load_scenario
-from interop.joint_run import Array
+from tests.support.joint_run import Array
 
 TOLERANCE = 1e-12
 """Per largest value of a signal; rounding of a single number is 1e-16."""

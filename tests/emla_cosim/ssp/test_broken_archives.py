@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.fmu.unpack import LARGEST, UnsafeArchiveError, unpack
-from refusals import Refused, refusals
-from ssp_documents import binding, component, description, folder, ssd, ssv, system
+from tests.support.refusals import Refused, refusals
+from tests.support.ssp_documents import binding, component, description, folder, ssd, ssv, system
 
 Archive = Callable[[Path], None]
 GIB = 2**30

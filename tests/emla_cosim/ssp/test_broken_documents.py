@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from fmublock.archive import write_archive
-from refusals import Refused, refusals
-from ssp_documents import (
+from tests.support.refusals import Refused, refusals
+from tests.support.ssp_documents import (
     NAMESPACES,
     UNITS,
     binding,

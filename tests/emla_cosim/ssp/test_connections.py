@@ -4,7 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from ssp_documents import component, connection, fake_fmu, folder, linear, ssd, system, understood
+from tests.support.ssp_documents import (
+    component,
+    connection,
+    fake_fmu,
+    folder,
+    linear,
+    ssd,
+    system,
+    understood,
+)
 
 SUPPRESSED = {"suppress_unit_conversion": True}
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.ssp.reader.reading import read_ssp
-from ssp_documents import (
+from tests.support.ssp_documents import (
     binding,
     component,
     connection,

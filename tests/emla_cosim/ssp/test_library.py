@@ -18,8 +18,9 @@ from emla_cosim.ssp.documents.parameters import parse_mapping, parse_parameter_s
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
 from emla_cosim.ssp.documents.structure import Component, Reference, SystemElement
 from emla_cosim.ssp.reader.reading import read_ssp
+from tests.support.paths import FOREIGN_MAPPING
 
-MAPPING = Path(__file__).parents[2] / "foreign_plant" / "ForeignPlant.ssm"
+MAPPING = FOREIGN_MAPPING
 
 
 @pytest.fixture(scope="module", params=["flat", "nested"])

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from fmublock.archive import write_archive
-from ssp_documents import (
+from tests.support.ssp_documents import (
     Understood,
     binding,
     component,

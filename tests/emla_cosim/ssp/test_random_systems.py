@@ -18,7 +18,7 @@ from emla_cosim.ssp.writer.writing import Experiment, write_ssp
 from emla_cosim.system.model import Alias, Component, Connection, System
 from emla_cosim.system.resolution import resolved
 from emla_cosim.units import IDENTITY, LinearTransformation, Unit, conversion
-from ssp_documents import ITEMS, UNITS, fake_fmu
+from tests.support.ssp_documents import ITEMS, UNITS, fake_fmu
 
 LENGTHS = {"m": UNITS["m"], "mm": UNITS["mm"], "inch": 'm="1" factor="0.0254"', "odd": 'm="1" offset="0.5"'}
 OTHER = {**LENGTHS, "odd": 'm="1" factor="3" offset="-2"', "mm": 'm="1" factor="0.002"'}

@@ -13,9 +13,10 @@ from emla_cosim.run import Progress
 from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.settings import Settings
 from emla_cosim.system.resolution import resolved
-from ssp_documents import folder, understood
+from tests.support.paths import FOREIGN_MAPPING
+from tests.support.ssp_documents import folder, understood
 
-MAPPING = Path(__file__).parents[2] / "foreign_plant" / "ForeignPlant.ssm"
+MAPPING = FOREIGN_MAPPING
 NESTED = ["--nested"]
 
 

@@ -8,7 +8,17 @@ import pytest
 
 from emla_cosim.run import Progress, Settings, results_folder, run
 from emla_cosim.scenarios.reading import opened_scenario
-from ssp_documents import binding, component, connection, folder, linear, packed, ssd, ssv, system
+from tests.support.ssp_documents import (
+    binding,
+    component,
+    connection,
+    folder,
+    linear,
+    packed,
+    ssd,
+    ssv,
+    system,
+)
 
 
 def gain(name: str, ports: str, b: float = 1.0, **values: Any) -> str:

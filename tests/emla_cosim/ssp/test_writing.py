@@ -12,7 +12,7 @@ from emla_cosim.ssp.reader.reading import read_ssp
 from emla_cosim.ssp.writer.writing import Experiment, write_ssp
 from emla_cosim.system.model import Alias, Component, Connection, System
 from emla_cosim.units import LinearTransformation
-from ssp_documents import Understood, fake_fmu, understood
+from tests.support.ssp_documents import Understood, fake_fmu, understood
 
 
 def exported(folder: Path, system: System, fmus: dict[str, Path], nested: bool = False) -> Understood:

@@ -10,7 +10,7 @@ from typing import Any
 from fmpy import read_model_description
 from fmpy.fmi2 import FMU2Slave
 
-from sessions import status
+from tests.support.sessions import status
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from emla_cosim.master.stepping.timing import Timing, timing
 from emla_cosim.models import fmu_path
 from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import System
-from simulated import simulated
+from tests.support.simulated import simulated
 
 STEP = 1e-4
 """Communication step in s: the study's. Tools count time in different ways, which differ in the last

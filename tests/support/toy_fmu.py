@@ -6,7 +6,7 @@ from fmublock.description import Producer
 from fmublock.export import Documents
 from fmublock.native import build_native, host_platform, native_draft
 from fmublock.python_flavour import build_python, python_draft
-from toy import Toy
+from tests.support.toy import Toy
 
 PRODUCER = Producer("test", "1.0", "MIT")
 DOCUMENTS = Documents("# Toy\n\n$$\n\\dot x = \\frac{F}{m}\n$$\n", "Do what you want.")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from linear import LinearSlave, Wire
+from tests.support.linear import LinearSlave, Wire
 
 Part = tuple[list[LinearSlave], list[Wire]]
 STIFFNESS, DAMPING, MASS = 400.0, 2.0, 1.0

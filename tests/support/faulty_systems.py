@@ -12,7 +12,7 @@ from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.settings import Settings
 from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.units import LinearTransformation
-from faulty_fmu import Counts, Fault
+from tests.support.faulty_fmu import Counts, Fault
 
 
 def faulty(name: str, fmu: Path, **parameters: float) -> Component:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-import reference_model as paper
 from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import System
+from tests.support import reference_model as paper
 
 # The lift joint of the study in the middle of its move, with a number wherever the paper's own
 # makes a term vanish: L_d = L_q hides reluctance, 0 hides a part's inertia, friction and stiffness.

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, expm
 
 from emla_cosim.master.network import Link, Network
-from slaves import FakeSlave
+from tests.support.slaves import FakeSlave
 
 Wire = tuple[int, int, int, int]
 """Source, output, target, input: positions as in `Link`."""

@@ -34,7 +34,7 @@ SANITIZERS = {
     ],
     "thread": ["-fsanitize=thread"],
 }
-_HERE = Path(__file__).parent
+_HERE = Path(__file__).parent / "c_host"
 _FLAGS = ["-std=c11", "-O1", "-g", "-ffp-contract=off", "-I", str(files("fmpy").joinpath("c-code"))]
 _STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 _ENVIRONMENT = {

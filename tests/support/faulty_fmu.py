@@ -6,7 +6,7 @@ from pathlib import Path
 
 import fmpy
 
-from handwritten_fmu import build_handwritten_fmu
+from tests.support.handwritten_fmu import build_handwritten_fmu
 
 
 class Fault(IntEnum):

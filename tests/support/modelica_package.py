@@ -12,7 +12,7 @@ from emla_cosim.models import MODELS
 from emla_cosim.system.model import System
 from fmublock.variables import Input, ScalarVariable, State, Variable
 
-PACKAGE = Path(__file__).parents[1] / "modelica" / "EMLA"
+PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
 CLASSES = {model: model.removeprefix("Emla") for model in MODELS}
 """Name of the class in the package by our model."""
 

@@ -1,0 +1,1 @@
+"""What tests, benchmarks and documents share: models, hosts, oracles, and ways to break things."""

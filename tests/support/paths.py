@@ -1,0 +1,8 @@
+"""Where things are that tests read."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+FOREIGN_PLANT = Path(__file__).parent / "foreign_plant"
+FOREIGN_MAPPING = FOREIGN_PLANT / "ForeignPlant.ssm"
+"""Maps the names of our plant to those of the foreign one."""
