@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from emla_cosim.cli import app
 from emla_cosim.models import MODELS
-from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.loading import load
 from fmublock.description import Producer
 from fmublock.export import Documents
 from fmublock.native import build_native, host_platform, native_draft
@@ -51,7 +51,7 @@ def test_the_commands_of_the_readme_exist(
 
 def test_every_model_and_scenario_named_exists() -> None:
     for name in re.findall(r"`emla run ([a-z-]+)`", README):
-        load_scenario(name)
+        load(name)
     for model in re.findall(r"\[(\w+)\]\(fmus/\w+/README.md\)", README):
         assert model in MODELS
     for target in re.findall(r"\]\(((?!http)[^)]+)\)", README):

@@ -1,23 +1,31 @@
-"""A scenario written as an SSP package."""
+"""A system written as an SSP package."""
 
 from pathlib import Path
 
+from .options import Options
 from .preparation import prepared
 from .progress import Progress
-from .run import run_times
-from .scenarios.scenario import Scenario
-from .settings import Settings
+from .simulation import run_times
 from .ssp.writer.writing import Experiment, write_ssp
+from .system.model import System
 
 
-def export(scenario: Scenario, settings: Settings, file: Path, nested: bool, progress: Progress) -> None:
-    """Write the system of a scenario, with all that the settings change, and its FMUs to `file`.
+def export(
+    name: str,
+    description: str,
+    system: System,
+    options: Options,
+    file: Path,
+    nested: bool,
+    progress: Progress,
+) -> None:
+    """Write a system, with all that the options change, and its FMUs to `file`.
 
-    `nested` makes one system per joint. Raises CommandError for what does not fit, RunError where
+    `nested` makes one system per branch. Raises CommandError for what does not fit, RunError where
     something cannot be built or written.
     """
-    times = run_times(scenario, settings)
-    system, fmus = prepared(scenario.system, settings, progress)
+    times = run_times(options, name)
+    system, fmus = prepared(system, options, progress)
     experiment = Experiment(times.start, times.stop, times.step)
-    write_ssp(file, scenario.name, scenario.description, system, fmus, experiment, nested)
+    write_ssp(file, name, description, system, fmus, experiment, nested)
     progress.advance(1)

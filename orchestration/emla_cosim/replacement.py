@@ -10,17 +10,9 @@ from .errors import CommandError
 from .fmu.interface import Interface
 from .ssp.documents.parameters import parse_mapping
 from .ssp.documents.structure import MappingEntry, TableTransformation
-from .system.model import Alias, Component, Connection, System
-from .system.resolution import plain, transformed
+from .system.model import Alias, Component, Connection, Replacement, System
+from .system.resolution import in_fmu_terms, transformed
 from .units import IDENTITY, LinearTransformation, Unit, conversion
-
-
-@dataclass(frozen=True)
-class Replacement:
-    """The FMU to use instead, and a file (SSM) that maps our names to its names, if they differ."""
-
-    fmu: Path
-    mapping: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -69,7 +61,7 @@ def fitted(
     their names and units, connections get those of the other FMU. Raises CommandError for a mapping
     that cannot be read, or that names what neither FMU has.
     """
-    component, original = plain(system.component(name)), interfaces[name]
+    component, original = in_fmu_terms(system.component(name)), interfaces[name]
     entries = _entries(replacement, original, other)
     matching = _Matching(system, component, original, other, entries)
     fit = Fit(name, replacement.fmu, matching.matches, matching.same)

@@ -24,7 +24,7 @@ import emla_cosim.cli
 import emla_cosim.run
 from emla_cosim.errors import CommandError
 from emla_cosim.master.algorithms.strong import Strong
-from emla_cosim.master.assembly import Assembly, assembled
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.stepping import Rows, Stepping
@@ -64,7 +64,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> list[Counts]:
 
     @contextmanager
     def counting(system: System, fmus: dict[str, Path]) -> Iterator[Assembly]:
-        with assembled(system, fmus) as assembly:
+        with Assembly(system, fmus) as assembly:
             found.extend(counts_of(assembly))
             yield assembly
 

@@ -16,12 +16,12 @@ from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.strong import Strong
-from emla_cosim.master.assembly import assembled
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import Timing, timing
 from emla_cosim.models import fmu_path
-from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.loading import load
 from emla_cosim.system.model import Component, System
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.faulty_systems import faulty, open_system, wired
@@ -53,9 +53,9 @@ def assert_same_bits(found: np.ndarray, expected: np.ndarray) -> None:
 def study_rows(
     folder: Path, make: Make, steps: int, *, compiled: bool, every: int = 1, flavour: str = "native"
 ) -> np.ndarray:
-    system = load_scenario("study").system
+    system = load("study").system
     fmus = {c.name: fmu_path(c.model, flavour, folder) for c in system.components}
-    with assembled(system, fmus) as assembly:
+    with Assembly(system, fmus) as assembly:
         return rows(assembly.network, make, timing(steps * 1e-4, 1e-4), compiled=compiled, every=every)
 
 

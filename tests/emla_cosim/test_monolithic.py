@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from emla_cosim.master.assembly import assembled
-from emla_cosim.master.simulation import ALGORITHMS
+from emla_cosim.master.assembly import Assembly
+from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.stepping.timing import timing
 from emla_fmu import Disturbance, DisturbanceReading, EmlaObserver, EmlaPlant, TorqueSource
 from fmublock import Block, Output, Parameter
@@ -68,7 +68,7 @@ def co_simulated(algorithm: str, step: float, folder: Path) -> Run:
     system = lift()
     fmus = {c.name: folder / c.model / f"{c.model}.fmu" for c in system.components}
     watched = ["lift.plant.inverter.saturated", "lift.controller.saturated", "lift.controller.P[1]"]
-    with assembled(system, fmus) as assembly:
+    with Assembly(system, fmus) as assembly:
         columns = {name: 1 + i for i, name in enumerate(assembly.network.names)}
         rows = simulated(assembly.network, ALGORITHMS[algorithm](), timing(STOP, step))
     states = rows[:: round(SAMPLE / step), [columns[name] for name in STATE_SIGNALS]]

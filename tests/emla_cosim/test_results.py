@@ -48,7 +48,7 @@ def test_csv_has_every_nth_row_and_the_last_however_it_is_cut(
         file.write(block)
     file.close()
     expected = rows[sorted({*range(0, count, every), count - 1})]
-    found = read_results(path, ["time", "a.b", "c", "missing"])
+    found = read_csv(path, ["time", "a.b", "c", "missing"])
     assert list(found) == ["time", "a.b", "c"]
     assert np.array_equal(np.column_stack(list(found.values())), expected)  # every bit comes back
 

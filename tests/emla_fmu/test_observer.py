@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from emla_cosim.system.joint import start_values
+from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaObserver, observer_gains
 from tests.support.slaves import BlockSlave, interface
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from emla_cosim.system.joint import start_values
-from emla_cosim.system.study import STUDY, VOLTAGE_DISTURBANCES
+from emla_cosim.study.joint import start_values
+from emla_cosim.study.systems import STUDY, VOLTAGE_DISTURBANCES
 from emla_fmu import Disturbance, DisturbanceReading, Reference
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, rest_to_rest

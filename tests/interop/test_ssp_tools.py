@@ -18,8 +18,8 @@ from typer.testing import CliRunner
 from emla_cosim.cli import app
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.models import fmu_path
-from emla_cosim.results.csv_file import read_results
-from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.recorders.csv_file import read_csv
+from emla_cosim.loading import load
 from tests.support.joint_run import Array
 
 TOLERANCE = 1e-12
@@ -28,7 +28,7 @@ TOLERANCE = 1e-12
 STEP, STEPS = 1e-4, 2000
 """The file's own step size, and 0.2 s of it."""
 
-SYSTEM = load_scenario("study").system
+SYSTEM = load("study").system
 Signal = tuple[str, str]
 """Component and output."""
 
@@ -73,7 +73,7 @@ def our_run(package: Path, folder: Path, step: float, count: int) -> Array:
     )
     assert result.exit_code == 0, result.output
     names = [f"{component}.{output}" for component, output in SIGNALS]
-    return np.array(list(read_results(folder / "results.csv", names).values())).T
+    return np.array(list(read_csv(folder / "results.csv", names).values())).T
 
 
 def libcosim_run(package: Path, count: int) -> Array:

@@ -9,7 +9,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from emla_cosim.system.joint import start_values
+from emla_cosim.study.joint import start_values
 from emla_fmu.parameters import LIFT
 from fmublock.instance import Instance
 from rsba_fmu import RsbaController, gains

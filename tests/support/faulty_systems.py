@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from emla_cosim.master.assembly import Assembly, assembled
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.run import Progress, RunResult, run
 from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.settings import Settings
@@ -70,7 +70,7 @@ def open_system(system: System, transformations: Sequence[tuple[float, float]] =
             for x, t in zip(system.connections, transformations, strict=True)
         )
         system = replace(system, connections=tuple(transformed))
-    with assembled(system, {c.name: c.fmu for c in system.components if c.fmu}) as assembly:
+    with Assembly(system, {c.name: c.fmu for c in system.components if c.fmu}) as assembly:
         yield assembly
 
 

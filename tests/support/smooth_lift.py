@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.loading import load
 from emla_cosim.system.model import System
 from tests.support import reference_model as paper
 
@@ -68,7 +68,7 @@ def lift() -> System:
         "observer.start.eta_hat": START["eta_hat"],
         "observer.v_hat": START["v_hat"],
     }
-    system = load_scenario("lift", "robust").system
+    system = load("lift", gains="robust").system
     return system.with_parameters({f"lift.{name}": value for name, value in given.items()})
 
 

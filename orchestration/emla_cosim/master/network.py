@@ -20,7 +20,7 @@ class Link:
 
     `direct` says whether an output of the target that is connected itself depends on this input
     without delay; `initial` says the same of the initial values. The input is `factor` times the
-    output plus `offset`, which is in the unit of the input.
+    output plus `offset`, which is in the unit of the input. `name` is what people call it.
     """
 
     source: int
@@ -31,6 +31,7 @@ class Link:
     initial: bool = True
     factor: float = 1.0
     offset: float = 0.0
+    name: str = ""
 
 
 class Network:

@@ -7,7 +7,7 @@ import polars
 import pytest
 
 from emla_cosim.run import Progress, Settings, results_folder, run
-from emla_cosim.scenarios.reading import opened_scenario
+from emla_cosim.loading import load
 from tests.support.ssp_documents import (
     binding,
     component,

@@ -2,10 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from ..master.slaves.slave import Vector
+from ..recorders.metrics import Figures, Metrics, Shown
+from ..recorders.recorder import Outline
 
 SETTLED_AFTER = 0.3
 """Errors and torque count from this time on in s, or from convergence if that is later."""
@@ -18,7 +21,7 @@ STARTS_CONVERGED = 1e-6
 
 
 @dataclass
-class JointMetrics:
+class JointFigures:
     """One joint's part of metrics.json.
 
     `convergence_time_s` is the last time at which |x_L - x_d| exceeds 5 % of its initial value.
@@ -48,40 +51,61 @@ _CHANNELS = {
 _OPTIONAL = ("x_hat", "limited_control", "limited_inverter")
 
 
-class MetricsSink:
-    """Computes metrics while a run goes on; see `Sink`.
+_SHOWN = (
+    Shown("position_error_m", "position error", 1e6, "µm"),
+    Shown("velocity_error_m_s", "speed error", 1e3, "mm/s"),
+    Shown("torque_effort_N_m", "torque effort", 1.0, "N m"),
+    Shown("torque_peak_N_m", "torque peak", 1.0, "N m"),
+    Shown("convergence_time_s", "convergence time", 1e3, "ms"),
+    Shown("observer_position_error_m", "observer position error", 1e6, "µm"),
+    Shown("saturated_fraction", "time at a limit", 100.0, "%"),
+)
+
+
+def joint_metrics(outline: Outline) -> "JointMetrics | None":
+    """The metrics of all joints of a run; None where it has none."""
+    metrics = JointMetrics(outline.names)
+    return metrics if metrics.joints else None
+
+
+class JointMetrics(Metrics):
+    """Tracking metrics by joint: what stands before the first dot of a signal's name.
 
     Joints without position, speed, torque and reference have no metrics.
     """
 
-    def __init__(self, joints: Sequence[str], names: Sequence[str]) -> None:
+    shown = _SHOWN
+
+    def __init__(self, names: Sequence[str]) -> None:
         column = {name: i + 1 for i, name in enumerate(names)}
         self._joints: dict[str, _JointAccumulator] = {}
-        for joint in joints:
+        for joint in dict.fromkeys(name.partition(".")[0] for name in names):
             channels = {c: column.get(f"{joint}.{path}", -1) for c, path in _CHANNELS.items()}
             if all(i >= 0 for c, i in channels.items() if c not in _OPTIONAL):
                 self._joints[joint] = _JointAccumulator(channels)
+
+    @property
+    def joints(self) -> list[str]:
+        """The joints that have metrics."""
+        return list(self._joints)
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
         for accumulator in self._joints.values():
             accumulator.add(rows)
 
-    def close(self) -> None:
-        """Nothing is pending."""
-
-    def memory(self) -> dict[str, list[float]]:
+    def memory(self) -> Any:
         """All that was computed so far, as plain numbers by joint."""
         return {joint: accumulator.memory() for joint, accumulator in self._joints.items()}
 
-    def remember(self, memory: Mapping[str, Sequence[float]]) -> None:
+    def remember(self, memory: Any) -> None:
         """Go on from what was computed before."""
         for joint, accumulator in self._joints.items():
             accumulator.remember(memory[joint])
 
-    def results(self) -> dict[str, JointMetrics]:
+    def figures(self) -> Figures:
         """Metrics by joint, of what was recorded so far."""
-        return {joint: accumulator.metrics() for joint, accumulator in self._joints.items()}
+        return {joint: asdict(accumulator.metrics()) for joint, accumulator in self._joints.items()}
 
 
 class _JointAccumulator:
@@ -139,10 +163,10 @@ class _JointAccumulator:
         self._rows, self._limited = int(rows), int(limited)
         self._largest[:] = largest
 
-    def metrics(self) -> JointMetrics:
+    def metrics(self) -> JointFigures:
         """The metrics of all rows so far."""
         position, velocity, torque, observer = (float(x) for x in self._largest)
-        return JointMetrics(
+        return JointFigures(
             position_error_m=position,
             velocity_error_m_s=velocity,
             torque_effort_N_m=torque,
@@ -151,11 +175,3 @@ class _JointAccumulator:
             observer_position_error_m=observer,
             saturated_fraction=self._limited / max(self._rows, 1),
         )
-
-
-def as_json(metrics: Mapping[str, JointMetrics]) -> dict[str, dict[str, float | None]]:
-    """The `joints` part of metrics.json; null where a value does not exist (JSON has no NaN)."""
-    return {
-        joint: {name: value if np.isfinite(value) else None for name, value in asdict(m).items()}
-        for joint, m in metrics.items()
-    }

@@ -3,17 +3,17 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-from emla_fmu import TorqueSource, observer_gains
+from emla_fmu import TorqueSource
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.parameters import EMLAS
 from emla_fmu.reference import rest_to_rest
-from rsba_fmu import gains
 
-from ..errors import check_choice
+from ..system.model import System
+from .controllers import chosen
 from .joint import joint
-from .model import System
 
 
 @dataclass(frozen=True)
@@ -84,15 +84,16 @@ VOLTAGE_DISTURBANCES = {
 UNCERTAINTIES = {"F_2": 0.01, "F_3": 0.002, "F_4": 0.001}
 """(100) as parameters of the plant."""
 
-CONTROLLERS = ("robust", "published")
-"""Names of the gain sets of controller and observer."""
-
 ENCODER_STEPS = 2**20
 """Steps per motor turn of the position sensor: a 20-bit encoder (assumed)."""
 
 
+Choice = str | type | None
+"""A controller, or a set of gains: by name, the controller also as a block; None for the usual one."""
+
+
 def _study_joint(
-    name: str, controller: str, *, as_printed: bool = False, true_feedback: bool = False
+    name: str, controller: Choice, gains: Choice, *, as_printed: bool = False, true_feedback: bool = False
 ) -> System:
     """One joint of the study.
 
@@ -104,12 +105,13 @@ def _study_joint(
         plant["torque_source"] = int(TorqueSource.COMMAND)
     else:
         plant["resolution"] = emla.rho * emla.lead / ENCODER_STEPS
-    published = controller == "published"
+    closing, gain_set = chosen(controller, gains if gains is None else str(gains))
     return joint(
         name,
         emla=emla,
-        gains=(gains.PUBLISHED if published else gains.ROBUST)[name],
-        observer_gains=(observer_gains.PUBLISHED if published else observer_gains.ROBUST)[name],
+        controller=closing.model,
+        gains=gain_set.controller.get(name, {}),
+        observer_gains=gain_set.observer[name],
         reference=rest_to_rest(study.q_S, study.q_E, study.v_peak),
         disturbance={
             "level": (study.load,) * LEVELS,
@@ -118,33 +120,20 @@ def _study_joint(
             **VOLTAGE_DISTURBANCES,
         },
         plant=plant,
-        estimate=study.estimate if published else study.x_start,
+        estimate=study.estimate if gain_set.printed_estimate else study.x_start,
         true_feedback=true_feedback,
     )
 
 
-def _three_joints(controller: str, **options: bool) -> System:
-    first, *others = (_study_joint(name, controller, **options) for name in STUDY)
+def _three_joints(controller: Choice, gains: Choice, **variant: bool) -> System:
+    first, *others = (_study_joint(name, controller, gains, **variant) for name in STUDY)
     return sum(others, first)
 
 
-def _one_joint(name: str) -> Callable[[str], System]:
-    return lambda controller: _study_joint(name, controller)
-
-
-SYSTEMS: dict[str, Callable[[str], System]] = {
+SYSTEMS: dict[str, Callable[[Choice, Choice], System]] = {
     "study": _three_joints,
-    **{name: _one_joint(name) for name in STUDY},
-    "published": lambda controller: _three_joints(controller, as_printed=True),
-    "published-true-states": lambda controller: _three_joints(
-        controller, as_printed=True, true_feedback=True
-    ),
+    **{name: partial(_study_joint, name) for name in STUDY},
+    "published": partial(_three_joints, as_printed=True),
+    "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
 }
-"""Systems by name, made for one of the gain sets of `CONTROLLERS`."""
-
-
-def built_in_system(name: str, controller: str) -> System:
-    """A system by name; CommandError for a name or a controller that does not exist."""
-    check_choice("system", name, SYSTEMS)
-    check_choice("controller", controller, CONTROLLERS)
-    return SYSTEMS[name](controller)
+"""Systems by name, made for a controller and a set of its gains."""

@@ -1,4 +1,4 @@
-"""run.json: everything needed to repeat a run."""
+"""run.json: everything needed to repeat a run; and what a checkpoint of it belongs to."""
 
 import platform
 from collections.abc import Mapping
@@ -7,23 +7,22 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from ..master.algorithms.explicit import Explicit
-from ..master.algorithms.jacobi import Jacobi
-from ..master.algorithms.strong import Strong
-from ..master.assembly import Assembly
-from ..master.stepping.error_control import ErrorControl
-from ..master.stepping.fixed_steps import FixedSteps
-from ..master.stepping.stepping import Stepping
-from ..system.model import System
+from .master.assembly import Assembly
+from .master.stepping.timing import Timing
+from .options import Options
+from .system.model import System
 
 _PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pythonfmu")
 
 
 def run_record(
     scenario: str,
-    settings: Mapping[str, Any],
     system: System,
     assembly: Assembly,
+    options: Options,
+    times: Timing,
+    every: int,
+    units: Mapping[str, Any],
     stepping: Mapping[str, Any],
     problem: str | None,
     unpacked: Path | None = None,
@@ -35,7 +34,7 @@ def run_record(
     return {
         "scenario": scenario,
         "status": "completed" if problem is None else problem,
-        "settings": {name: _plain(value) for name, value in settings.items()},
+        "settings": _settings(options, times, every),
         "stepping": stepping,
         "versions": {
             "python": platform.python_version(),
@@ -55,29 +54,40 @@ def run_record(
         "connections": [
             f"{x} {x.transformation}" if x.transformation is not None else str(x) for x in system.connections
         ],
+        "units": {name: str(unit) for name, unit in units.items() if unit is not None},
     }
 
 
-def stepping_record(stepping: Stepping, system: System) -> dict[str, Any]:
-    """How the steps were made: compiled or not, in which order, what came late, and what it took."""
-    algorithm = stepping.algorithm
-    links = zip(system.connections, algorithm.network.links, strict=True)
-    late = algorithm.late()
-    slaves = algorithm.network.slaves
-    record: dict[str, Any] = {
-        "steps": stepping.steps,
-        "late_connections": [str(x) for x, link in links if link in late],
+def run_identity(system: System, assembly: Assembly, options: Options, times: Timing) -> dict[str, Any]:
+    """What must be the same for a run to be continued, by the names it has in messages."""
+    return {
+        "FMUs": {name: file.sha256 for name, file in assembly.files.items()},
+        "components": [c.name for c in system.components],
+        "values set": {
+            f"{c.name}.{n}": str(v) for c in system.components for n, v in sorted(c.parameters.items())
+        },
+        "mappings": {f"{c.name}.{n}": str(a) for c in system.components for n, a in c.aliases.items()},
+        "connections": [f"{x} {x.transformation}" for x in system.connections],
+        **{o.about.identity: _plain(value) for o, value in options.in_effect() if o.about.identity},
+        "algorithm": options.algorithm_name,
+        "start time": times.start,
+        "step size": times.step,
     }
-    if isinstance(stepping, FixedSteps) and isinstance(algorithm, Explicit):
-        record["compiled"] = stepping.compiled
-    if isinstance(stepping, ErrorControl):
-        record["rejected_steps"] = stepping.control.rejected
-    if isinstance(algorithm, Strong):
-        record["sweeps_over_loops"] = algorithm.sweeps
-        record["loops"] = [[slaves[i].name for i in loop] for loop in algorithm.loops]
-    if not isinstance(algorithm, Jacobi):
-        record["order"] = [slaves[i].name for i in algorithm.network.order]
-    return record
+
+
+def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
+    """The options that applied, as they were in effect."""
+    found = {o.record: _plain(value) for o, value in options.in_effect() if o.about.recorded}
+    del found["mapping"]  # which is told with the replacement
+    interval = options.output_interval if options.error_tolerance is not None else every * times.step
+    return found | {
+        "algorithm": options.algorithm_name,
+        "start_time_s": times.start,
+        "stop_time_s": times.stop,
+        "step_size_s": times.step,
+        "output_interval_s": interval,
+        "replace": {name: _plain(r) for name, r in options.replacements().items()},
+    }
 
 
 def _file(path: Path, unpacked: Path | None) -> str:
@@ -95,11 +105,13 @@ def _version(package: str) -> str | None:
 
 
 def _plain(value: Any) -> Any:
-    """A setting as JSON has it."""
+    """A value as JSON has it."""
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(v) for v in value]
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))
+    if isinstance(value, type):
+        return f"{value.__module__}.{value.__qualname__}"
     return str(value) if isinstance(value, Path) else value

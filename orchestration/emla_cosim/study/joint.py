@@ -1,14 +1,16 @@
 """One joint: reference, plant, disturbance, observer and controller, connected."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from emla_fmu import Disturbance, EmlaObserver, EmlaPlant, Reference
 from fmublock import Block
 from fmublock.variables import Variable
-from rsba_fmu import RsbaController
 
-from .model import Component, Connection, System, Value
+from ..errors import CommandError
+from ..fmu.interface import read_interface
+from ..system.model import Component, System, Value
 
 _WIRES = (
     "reference.x_d -> controller.x_d",
@@ -35,6 +37,7 @@ def joint(
     name: str,
     *,
     emla: Any,
+    controller: type[Block] | Path,
     gains: Any,
     observer_gains: Any,
     reference: Mapping[str, Any],
@@ -43,25 +46,60 @@ def joint(
     estimate: float,
     true_feedback: bool = False,
 ) -> System:
-    """A joint from its parameter sets.
+    """A joint from its parameter sets, closed by a controller: a block, or the file of an FMU.
 
-    `emla`, `gains` and `observer_gains` are parameter sets; `reference`, `disturbance` and
-    `plant` are values by attribute of the block. `estimate` is the observer's start in m. With
-    `true_feedback` the controller gets the plant's true states and the observer only watches.
+    The controller gives u_q and u_d, and takes what it has inputs for: x_d, v_d, a_d, x_hat, v_hat, i_q,
+    i_d; its i_q_ref goes to plant and observer. `emla`, `gains` and `observer_gains` are parameter
+    sets; `reference`, `disturbance` and `plant` are values by attribute of the block. `estimate` is the
+    observer's start in m. With `true_feedback` the controller gets the plant's true states and the
+    observer only watches. Raises CommandError for a controller without u_q or u_d.
     """
     blocks: dict[type[Block], tuple[str, Sequence[Any]]] = {
         Reference: ("reference", [reference]),
         EmlaPlant: ("plant", [emla, plant]),
         Disturbance: ("disturbance", [disturbance]),
         EmlaObserver: ("observer", [emla, observer_gains, {"x_hat_start": estimate}]),
-        RsbaController: ("controller", [emla, gains]),
     }
     components = [
         Component(f"{name}.{role}", block.__name__, start_values(block, *sources))
         for block, (role, sources) in blocks.items()
     ]
+    components.append(_controller(f"{name}.controller", controller, emla, gains))
     wires = (*_WIRES, *(_TRUE if true_feedback else _ESTIMATED))
-    return System(tuple(components), tuple(_connection(name, wire) for wire in wires))
+    return System(tuple(components), ()).with_connections(
+        *(_of_joint(name, wire) for wire in wires if _has_port(_ports(controller), wire))
+    )
+
+
+def _controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any) -> Component:
+    for port in ("u_q", "u_d"):
+        if port not in _ports(controller):
+            raise CommandError(f"the controller {_called(controller)} has no output '{port}'.", name=port)
+    if isinstance(controller, Path):
+        return Component(name, fmu=controller)
+    model = controller.__name__ if controller.__module__.startswith("rsba_fmu.") else controller
+    return Component(name, model, start_values(controller, emla, gains))
+
+
+def _called(controller: type[Block] | Path) -> str:
+    return f"'{controller}'" if isinstance(controller, Path) else controller.__name__
+
+
+def _ports(controller: type[Block] | Path) -> set[str]:
+    """Names of the variables of a controller."""
+    if isinstance(controller, Path):
+        return set(read_interface(controller).variables)
+    return {scalar.name for scalar in controller.layout().scalars}
+
+
+def _has_port(ports: set[str], wire: str) -> bool:
+    """Whether the controller's end of a connection, if it has one, is there."""
+    ends = (end.partition(".") for end in wire.split(" -> "))
+    return all(port in ports for role, _, port in ends if role == "controller")
+
+
+def _of_joint(joint: str, wire: str) -> str:
+    return " -> ".join(f"{joint}.{end}" for end in wire.split(" -> "))
 
 
 def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
@@ -88,9 +126,3 @@ def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
 def _by_fmi_name(variable: Variable, value: Any) -> dict[str, Value]:
     names = [s.name for s in variable.scalars()]
     return dict(zip(names, [value] if variable.size is None else value, strict=True))
-
-
-def _connection(joint: str, wire: str) -> Connection:
-    source, target = wire.split(" -> ")
-    (source, output), (target, input_) = source.split(".", 1), target.split(".", 1)
-    return Connection(f"{joint}.{source}", output, f"{joint}.{target}", input_)
