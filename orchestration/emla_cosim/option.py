@@ -23,8 +23,8 @@ class About:
     `above` and `below` bound a number, ends excluded. `identity` is what messages call the option
     where a checkpoint can only be continued with the same value; empty where it may change. `record`
     is its name in run.json, by default its name and unit; `in_file` says whether a scenario file may
-    hold it. `commands` are those that take it. `parse` makes its value of the text of the command line. In Python
-    an object of the type `takes` is a value too, and taken as it is.
+    hold it. `commands` are those that take it. `parse` makes its value of the text of the command
+    line. In Python an object of the type `takes` is a value too, and taken as it is.
     """
 
     help: str

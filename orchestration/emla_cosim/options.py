@@ -46,13 +46,11 @@ class Options:
     mapping: Mapping[str, Path] = _system(
         {}, help="What the other FMU calls its variables (repeatable).", metavar="COMPONENT=FILE.ssm"
     )
-    controller: str | type | None = _system(
-        takes=type, help="Controller of the joints: a name, FILE.fmu or FILE.py:BLOCK."
-    )
+    controller: str | type | None = _system(takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.")
     gains: str | None = _system(help="Gains of controller and observer; `emla list` shows which.")
     flavour: str = _system("native", help="Flavour of our FMUs.", choices=lambda: FLAVOURS)
     fmus: Path | None = _system(
-        help="Folder of our FMUs; missing ones are built there. Without: fmus/ where it has them, or your cache.",
+        help="Folder of our FMUs, where missing ones are built. Without: fmus/, or your cache.",
         in_file=False,
         recorded=False,
     )

@@ -85,7 +85,7 @@ class Result:
         return pandas.DataFrame(self.read(self._table.names)).set_index("time")
 
     def plot(self, *names: str) -> "Figure":
-        """Draw these signals over time, one panel per unit; a pattern such as `lift.*.x_*` means all that fit."""
+        """Draw signals over time, a panel per unit; a pattern such as `lift.*.x_*` means all that fit."""
         from .plotting import plotted
 
         return plotted(self, names)

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import timing
 from emla_fmu import Disturbance, DisturbanceReading, EmlaObserver, EmlaPlant, TorqueSource
 from fmublock import Block, Output, Parameter

@@ -5,11 +5,10 @@ from pathlib import Path
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given
-
-from emla_cosim.results.csv_file import CsvFile, read_results
+from emla_cosim.results.csv_file import CsvFile
 from emla_cosim.results.metrics import MetricsSink, as_json
 from emla_cosim.results.recorder import Recorder
+from hypothesis import given
 
 NAMES = [
     "j.plant.x_L",

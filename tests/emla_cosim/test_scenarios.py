@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from emla_cosim.recorders.csv_file import read_csv
 from emla_cosim.results.metrics import JointMetrics
 from emla_cosim.run import Progress, RunResult, Settings, run
-from emla_cosim.scenarios.reading import load_scenario, scenario_names
+
+from emla_cosim.recorders.csv_file import read_csv
+from emla_cosim.scenarios.reading import scenario_names
 from emla_fmu.parameters import EMLAS
 
 # Table VI, column RSBA: position error m, speed error m/s, torque effort N m, convergence s

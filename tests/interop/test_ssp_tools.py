@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 
 from emla_cosim.cli import app
 from emla_cosim.fmu.interface import read_interface
+from emla_cosim.loading import load
 from emla_cosim.models import fmu_path
 from emla_cosim.recorders.csv_file import read_csv
-from emla_cosim.loading import load
 from tests.support.joint_run import Array
 
 TOLERANCE = 1e-12

@@ -6,10 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from emla_cosim.master.assembly import Assembly
 from emla_cosim.run import Progress, RunResult, run
-from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.settings import Settings
+
+from emla_cosim.master.assembly import Assembly
+from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.units import LinearTransformation
 from tests.support.faulty_fmu import Counts, Fault

@@ -9,7 +9,6 @@ from fmublock import Block
 from fmublock.variables import Variable
 
 from ..errors import CommandError
-from ..fmu.interface import read_interface
 from ..system.model import Component, System, Value
 
 _WIRES = (
@@ -88,6 +87,8 @@ def _called(controller: type[Block] | Path) -> str:
 def _ports(controller: type[Block] | Path) -> set[str]:
     """Names of the variables of a controller."""
     if isinstance(controller, Path):
+        from ..fmu.interface import read_interface  # takes a while
+
         return set(read_interface(controller).variables)
     return {scalar.name for scalar in controller.layout().scalars}
 

@@ -14,7 +14,7 @@ from .metrics import joint_metrics
 def register() -> None:
     """Make all of it known under its names; again makes no difference."""
     SYSTEMS.update(systems.SYSTEMS)
-    folder = files(__package__) / "scenarios"
+    folder = files("emla_cosim.study") / "scenarios"
     for name in systems.SYSTEMS:
         SCENARIOS[name] = partial((folder / f"{name}.toml").read_text, encoding="utf-8")
     METRICS["joints"] = joint_metrics

@@ -4,14 +4,14 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from emla_cosim.run import Progress
+from emla_cosim.settings import Settings
 from typer.testing import CliRunner
 
 from emla_cosim.cli import app
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.preparation import prepared
-from emla_cosim.run import Progress
 from emla_cosim.loading import load
-from emla_cosim.settings import Settings
+from emla_cosim.preparation import prepared
 from emla_cosim.system.resolution import resolved
 from tests.support.paths import FOREIGN_MAPPING
 from tests.support.ssp_documents import folder, understood
