@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from typing import Any, get_type_hints
 
 from .errors import CommandError, check_choice
@@ -94,7 +94,9 @@ class Option:
 
 
 def options_of(kind: type) -> list[Option]:
-    """The options among the fields of a dataclass."""
+    """The options among the fields of a class; none of one that is no dataclass."""
+    if not is_dataclass(kind):
+        return []
     described = [f for f in fields(kind) if "about" in f.metadata]
     types = get_type_hints(kind) if described else {}
     return [

@@ -28,7 +28,7 @@ from .recorders.metrics import MetricsRecorder
 from .recorders.recorder import Outline, Recorder
 from .recorders.table import Table
 from .recorders.time_series import TimeSeries
-from .result import Result
+from .results.result import Result
 from .run_record import run_identity, run_record
 from .running import Run
 from .system.model import System
@@ -154,6 +154,7 @@ class Simulation:
         try:
             metrics, resumed = MetricsRecorder(), None
             taking = [*([TimeSeries()] if recorders is None else recorders), metrics]
+            taking += chosen.make_recorders()
             if chosen.resume or chosen.checkpoint:
                 identity = run_identity(system, assembly, chosen, times)
                 resumed = resumable(chosen.resume, identity, times) if chosen.resume else None

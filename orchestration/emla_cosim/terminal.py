@@ -13,10 +13,10 @@ from rich.table import Table
 from .progress import Progress
 
 if TYPE_CHECKING:
-    from .output_folder import OutputFolder
     from .recorders.metrics import Figures, Shown
     from .replacement import Fit
-    from .result import Result
+    from .results.output_folder import OutputFolder
+    from .results.result import Result
 
 OUT, ERR = Console(), Console(stderr=True)
 """Results go to standard output, progress and errors to standard error."""

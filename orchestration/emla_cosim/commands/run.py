@@ -7,8 +7,8 @@ import typer
 from ..errors import CosimError
 from ..loading import load
 from ..option import RUN
-from ..output_folder import OutputFolder, results_folder
 from ..recorders.progress import ProgressRecorder
+from ..results.output_folder import OutputFolder, results_folder
 from ..terminal import BarProgress, show_result
 from .failing import one_sentence
 from .options import SOURCE, takes_options

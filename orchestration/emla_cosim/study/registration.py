@@ -3,8 +3,8 @@
 from functools import partial
 from importlib.resources import files
 
-from ..plotting import FIGURES
 from ..recorders.metrics import METRICS
+from ..results.plotting import FIGURES
 from ..scenarios.built_in import SCENARIOS, SYSTEMS
 from . import systems
 from .figures import JOINT_FIGURES

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import CommandError
-from .master.slaves.slave import Vector
-from .master.stepping.timing import Timing
-from .recorders.metrics import Figures, Shown
-from .recorders.table import Table
-from .units import Unit
+from ..errors import CommandError
+from ..master.slaves.slave import Vector
+from ..master.stepping.timing import Timing
+from ..recorders.metrics import Figures, Shown
+from ..recorders.table import Table
+from ..units import Unit
 
 if TYPE_CHECKING:
     import pandas
