@@ -16,7 +16,7 @@ from emla_cosim.cli import app
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.ssp.documents.parameters import parse_mapping, parse_parameter_set
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
-from emla_cosim.ssp.documents.structure import Component, Reference, SystemElement
+from emla_cosim.ssp.documents.structure import ComponentElement, Reference, SystemElement
 from emla_cosim.ssp.reader.reading import read_ssp
 from tests.support.paths import FOREIGN_MAPPING
 
@@ -80,7 +80,7 @@ def theirs(system: TheirSystem) -> dict[str, Any]:
     }
 
 
-def connectors(element: Component | SystemElement) -> list[tuple[str, str, str | None]]:
+def connectors(element: ComponentElement | SystemElement) -> list[tuple[str, str, str | None]]:
     return [(c.name, c.kind, c.unit.name if c.unit else None) for c in element.connectors]
 
 
@@ -102,7 +102,7 @@ def ours(system: SystemElement) -> dict[str, Any]:
                 [(source(b.values), source(b.mapping)) for b in e.bindings],
             )
             for e in system.elements
-            if isinstance(e, (SystemElement, Component))
+            if isinstance(e, (SystemElement, ComponentElement))
         ],
     }
 
@@ -127,11 +127,11 @@ def units(element: Any) -> set[str]:
     return {c.unit.name for c in element.connectors if c.unit is not None}.union(*inside)
 
 
-def leaves(system: SystemElement) -> Iterator[Component]:
+def leaves(system: SystemElement) -> Iterator[ComponentElement]:
     for element in system.elements:
         if isinstance(element, SystemElement):
             yield from leaves(element)
-        elif isinstance(element, Component):
+        elif isinstance(element, ComponentElement):
             yield element
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from ...units import Unit
 from .parameters import add_mapping, add_parameter_set
 from .structure import (
-    Component,
+    ComponentElement,
     Connection,
     Connector,
     DictionaryReference,
@@ -80,7 +80,7 @@ def _add_system(parent: XmlElement, system: SystemElement) -> XmlElement:
         for inside in system.elements:
             if isinstance(inside, SystemElement):
                 _add_system(group, inside)
-            elif isinstance(inside, Component):
+            elif isinstance(inside, ComponentElement):
                 how = None if inside.implementation == "any" else inside.implementation
                 _add_common(
                     group, "ssd:Component", inside, type=inside.type, source=inside.source, implementation=how

@@ -116,7 +116,7 @@ class Element:
 
 
 @dataclass(frozen=True)
-class Component(Element):
+class ComponentElement(Element):
     """An element that is a file: an FMU, or another system (see the MIME types above)."""
 
     source: str = ""

@@ -209,10 +209,10 @@ def add_transformation(parent: XmlElement, transformation: Transformation | None
     elif transformation is not None:
         table = add(parent, f"ssc:{transformation.kind}MappingTransformation")
         for source, target in transformation.entries:
-            add(table, "ssc:MapEntry", source=plain(source), target=plain(target))
+            add(table, "ssc:MapEntry", source=as_text(source), target=as_text(target))
 
 
-def plain(value: object) -> str:
+def as_text(value: object) -> str:
     """A Boolean, a whole number or a text as XML has it."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
