@@ -4,14 +4,17 @@ import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from pyssp_standard.ssd import SSD
 from pyssp_standard.ssd import System as TheirSystem
 from pyssp_standard.ssm import SSM
 from pyssp_standard.ssv import SSV
+from pyssp_standard.standard import ModelicaStandard
 from typer.testing import CliRunner
 
+import emla_cosim.ssp.documents
 from emla_cosim.cli import app
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.ssp.documents.parameters import parse_mapping, parse_parameter_set
@@ -21,6 +24,7 @@ from emla_cosim.ssp.reader.reading import read_ssp
 from tests.support.paths import FOREIGN_MAPPING
 
 MAPPING = FOREIGN_MAPPING
+SCHEMAS = Path(emla_cosim.ssp.documents.__file__).parent / "schemas"
 
 
 @pytest.fixture(scope="module", params=["flat", "nested"])
@@ -50,6 +54,22 @@ def test_all_files_are_valid(unpacked: Path) -> None:
         for file in files:
             with reader(file) as document:
                 document.__check_compliance__()
+
+
+def test_our_schemas_are_the_ones_it_has() -> None:
+    """But for line breaks inside tags."""
+    compared = 0
+    for version, suffix in (("1.0", ""), ("2.0", "2")):
+        for kind in ("ssc", "ssd", "ssm", "ssv"):
+            theirs = Path(ModelicaStandard.schemas[f"{kind}{suffix}"])
+            ours = SCHEMAS / version / theirs.name
+            assert canonical(ours) == canonical(theirs), ours
+            compared += 1
+    assert len(list(SCHEMAS.rglob("*.xsd"))) == compared
+
+
+def canonical(file: Path) -> str:
+    return ElementTree.canonicalize(from_file=file)
 
 
 CONVERTED: dict[str, Callable[[str], Any]] = {"Real": float, "Integer": int, "Boolean": "true".__eq__}
