@@ -93,7 +93,6 @@ class _Reader:
             dictionaries=tuple(
                 d.get("name") for d in children(element, "ssd:SignalDictionaries", "ssd:SignalDictionary")
             ),
-            canvas=_corners(child(element, "ssd:SystemGeometry")),
         )
 
     def _elements(self, system: XmlElement) -> Iterator[Element]:

@@ -138,7 +138,6 @@ class SystemElement(Element):
     elements: tuple[Element, ...] = ()
     connections: tuple[Connection, ...] = ()
     dictionaries: tuple[str, ...] = ()
-    canvas: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True)
