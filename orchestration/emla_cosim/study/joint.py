@@ -19,7 +19,7 @@ _WIRES = (
     "disturbance.d_2 -> plant.d_2",
     "disturbance.d_3 -> plant.d_3",
     "disturbance.d_4 -> plant.d_4",
-    "plant.v_L -> disturbance.v_L",  # (98) contains arctan(x_2)
+    "plant.v_L -> disturbance.v_L",  # (82) contains arctan(x_2)
     "plant.x_measured -> observer.y",
     "plant.i_q -> controller.i_q",
     "plant.i_d -> controller.i_d",
