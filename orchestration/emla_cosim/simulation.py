@@ -212,7 +212,12 @@ class Simulation:
         return self._run.stepping.time
 
     def __getitem__(self, name: str) -> Any:
-        """The present value of a variable, by its full name and in its unit there."""
+        """The present value of a variable, by its full name and in its unit there.
+
+        Begins a run if none goes on. Raises CommandError for a name that is not there.
+        """
+        if self._run is None:
+            self.start()
         component, variable = self.system.split(name)
         alias = component.alias(variable)
         slave = self._assembly.slaves[component.name]
