@@ -167,6 +167,7 @@ def test_plots_have_a_panel_per_unit(lift: ec.Simulation, tmp_path: Path) -> Non
         ({"set": {"lift.pump.p": 1.0}}, "there is no component 'lift.pump'"),
         ({"set": {"p": 1.0}}, "'p' is not a variable; write it as lift.reference.VARIABLE"),
         ({"flavour": "python"}, "'flavour' belongs to what is prepared"),
+        ({"output": "here"}, "'output' is for the command line; use `save`"),
         ({"order": ["lift.plant"]}, "must name every component once"),
         ({"error_tolerance": 2.0}, "the error tolerance 2 must be between 0 and 1"),
     ],
@@ -224,10 +225,14 @@ def test_what_cannot_be_set_between_steps_is_said(lift: ec.Simulation) -> None:
 
 
 class Interrupting(ec.Recorder):
-    """Presses Ctrl-C after the first steps."""
+    """Presses Ctrl-C after the first steps, every time or once."""
+
+    def __init__(self, once: bool = False) -> None:
+        self.left = 1 if once else 10**9
 
     def pause(self, run: Any) -> None:
-        if run.stepping.steps > 0 and not run.over:
+        if run.stepping.steps > 0 and not run.over and self.left:
+            self.left -= 1
             signal.raise_signal(signal.SIGINT)
 
 
@@ -239,6 +244,16 @@ def test_ctrl_c_returns_what_was_computed(lift: ec.Simulation) -> None:
     assert 0 < result.steps < 10_000_000
     assert result.time[-1] == pytest.approx(result.end_s)
     assert lift.run().problem is None
+
+
+def test_ctrl_c_between_steps_by_hand_ends_the_users_loop_and_nothing_else(lift: ec.Simulation) -> None:
+    lift.start(stop_time=100.0, recorders=[Interrupting(once=True)])
+    with pytest.raises(KeyboardInterrupt):
+        lift.advance(100.0)
+    reached = lift.time
+    assert 0.0 < reached < 100.0
+    lift.advance(round(reached + 0.01, 4))
+    assert lift.finish().end_s == pytest.approx(reached + 0.01)
 
 
 def test_a_run_that_fails_raises_with_what_was_computed(faulty_fmu: Path) -> None:
