@@ -64,7 +64,9 @@ def test_every_run_begins_anew(lift: ec.Simulation) -> None:
     assert rows(lift.run()) == rows(first)
 
 
-@pytest.mark.parametrize("options", [{}, {"algorithm": "strong", "step_size": 1e-3}, {"error_tolerance": 0.01}])
+@pytest.mark.parametrize(
+    "options", [{}, {"algorithm": "strong", "step_size": 1e-3}, {"error_tolerance": 0.01}]
+)
 def test_a_run_in_parts_is_the_same(lift: ec.Simulation, options: dict[str, Any]) -> None:
     whole = lift.run(**options)
     lift.start(**options)
@@ -163,7 +165,7 @@ def test_plots_have_a_panel_per_unit(lift: ec.Simulation, tmp_path: Path) -> Non
         ({"algorithm": ec.Jacobi(), "step_multiples": {}}, "is given with its options; leave out step_mult"),
         ({"set": {"lift.plant.R": 1.0}}, "lift.plant has no variable 'R'"),
         ({"set": {"lift.plant.motor.R_s": -1.0}}, "motor.R_s = -1 Ohm is out of range"),
-        ({"set": {"lift.plant.u_q": 1.0}}, "lift.plant.u_q cannot be set: it is driven by lift.controller.u_q"),
+        ({"set": {"lift.plant.u_q": 1.0}}, "lift.plant.u_q cannot be set: it is driven by"),
         ({"set": {"lift.pump.p": 1.0}}, "there is no component 'lift.pump'"),
         ({"set": {"p": 1.0}}, "'p' is not a variable; write it as lift.reference.VARIABLE"),
         ({"flavour": "python"}, "'flavour' belongs to what is prepared"),
@@ -195,7 +197,7 @@ def test_inputs_that_nothing_drives_can_be_set_between_steps(fmu_folder: Path) -
         while simulation.time < 0.1:
             simulation["plant.u_q"] = 50.0 * (0.2 - simulation["plant.x_L"]) - 10.0 * simulation["plant.v_L"]
             simulation.advance(simulation.time + 1e-3)
-        with pytest.raises(ec.CommandError, match="beyond the stop time 0.1 s"):
+        with pytest.raises(ec.CommandError, match=r"beyond the stop time 0\.1 s"):
             simulation.advance(0.2)
         result = simulation.finish()
     assert result.steps == 1000
@@ -213,7 +215,7 @@ def test_what_cannot_be_set_between_steps_is_said(lift: ec.Simulation) -> None:
     ):
         with pytest.raises(ec.CommandError, match=words):
             lift[name] = 1.0
-    with pytest.raises(ec.CommandError, match="no communication point: steps have 0.0001 s"):
+    with pytest.raises(ec.CommandError, match=r"no communication point: steps have 0\.0001 s"):
         lift.advance(0.00015)
     assert lift["lift.plant.motor.R_s"] == pytest.approx(0.14, rel=1)
     assert lift.finish().steps == 0
@@ -260,7 +262,7 @@ def test_a_run_that_fails_raises_with_what_was_computed(faulty_fmu: Path) -> Non
     system = line_with_a_fault(faulty_fmu, Fault.ERROR, 0.35)
     with ec.load(system, stop_time=1.0, step_size=0.1).prepare(output_interval=0.1) as simulation:
         for _ in range(2):
-            with pytest.raises(ec.RunError, match="j.bad answered doStep at t = 0.3") as found:
+            with pytest.raises(ec.RunError, match=r"j\.bad answered doStep at t = 0\.3") as found:
                 simulation.run()
             fields = found.value.fields
             assert fields["component"] == "j.bad"
@@ -296,9 +298,9 @@ def test_a_component_of_the_users_own_makes_a_system(fmu_folder: Path, tmp_path:
     )
     with pytest.raises(ec.CommandError, match=r"joins the units m/s2 and N"):
         ec.load(system, stop_time=0.1, step_size=1e-3).prepare(fmus=fmu_folder)
-    with pytest.raises(ec.CommandError, match="there is no component 'rig.toi'; there are rig.reference and"):
+    with pytest.raises(ec.CommandError, match=r"no component 'rig\.toi'; there are rig\.reference and"):
         system.with_connections("rig.toi.x -> rig.toy.F")
-    with pytest.raises(ec.CommandError, match="'rig.toy.x' is not a connection; write a.output -> b.input"):
+    with pytest.raises(ec.CommandError, match=r"'rig\.toy\.x' is not a connection; write a\.out"):
         system.with_connections("rig.toy.x")
 
 
