@@ -27,6 +27,8 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     """
     if isinstance(source, System):
         return Scenario("system", "", source, Options().updated(given))
+    if not isinstance(source, (str, Path)):
+        raise CommandError(f"a scenario is a name, a path or a System, not {source!r}.")
     name, path = str(source), Path(source)
     if name in SCENARIOS:
         return _of_file(built_in(name), name, given)
@@ -109,6 +111,16 @@ class Held:
 
 
 def _is_ssp(path: Path) -> bool:
-    """Whether a path means an SSP."""
-    name = Path(path.name.partition("#")[0])
-    return name.suffix.lower() in _SSP or path.is_dir() or path.with_name(name.name or ".").is_dir()
+    """Whether a path means an SSP, without or with the name of a variant in it."""
+    return any(x.suffix.lower() in _SSP or _is_folder(x) for x in (path, _without_variant(path)))
+
+
+def _without_variant(path: Path) -> Path:
+    return path.parent / path.name.partition("#")[0]
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):  # too long a name, or one that no file can have
+        return False
