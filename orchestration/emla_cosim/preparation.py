@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .errors import CommandError
+from .files import read_file
 from .fmu.interface import Interface, read_interface, read_interfaces
 from .models import FMU_FOLDER, build
 from .options import Options
@@ -52,10 +53,7 @@ def _with_parameter_sets(
     """The system with the values of SSV files, converted to the units of the variables."""
     values: dict[str, Value] = {}
     for file in files:
-        try:
-            content = file.read_bytes()
-        except OSError as error:
-            raise CommandError(f"the parameter set '{file}' cannot be read: {error.strerror}.") from error
+        content = read_file(file, "the parameter set")
         for parameter in parse_parameter_set(content, str(file)).parameters:
             component, name = system.split(parameter.name)
             interface = interfaces[component.name]

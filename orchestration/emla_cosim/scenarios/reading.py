@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import CommandError, listed
+from ..files import read_text
 from ..options import Options
 from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
@@ -33,7 +34,8 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     if name in SCENARIOS:
         return _of_file(built_in(name), name, given)
     if path.suffix.lower() == ".toml":
-        return _of_file(_read(path), path.stem, given)
+        read = parse_scenario(read_text(path, "the scenario"), str(path), path.parent)
+        return _of_file(read, path.stem, given)
     if _is_ssp(path):
         return _of_ssp(path, None, ScenarioFile("", "", {}, str(path), Path()), given)
     raise CommandError(
@@ -42,16 +44,6 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
         name=name,
         choices=list(SCENARIOS),
     )
-
-
-def _read(path: Path) -> ScenarioFile:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise CommandError(f"the scenario '{path}' cannot be read: {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise CommandError(f"the scenario '{path}' is not a text in UTF-8.") from error
-    return parse_scenario(text, str(path), path.parent)
 
 
 def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenario:
