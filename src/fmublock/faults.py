@@ -89,7 +89,9 @@ def _place(code: CodeType, traceback: TracebackType) -> _Place:
 
 def _definition(function: Callable[..., Any]) -> ast.FunctionDef | None:
     """The text of a function, parsed; None where there is no text."""
-    code = function.__code__
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return None
     try:
         tree = ast.parse("".join(linecache.getlines(code.co_filename)))
     except SyntaxError:

@@ -120,7 +120,7 @@ def _declared(block: Block) -> list[str]:
 
 @cache
 def _own_files() -> tuple[str, ...]:
-    """Fmublock's own files, which make FMUs and are part of them."""
+    """The files of fmublock itself, which make FMUs and are part of them."""
     folder = Path(__file__).parent
     files = sorted(f for f in folder.rglob("*") if f.suffix in (".py", ".c", ".h"))
     return tuple(f"{f.relative_to(folder).as_posix()}\0{f.read_text(encoding='utf-8')}" for f in files)

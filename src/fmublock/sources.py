@@ -66,7 +66,7 @@ def gather_sources(block: type[Block], *more: str) -> Sources:
         path = "" if file is None else _path_of(module, file)
         if file is None or path in gathered.texts:  # a folder may be a package without a file
             continue
-        gathered.texts[path] = _read(file, block.origin, own=module.split(".")[0] == _OWN)
+        gathered.texts[path] = _read(file, None if module.split(".")[0] == _OWN else block.origin)
         package = module if file.name == "__init__.py" else module.rpartition(".")[0]
         for name in _imported(gathered.texts[path], package, file):
             if search.find(name) is not None:
@@ -120,20 +120,21 @@ class _Search:
 
 
 def _file_of(block: type[Block]) -> Path:
-    file = block.origin.file
-    if file is None or "." in block.__qualname__ or not Path(file).is_file():
+    file = None if block.origin.file is None else Path(block.origin.file)
+    if file is None or not file.is_file() or block.__qualname__ not in _classes(_read(file, block.origin)):
         raise BuildError(
             f"{block.__name__} is not defined at the top of a Python file, whose text could go into an FMU."
         )
-    return Path(file)
+    return file
 
 
 def _path_of(module: str, file: Path) -> str:
     return module.replace(".", "/") + ("/__init__.py" if file.name == "__init__.py" else ".py")
 
 
-def _read(file: Path, origin: Origin, own: bool) -> str:
-    if not own and file.stat().st_mtime > origin.time:
+def _read(file: Path, origin: Origin | None) -> str:
+    """The text of a file, which must not have changed since the block's origin, if there is one."""
+    if origin is not None and file.stat().st_mtime > origin.time:
         raise BuildError(
             f"'{file}' has changed since {origin.module} was imported; import it again, in a new process."
         )
@@ -156,6 +157,16 @@ def _imported(text: str, package: str, file: Path) -> Iterator[str]:
         base = importlib.util.resolve_name("." * level + base, package) if level else base
         yield base
         yield from (f"{base}.{name}" for name in names)
+
+
+@cache
+def _classes(text: str) -> frozenset[str]:
+    """Names of the classes at the top of a text; none where that is not Python."""
+    try:
+        body = ast.parse(text).body
+    except SyntaxError:
+        return frozenset()
+    return frozenset(node.name for node in body if isinstance(node, ast.ClassDef))
 
 
 @cache

@@ -92,6 +92,7 @@ def made(gain: float) -> type[Block]:
 
 def test_what_its_text_does_not_tell_has_no_key(tmp_path: Path) -> None:
     assert recipe_of(made(1.0)).key() is None
+    assert recipe_of(type("Derived", (own(tmp_path),), {})).key() is None
     foreign = own(tmp_path, text=TEXT.replace("import parts", "import numpy, parts"))
     assert recipe_of(foreign).key() is None
     block = own(tmp_path)

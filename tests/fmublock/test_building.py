@@ -225,6 +225,16 @@ class Tuned(Block):
         return {"y": self.gain}
 
 
+@pytest.mark.parametrize("flavour", ["native", "python"])
+def test_a_script_may_hold_the_block_and_build_it(folder: Path, flavour: str) -> None:
+    text = dedent(DRIVE).replace("import Block,", "import Block, Instance, build,")
+    text += f"\n\nif __name__ == '__main__':\n    print(build(Drive, 'Drive.fmu', flavour='{flavour}'))\n"
+    (folder / "script.py").write_text(text)
+    run = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, check=False)
+    assert (run.stdout, run.stderr) == ("Drive.fmu\n", "")
+    assert speed(folder / "Drive.fmu") == pytest.approx(2.0 * (1.0 - np.exp(-0.6)), rel=1e-10)
+
+
 def test_a_module_of_a_package_is_loaded_as_such() -> None:
     block = load_block(str(ROOT / "src" / "emla_fmu" / "plant.py") + ":EmlaPlant")
     assert block.__module__ == "emla_fmu.plant"
