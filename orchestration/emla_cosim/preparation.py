@@ -6,7 +6,7 @@ from pathlib import Path
 from .errors import CommandError
 from .files import read_file
 from .fmu.interface import Interface, read_interface, read_interfaces
-from .models import FMU_FOLDER, build
+from .models import build
 from .options import Options
 from .progress import Progress
 from .replacement import fitted
@@ -42,7 +42,7 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
     progress.begin("preparing", len(models) + 1)
     built = {}
     for model in models:
-        built[model] = build(model, options.flavour, options.platform, options.fmus or FMU_FOLDER)
+        built[model] = build(model, options.flavour, options.platform, options.fmus)
         progress.advance(1)
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
 
