@@ -17,7 +17,7 @@ from ..network import Network
 from ..slaves.slave import Vector
 from .stepping import Stepping
 
-FORMAT = 1
+FORMAT = 2
 _STATE, _MEMORY = "state/", "memory/"
 
 
