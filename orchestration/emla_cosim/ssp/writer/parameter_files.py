@@ -35,7 +35,7 @@ def parameter_files(system: System, interfaces: Mapping[str, Interface]) -> Para
     """
     files = ParameterFiles()
     driven = {(x.target, x.input) for x in system.connections}
-    for joint in system.joints:
+    for joint in system.branches:
         members = [c for c in system.components if c.name.split(".")[0] == joint]
         shared: list[_Member] = []
         for component in members:
