@@ -8,10 +8,9 @@ from typer.testing import CliRunner
 
 from emla_cosim.cli import app
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.preparation import prepared
-from emla_cosim.run import Progress
 from emla_cosim.loading import load
-from emla_cosim.settings import Settings
+from emla_cosim.preparation import prepared
+from emla_cosim.progress import Progress
 from emla_cosim.system.resolution import resolved
 from tests.support.paths import FOREIGN_MAPPING
 from tests.support.ssp_documents import folder, understood
@@ -86,7 +85,8 @@ def test_components_that_disagree(nested: bool, fmu_folder: Path) -> None:
 def test_what_is_read_is_what_was_exported(fmu_folder: Path) -> None:
     """Names, connections and values; a start value may be given where it is the default."""
     export("study", "first.ssp", fmu_folder)
-    system, fmus = prepared(load("study").system, Settings(fmus=fmu_folder), Progress())
+    study = load("study", fmus=fmu_folder)
+    system, fmus = prepared(study.system, study.options, Progress())
     interfaces = {name: read_interface(file) for name, file in fmus.items()}
     expected, found = resolved(system, interfaces), understood(Path("first.ssp")).plain
     assert found.connections == expected.connections
