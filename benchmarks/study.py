@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from emla_cosim.fmu.file import FmuFile, open_fmu
-from emla_cosim.models import build
 from emla_cosim.loading import load
+from emla_cosim.models import build
 from emla_cosim.system.model import System
 
 from .job import Component, Input, Job, Output, StartValue

@@ -15,9 +15,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
+from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Network
-from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.stepping import Stepping

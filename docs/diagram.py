@@ -4,15 +4,15 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from emla_cosim.run import Progress
+from emla_cosim.settings import Settings
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from emla_cosim.export import export
-from emla_cosim.run import Progress
 from emla_cosim.loading import load
-from emla_cosim.settings import Settings
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
 from emla_cosim.ssp.documents.structure import Connection, Connector, Element, SystemElement
 from emla_cosim.ssp.reader.package import opened

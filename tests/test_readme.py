@@ -10,8 +10,8 @@ from fmpy.validation import validate_fmu
 from typer.testing import CliRunner
 
 from emla_cosim.cli import app
-from emla_cosim.models import MODELS
 from emla_cosim.loading import load
+from emla_cosim.models import MODELS
 from fmublock.description import Producer
 from fmublock.export import Documents
 from fmublock.native import build_native, host_platform, native_draft

@@ -3,14 +3,15 @@
 import time
 from pathlib import Path
 
+from emla_cosim.results.csv_file import CsvFile
+from emla_cosim.results.recorder import Recorder
+
+from emla_cosim.loading import load
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.loop import simulate
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import timing
-from emla_cosim.results.csv_file import CsvFile
-from emla_cosim.results.recorder import Recorder
-from emla_cosim.loading import load
 
 from ..job import Job
 from ..study import SCENARIO

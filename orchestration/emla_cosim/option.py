@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from typing import Any, get_type_hints
 
 from .errors import CommandError, check_choice
@@ -23,8 +23,8 @@ class About:
     `above` and `below` bound a number, ends excluded. `identity` is what messages call the option
     where a checkpoint can only be continued with the same value; empty where it may change. `record`
     is its name in run.json, by default its name and unit; `in_file` says whether a scenario file may
-    hold it. `commands` are those that take it. `parse` makes its value of the text of the command line. In Python
-    an object of the type `takes` is a value too, and taken as it is.
+    hold it. `commands` are those that take it. `parse` makes its value of the text of the command
+    line. In Python an object of the type `takes` is a value too, and taken as it is.
     """
 
     help: str
@@ -94,7 +94,9 @@ class Option:
 
 
 def options_of(kind: type) -> list[Option]:
-    """The options among the fields of a dataclass."""
+    """The options among the fields of a class; none of one that is no dataclass."""
+    if not is_dataclass(kind):
+        return []
     described = [f for f in fields(kind) if "about" in f.metadata]
     types = get_type_hints(kind) if described else {}
     return [

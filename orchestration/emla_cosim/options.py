@@ -1,7 +1,7 @@
 """The table of options: everything a user may say about a run, each stated once.
 
 The command line, scenario files, run.json, and what a checkpoint belongs to all derive from it.
-Algorithms bring options of their own: the fields of their classes.
+Algorithms and recorders bring options of their own: the fields of their classes.
 """
 
 import dataclasses
@@ -18,7 +18,8 @@ from .master.algorithms.registry import ALGORITHMS
 from .models import FLAVOURS, PLATFORMS
 from .option import EXPORT, OUTPUT, RUN, STEPPING, SYSTEM, Option, option, options_of
 from .reading import converted
-from .recorders.formats import TABLES
+from .recorders.recorder import Recorder
+from .recorders.registry import RECORDERS, TABLES
 from .system.model import Replacement, Value
 
 BOTH = (RUN, EXPORT)
@@ -31,7 +32,7 @@ _output = partial(option, group=OUTPUT)
 class Options:
     """What a user may say about a run; None takes the scenario's value, or the default. Times in s.
 
-    `own` has those of the algorithm, by name; see `ALGORITHMS`.
+    `own` has those of algorithms and recorders, by name; see `ALGORITHMS` and `RECORDERS`.
     """
 
     set: Mapping[str, Value] = _system(
@@ -46,13 +47,11 @@ class Options:
     mapping: Mapping[str, Path] = _system(
         {}, help="What the other FMU calls its variables (repeatable).", metavar="COMPONENT=FILE.ssm"
     )
-    controller: str | type | None = _system(
-        takes=type, help="Controller of the joints: a name, FILE.fmu or FILE.py:BLOCK."
-    )
+    controller: str | type | None = _system(takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.")
     gains: str | None = _system(help="Gains of controller and observer; `emla list` shows which.")
     flavour: str = _system("native", help="Flavour of our FMUs.", choices=lambda: FLAVOURS)
     fmus: Path | None = _system(
-        help="Folder of our FMUs; missing ones are built there. Without: fmus/ where it has them, or your cache.",
+        help="Folder of our FMUs, where missing ones are built. Without: fmus/, or your cache.",
         in_file=False,
         recorded=False,
     )
@@ -157,27 +156,35 @@ class Options:
 
     def make_algorithm(self) -> Algorithm:
         """The algorithm with its options; CommandError for one that it does not have."""
+        given = {n: v for n, v in self.own.items() if any(n in _names(k) for k in ALGORITHMS.values())}
         if isinstance(self.algorithm, Algorithm):
-            if self.own:
-                raise CommandError(f"the algorithm is given with its options; leave out {listed(self.own)}.")
+            if given:
+                raise CommandError(f"the algorithm is given with its options; leave out {listed(given)}.")
             return self.algorithm
         kind = ALGORITHMS[self.algorithm]
-        own = {o.name for o in options_of(kind)}
-        for name in self.own:
-            if name not in own:
-                others = [n for n, k in ALGORITHMS.items() if name in {o.name for o in options_of(k)}]
+        for name in given:
+            if name not in _names(kind):
+                others = [n for n, k in ALGORITHMS.items() if name in _names(k)]
                 has = "has" if len(others) == 1 else "have"
                 raise CommandError(
                     f"the algorithm {self.algorithm} has no {table()[name].noun}; {listed(others)} {has}.",
                     option=name,
                 )
-        return kind(**self.own)
+        return kind(**given)
+
+    def make_recorders(self) -> list[Recorder]:
+        """Those of `RECORDERS` that an option asks for."""
+        asked = (
+            (kind, {n: v for n, v in self.own.items() if n in _names(kind)}) for kind in RECORDERS.values()
+        )
+        return [kind(**given) for kind, given in asked if given]
 
     def in_effect(self) -> list[tuple[Option, Any]]:
         """Every option that applies, with its value."""
-        algorithm = self.make_algorithm()
-        fixed = [(o, getattr(self, o.name)) for o in _FIXED.values()]
-        return fixed + [(o, getattr(algorithm, o.name)) for o in options_of(type(algorithm))]
+        found = [(o, getattr(self, o.name)) for o in _FIXED.values()]
+        for part in (self.make_algorithm(), *self.make_recorders()):
+            found += [(o, getattr(part, o.name)) for o in options_of(type(part))]
+        return found
 
 
 _FIXED = {o.name: o for o in options_of(Options)}
@@ -185,8 +192,13 @@ _FIXED = {o.name: o for o in options_of(Options)}
 
 def table(command: str | None = None) -> dict[str, Option]:
     """All options by name, those of the algorithms included; of one command if it is named."""
-    own = {o.name: o for kind in ALGORITHMS.values() for o in options_of(kind)}
+    kinds = (*ALGORITHMS.values(), *RECORDERS.values())
+    own = {o.name: o for kind in kinds for o in options_of(kind)}
     return {n: o for n, o in (_FIXED | own).items() if command is None or command in o.about.commands}
+
+
+def _names(kind: type) -> set[str]:
+    return {o.name for o in options_of(kind)}
 
 
 def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:

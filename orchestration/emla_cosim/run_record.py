@@ -3,6 +3,7 @@
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -36,11 +37,7 @@ def run_record(
         "status": "completed" if problem is None else problem,
         "settings": _settings(options, times, every),
         "stepping": stepping,
-        "versions": {
-            "python": platform.python_version(),
-            "platform": platform.platform(),
-            **{package: _version(package) for package in _PACKAGES},
-        },
+        "versions": dict(_versions()),
         "components": {
             c.name: {
                 "fmu": _file(assembly.files[c.name].path, unpacked),
@@ -96,12 +93,19 @@ def _file(path: Path, unpacked: Path | None) -> str:
     return str(path)
 
 
-def _version(package: str) -> str | None:
-    """The version of a package; None for one that this host lacks."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
+@cache
+def _versions() -> dict[str, str | None]:
+    """Versions of what runs; None for a package that this host lacks."""
+    found: dict[str, str | None] = {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
 
 
 def _plain(value: Any) -> Any:

@@ -5,6 +5,7 @@ import difflib
 import weakref
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from .recorders.metrics import MetricsRecorder
 from .recorders.recorder import Outline, Recorder
 from .recorders.table import Table
 from .recorders.time_series import TimeSeries
-from .result import Result
+from .results.result import Result
 from .run_record import run_identity, run_record
 from .running import Run
 from .system.model import System
@@ -96,10 +97,16 @@ class Simulation:
         """Names of all signals: component.variable."""
         return list(self._assembly.network.names)
 
-    @property
-    def units(self) -> dict[str, Unit | None]:
+    @cached_property
+    def units(self) -> Mapping[str, Unit | None]:
         """The unit of every signal, by name."""
-        return dict(zip(self.names, self._units(), strict=True))
+        found = {}
+        for name in self._assembly.network.names:
+            component, variable = self.system.split(name)
+            alias = component.aliases.get(variable)
+            interface = self._assembly.files[component.name].interface
+            found[name] = alias.unit if alias is not None else interface.unit(variable)
+        return found
 
     def run(
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
@@ -147,13 +154,14 @@ class Simulation:
         try:
             metrics, resumed = MetricsRecorder(), None
             taking = [*([TimeSeries()] if recorders is None else recorders), metrics]
+            taking += chosen.make_recorders()
             if chosen.resume or chosen.checkpoint:
                 identity = run_identity(system, assembly, chosen, times)
                 resumed = resumable(chosen.resume, identity, times) if chosen.resume else None
                 if chosen.checkpoint is not None:
                     check_can_save(chosen.checkpoint, assembly.network)
                     taking.append(Checkpoints(chosen.checkpoint, identity))
-            outline = Outline(assembly.network.names, self._units(), times, recorded, every)
+            outline = Outline(assembly.network.names, list(self.units.values()), times, recorded, every)
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
         except BaseException:
             _freed(stepping)
@@ -238,15 +246,6 @@ class Simulation:
             if name in PREPARED:
                 raise CommandError(f"the option '{name}' belongs to what is prepared; give it to `prepare`.")
         return self.options.updated(given)
-
-    def _units(self) -> list[Unit | None]:
-        found = []
-        for name in self._assembly.network.names:
-            component, variable = self.system.split(name)
-            alias = component.aliases.get(variable)
-            interface = self._assembly.files[component.name].interface
-            found.append(alias.unit if alias is not None else interface.unit(variable))
-        return found
 
     def _compile(self) -> None:
         """Compile the loop, or load what was compiled, so that no run has to wait for it."""

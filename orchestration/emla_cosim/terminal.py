@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -10,11 +10,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as RichProgress
 from rich.table import Table
 
-from .output_folder import OutputFolder
 from .progress import Progress
-from .recorders.metrics import Figures, Shown
-from .replacement import Fit
-from .result import Result
+
+if TYPE_CHECKING:
+    from .recorders.metrics import Figures, Shown
+    from .replacement import Fit
+    from .results.output_folder import OutputFolder
+    from .results.result import Result
 
 OUT, ERR = Console(), Console(stderr=True)
 """Results go to standard output, progress and errors to standard error."""
@@ -48,7 +50,7 @@ class BarProgress(Progress):
         """So many units more are done."""
         self._bars.advance(self._task, count)
 
-    def replaced(self, fit: Fit) -> None:
+    def replaced(self, fit: "Fit") -> None:
         """A component is replaced: what fits, what is converted and what is missing, as a table."""
         table = Table(title=f"{fit.fmu} as {fit.component}", title_justify="left")
         for column in ("", "here", "there", ""):
@@ -69,7 +71,9 @@ class BarProgress(Progress):
 _WORTH_A_LOOK = ("is left out", "keeps its start value", "is not used")
 
 
-def show_result(result: Result, notes: Sequence[str], output: OutputFolder, pictures: Sequence[Path]) -> None:
+def show_result(
+    result: "Result", notes: Sequence[str], output: "OutputFolder", pictures: Sequence[Path]
+) -> None:
     """The metrics as tables, how the steps were made, and where everything is."""
     span = result.end_s - result.times.start
     for kind, figures in result.metrics.items():
@@ -94,7 +98,7 @@ def show_result(result: Result, notes: Sequence[str], output: OutputFolder, pict
         OUT.print(f"Pictures: {names}", highlight=False, soft_wrap=True)
 
 
-def _figures(title: str, figures: Figures, shown: Sequence[Shown]) -> Table:
+def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
     table = Table(title=title, title_justify="left")
     table.add_column("")
     for name in figures:
@@ -106,7 +110,7 @@ def _figures(title: str, figures: Figures, shown: Sequence[Shown]) -> Table:
     return table
 
 
-def _speed(result: Result) -> Iterator[str]:
+def _speed(result: "Result") -> Iterator[str]:
     if not (result.wall_s > 0 and result.steps):
         return
     rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
@@ -125,10 +129,10 @@ def _speed(result: Result) -> Iterator[str]:
     if late:
         yield f"{len(late)} connections come one step late; run.json names them"
     if result.pacing is not None:
-        pacing = result.pacing
+        kept = result.pacing
         yield (
-            f"{pacing['overruns']} overruns at {pacing['points']} points of {pacing['factor']:g} x real time; "
-            f"the longest delay was {1e3 * pacing['worst_delay_s']:.2f} ms"
+            f"{kept['overruns']} overruns at {kept['points']} points of {kept['factor']:g} x real time; "
+            f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
         )
 
 

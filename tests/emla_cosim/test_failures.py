@@ -32,7 +32,7 @@ from emla_cosim.master.stepping.stepping import Rows, Stepping
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.recorders.csv_file import CsvFile
 from emla_cosim.recorders.recorder import Outline, Recorder, RecordingError, RowBuffer
-from emla_cosim.result import Result
+from emla_cosim.results.result import Result
 from emla_cosim.system.model import System
 from tests.support.faulty_fmu import Counts, Fault, build_faulty_fmu
 from tests.support.faulty_systems import (
@@ -174,7 +174,9 @@ def test_a_slave_that_steps_rarely_fails_where_its_step_begins(
     """Steps of 0.2 s: the one from 0.2 s passes the time, and t = 0.2 s is the last good point."""
     system = line_with_a_fault(faulty_fmu, Fault.ERROR, AT)
     result = run_system(system, tmp_path, **STEPPED[stepped], step_multiples={"j.bad": 2})
-    assert_ended(result, tmp_path, 0.2, told("doStep at t = 0.2 s", "fmi2Error", "to fail in the step to t = 0.4 s"))
+    assert_ended(
+        result, tmp_path, 0.2, told("doStep at t = 0.2 s", "fmi2Error", "to fail in the step to t = 0.4 s")
+    )
 
 
 @pytest.mark.parametrize("stepped", STEPPED)

@@ -8,8 +8,8 @@ import pytest
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
-from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.models import fmu_path
 from tests.support.linear import LinearSlave, Whole, Wire, connected

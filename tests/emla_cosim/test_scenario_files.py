@@ -8,11 +8,11 @@ from typing import Any
 
 import polars
 import pytest
+from emla_cosim.settings import Settings
 
 from emla_cosim.master.stepping.timing import Timing
-from emla_cosim.scenarios.reading import load_scenario, opened_scenario, scenario_names
+from emla_cosim.scenarios.reading import opened_scenario, scenario_names
 from emla_cosim.scenarios.scenario_file import parse_scenario
-from emla_cosim.settings import Settings
 from tests.support.commands import Emla, sentence
 
 SHORT = 'system = "lift"\nstop_time = 0.002\nplots = false\noutput = "out"\n'

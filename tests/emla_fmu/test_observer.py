@@ -34,7 +34,7 @@ def test_p_solves_the_lyapunov_equation(
 
 
 def test_the_published_p_follows_from_the_published_alpha_and_Q() -> None:
-    """(101) prints p to four digits, and alpha and Q rounded."""
+    """(85) prints p to four digits, and alpha and Q rounded."""
     p = EmlaObserver().lyapunov_solution(observer_gains.PUBLISHED["lift"])
     assert p == pytest.approx((1.4078, -0.1975, 4.4535), rel=3e-4)
 

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emla_cosim.run import Progress, run
+from emla_cosim.settings import Settings
 from libcosimpy.CosimEnums import CosimVariableType
 from libcosimpy.CosimExecution import CosimExecution
 from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
 from libcosimpy.CosimObserver import CosimObserver
 from libcosimpy.CosimSlave import CosimLocalSlave
 
-from emla_cosim.run import Progress, run
 from emla_cosim.loading import load
-from emla_cosim.settings import Settings
 from tests.support.joint_run import STEP, Array, Case, differences, our_run
 
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import pytest
 import rumoca
 
-from emla_cosim.models import MODELS
 from emla_cosim.loading import load
+from emla_cosim.models import MODELS
 from emla_fmu import motion_law
 from fmublock.variables import DiscreteState, Parameter, State
 from tests.support.modelica_package import (

@@ -8,7 +8,7 @@ from typing import Any
 
 from emla_cosim.loading import load
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.result import Result
+from emla_cosim.results.result import Result
 from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.units import LinearTransformation
 from tests.support.faulty_fmu import Counts, Fault

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from emla_cosim.output_folder import OutputFolder
 from emla_cosim.progress import Progress
-from emla_cosim.result import Result
+from emla_cosim.results.output_folder import OutputFolder
+from emla_cosim.results.result import Result
 from emla_cosim.scenarios.scenario import Scenario
 
 

@@ -3,15 +3,12 @@
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import CommandError, RunError
 from ..master.stepping.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from ..master.stepping.timing import Timing
-from .recorder import Recorder
-
-if TYPE_CHECKING:
-    from ..running import Run
+from .recorder import Pause, Recorder
 
 INTERVAL = 60.0
 """Wall time in s between two checkpoints while a run goes on."""
@@ -28,12 +25,12 @@ class Checkpoints(Recorder):
         self.identity = identity
         self._last = time.monotonic()
 
-    def pause(self, run: "Run") -> None:
+    def pause(self, run: Pause) -> None:
         """Write one if the last is long ago, or stepping is over; RunError where that fails."""
         if run.over or time.monotonic() - self._last >= INTERVAL:
             self._save(run)
 
-    def _save(self, run: "Run") -> None:
+    def _save(self, run: Pause) -> None:
         notes = {"identity": self.identity, "time": run.stepping.time, "recorders": run.memory()}
         try:
             save_checkpoint(self.path, run.stepping, notes)

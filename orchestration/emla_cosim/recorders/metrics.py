@@ -45,7 +45,7 @@ class Metrics(ABC):
 
 
 METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}
-"""What makes metrics for a run, by name: that of their part in metrics.json. None where it has none for it."""
+"""What makes metrics for a run, or None, by the name of their part in metrics.json."""
 
 
 class MetricsRecorder(Recorder):

@@ -1,12 +1,9 @@
 """Progress of a run, told to whoever listens."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..progress import Progress
-from .recorder import Outline, Recorder
-
-if TYPE_CHECKING:
-    from ..running import Run
+from .recorder import Outline, Pause, Recorder
 
 
 class ProgressRecorder(Recorder):
@@ -20,7 +17,7 @@ class ProgressRecorder(Recorder):
         self._told = 0
         self._progress.begin("simulating", outline.times.steps)
 
-    def pause(self, run: "Run") -> None:
+    def pause(self, run: Pause) -> None:
         """So many steps more are done."""
         times = run.stepping.times
         reached = round((run.stepping.time - times.start) / times.step)

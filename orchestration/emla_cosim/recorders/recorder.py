@@ -3,17 +3,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import RunError
 from ..master.slaves.slave import Vector
+from ..master.stepping.stepping import Stepping
 from ..master.stepping.timing import Timing
 from ..units import LinearTransformation, Unit
-
-if TYPE_CHECKING:
-    from ..running import Run
 
 
 @dataclass(frozen=True)
@@ -29,6 +27,24 @@ class Outline:
     times: Timing
     recorded: Sequence[int]
     every: int = 1
+
+
+class Pause(Protocol):
+    """A run while nothing is stepped."""
+
+    @property
+    def stepping(self) -> Stepping:
+        """Where the run is, and all that it remembers."""
+        ...
+
+    @property
+    def over(self) -> bool:
+        """Whether the last step is done."""
+        ...
+
+    def memory(self) -> Mapping[str, Any]:
+        """What all recorders remember, by their keys; all rows have reached them then."""
+        ...
 
 
 class Recorder:
@@ -47,7 +63,7 @@ class Recorder:
     def write(self, rows: Vector) -> None:
         """Take one row or more (time, then all signals); the array is reused."""
 
-    def pause(self, run: "Run") -> None:
+    def pause(self, run: Pause) -> None:
         """Nothing is stepped now: called some times per second, and when stepping is over."""
 
     def end(self) -> None:

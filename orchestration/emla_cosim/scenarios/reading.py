@@ -3,7 +3,6 @@
 import contextlib
 import weakref
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +10,13 @@ from ..errors import CommandError, listed
 from ..options import Options
 from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
-from .built_in import SCENARIOS, SYSTEMS
+from .built_in import SCENARIOS, SYSTEMS, built_in
 from .scenario import Scenario
 from .scenario_file import ScenarioFile, parse_scenario
 
 _SSP = (".ssp", ".ssd")
 _OF_BUILT_IN = ("controller", "gains")
 """Options that decide how a built-in system is made."""
-
-
-def describe_scenario(name: str) -> str:
-    """One line on a built-in scenario."""
-    return _built_in(name).description
 
 
 def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Scenario:
@@ -35,7 +29,7 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
         return Scenario("system", "", source, Options().updated(given))
     name, path = str(source), Path(source)
     if name in SCENARIOS:
-        return _of_file(_built_in(name), name, given)
+        return _of_file(built_in(name), name, given)
     if path.suffix.lower() == ".toml":
         return _of_file(_read(path), path.stem, given)
     if _is_ssp(path):
@@ -46,11 +40,6 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
         name=name,
         choices=list(SCENARIOS),
     )
-
-
-@cache
-def _built_in(name: str) -> ScenarioFile:
-    return parse_scenario(SCENARIOS[name](), name, Path())
 
 
 def _read(path: Path) -> ScenarioFile:
@@ -74,7 +63,7 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenari
             )
         return _of_ssp(file, name, read, given)
     options = Options()
-    for layer in (_built_in(read.system), read):
+    for layer in (built_in(read.system), read):
         options = options.updated(layer.options, f"the scenario '{layer.where}'", layer.folder)
     options = options.updated(given)
     system = SYSTEMS[read.system](options.controller, options.gains)

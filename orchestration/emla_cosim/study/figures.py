@@ -1,6 +1,6 @@
 """The pictures of joints."""
 
-from ..plotting import GREY, ORANGE, Curve, Panel, Picture
+from ..results.plotting import GREY, ORANGE, Curve, Panel, Picture
 
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": Picture(

@@ -9,7 +9,6 @@ from fmublock import Block
 from fmublock.variables import Variable
 
 from ..errors import CommandError
-from ..fmu.interface import read_interface
 from ..system.model import Component, System, Value
 
 _WIRES = (
@@ -20,7 +19,7 @@ _WIRES = (
     "disturbance.d_2 -> plant.d_2",
     "disturbance.d_3 -> plant.d_3",
     "disturbance.d_4 -> plant.d_4",
-    "plant.v_L -> disturbance.v_L",  # (98) contains arctan(x_2)
+    "plant.v_L -> disturbance.v_L",  # (82) contains arctan(x_2)
     "plant.x_measured -> observer.y",
     "plant.i_q -> controller.i_q",
     "plant.i_d -> controller.i_d",
@@ -88,6 +87,8 @@ def _called(controller: type[Block] | Path) -> str:
 def _ports(controller: type[Block] | Path) -> set[str]:
     """Names of the variables of a controller."""
     if isinstance(controller, Path):
+        from ..fmu.interface import read_interface  # takes a while
+
         return set(read_interface(controller).variables)
     return {scalar.name for scalar in controller.layout().scalars}
 

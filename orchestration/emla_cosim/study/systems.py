@@ -21,19 +21,19 @@ class JointStudy:
     """What one joint of the paper's simulation study does and meets."""
 
     x_start: float
-    """Initial screw position in m (Table "gains")."""
+    """Initial screw position in m (Table V)."""
     estimate: float
-    """Initial position estimate in m (103)."""
+    """Initial position estimate in m (87)."""
     q_S: float
-    """Start of the reference in m (Table "motion generation")."""
+    """Start of the reference in m (Table II)."""
     q_E: float
-    """End of the reference in m (Table "motion generation")."""
+    """End of the reference in m (Table II)."""
     v_peak: float
     """Peak speed of the reference in m/s: v_E of the table, the telescope's cut to its bound."""
     load: float
     """Load force in N: the manipulator's static force, positive against extension."""
     d_2: Mapping[str, Any]
-    """(98) as parameters of the disturbance."""
+    """(82) as parameters of the disturbance."""
     seed: int
     """Start of the joint's random sequences."""
 
@@ -79,10 +79,10 @@ VOLTAGE_DISTURBANCES = {
     "omega_4": 12.0,
     "phase_4": math.pi / 6.0,
 }
-"""(99) as parameters of the disturbance; sin(5 t) is cos(5 t - pi/2)."""
+"""(83) as parameters of the disturbance; sin(5 t) is cos(5 t - pi/2)."""
 
 UNCERTAINTIES = {"F_2": 0.01, "F_3": 0.002, "F_4": 0.001}
-"""(100) as parameters of the plant."""
+"""(84) as parameters of the plant."""
 
 ENCODER_STEPS = 2**20
 """Steps per motor turn of the position sensor: a 20-bit encoder (assumed)."""

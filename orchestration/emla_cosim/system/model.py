@@ -27,8 +27,9 @@ class Component:
     """One FMU instance in a system, and the start values it gets.
 
     `name` is a path with dots, such as joint.component. `model` is the name of one of our FMUs or a
-    block of `fmublock`, which is built as one; or `fmu` is a file. `parameters` maps variable names to values; enumerations by number or by the
-    literal's name. `aliases` has those variables that the FMU knows by another name or unit.
+    block of `fmublock`, which is built as one; or `fmu` is a file. `parameters` maps variable names to
+    values; enumerations by number or by the literal's name. `aliases` has those variables that the FMU
+    knows by another name or unit.
     """
 
     name: str
@@ -150,7 +151,7 @@ class System:
         )
 
     def with_connections(self, *connections: str) -> "System":
-        """The system with further connections, written as in `of`; one to a driven input replaces what was."""
+        """The system with further connections, written as in `of`; what drove their inputs goes."""
         added = {x.ends[1]: x for x in map(self._connection, connections)}
         kept = (x for x in self.connections if x.ends[1] not in added)
         return replace(self, connections=(*kept, *added.values()))

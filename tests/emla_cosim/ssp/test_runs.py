@@ -7,7 +7,7 @@ import polars
 import pytest
 
 from emla_cosim.loading import load
-from emla_cosim.output_folder import results_folder
+from emla_cosim.results.output_folder import results_folder
 from tests.support.scenario_runs import run_scenario
 from tests.support.ssp_documents import (
     binding,

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import CommandError
-from .master.slaves.slave import Vector
-from .master.stepping.timing import Timing
-from .recorders.metrics import Figures, Shown
-from .recorders.table import Table
-from .units import Unit
+from ..errors import CommandError
+from ..master.slaves.slave import Vector
+from ..master.stepping.timing import Timing
+from ..recorders.metrics import Figures, Shown
+from ..recorders.table import Table
+from ..units import Unit
 
 if TYPE_CHECKING:
     import pandas
@@ -85,7 +85,7 @@ class Result:
         return pandas.DataFrame(self.read(self._table.names)).set_index("time")
 
     def plot(self, *names: str) -> "Figure":
-        """Draw these signals over time, one panel per unit; a pattern such as `lift.*.x_*` means all that fit."""
+        """Draw signals over time, a panel per unit; a pattern such as `lift.*.x_*` means all that fit."""
         from .plotting import plotted
 
         return plotted(self, names)

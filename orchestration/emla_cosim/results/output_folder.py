@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from .errors import CommandError, RunError
-from .master.slaves.slave import Vector
+from ..errors import CommandError, RunError
+from ..master.slaves.slave import Vector
+from ..progress import Progress
+from ..recorders.recorder import Outline, Recorder, recording
+from ..recorders.registry import TABLES
 from .plotting import FIGURES, draw
-from .progress import Progress
-from .recorders.formats import TABLES
-from .recorders.recorder import Outline, Recorder, recording
 from .result import Result
 
 METRICS, RECORD = "metrics.json", "run.json"

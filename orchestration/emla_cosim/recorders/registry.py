@@ -1,9 +1,10 @@
-"""The forms in which a table of results can be written, by name."""
+"""Recorders by name: the forms of a table of results, and what else a user may ask for."""
 
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
+from .recorder import Recorder
 from .table import Table
 
 
@@ -17,3 +18,6 @@ TABLES: dict[str, Callable[[Path], Table]] = {
     "parquet": _imported("parquet_file", "ParquetFile"),
 }
 """What makes a table of a path, by the name of its form, which is also the ending of the file's name."""
+
+RECORDERS: dict[str, type[Recorder]] = {}
+"""Further recorders: dataclasses whose fields are options. One is made when an option of its is given."""

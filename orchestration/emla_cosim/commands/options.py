@@ -9,9 +9,12 @@ from typing import Annotated, Any, get_args, get_origin
 
 import typer
 
-from .errors import CommandError
-from .option import Option
-from .options import table
+from ..errors import CommandError
+from ..option import Option
+from ..options import table
+
+SOURCE = "Name of a scenario (`emla list` shows them), scenario file (.toml), or SSP (.ssp, .ssd, folder)."
+"""What commands that take a scenario say of it."""
 
 
 def takes_options(command: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -26,9 +29,8 @@ def takes_options(command: str) -> Callable[[Callable[..., None]], Callable[...,
 
         @wraps(function)
         def called(**values: Any) -> None:
-            given = {o.name: values.pop(o.name) for o in options}
-            function(**values, given={o.name: _read(o, given[o.name]) for o in options if given[o.name]
-                                      is not None})  # fmt: skip
+            texts = [(o, values.pop(o.name)) for o in options]
+            function(**values, given={o.name: _read(o, text) for o, text in texts if text is not None})
 
         parameters = [*own, *map(_parameter, options)]
         called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
