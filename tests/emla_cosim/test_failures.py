@@ -19,9 +19,10 @@ import pytest
 from typer.testing import CliRunner
 from typer.testing import Result as Finished
 
-import emla_cosim.cli
+import emla_cosim.commands.run
 import emla_cosim.running
 import emla_cosim.simulation
+from emla_cosim.cli import app
 from emla_cosim.errors import CommandError
 from emla_cosim.loading import load
 from emla_cosim.master.algorithms.strong import Strong
@@ -132,10 +133,10 @@ def assert_tidy(counts: list[Counts], *, died: bool = False) -> None:
 
 def invoked(system: System, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Finished:
     """`emla run` of a system."""
-    monkeypatch.setattr(emla_cosim.cli, "load", lambda _, **options: load(system, **options))
+    monkeypatch.setattr(emla_cosim.commands.run, "load", lambda _, **options: load(system, **options))
     times = ["--stop-time", "1", "--step-size", "0.1"]
     words = ["run", "test", *times, "--no-plots", "--output", str(folder)]
-    return CliRunner().invoke(emla_cosim.cli.app, words)
+    return CliRunner().invoke(app, words)
 
 
 # ---- during steps of one length ----------------------------------------------------------------

@@ -8,10 +8,9 @@ from typing import Any
 
 import polars
 import pytest
-from emla_cosim.settings import Settings
 
-from emla_cosim.master.stepping.timing import Timing
-from emla_cosim.scenarios.reading import opened_scenario, scenario_names
+from emla_cosim.loading import load
+from emla_cosim.scenarios.built_in import SCENARIOS
 from emla_cosim.scenarios.scenario_file import parse_scenario
 from tests.support.commands import Emla, sentence
 
@@ -117,7 +116,7 @@ def test_the_gains_are_those_named(emla: Emla) -> None:
         assert start_value(ran(emla, "my.toml", *options), "lift.controller.beta[1]") == beta[expected]
 
 
-@pytest.mark.parametrize("system", scenario_names())
+@pytest.mark.parametrize("system", SCENARIOS)
 def test_a_file_with_a_system_alone_is_the_scenario_of_that_name(system: str, tmp_path: Path) -> None:
     path = tmp_path / "my.toml"
     path.write_text(f'system = "{system}"\n', encoding="utf-8")
@@ -318,7 +317,7 @@ def test_gains_are_for_built_in_systems(emla: Emla) -> None:
 # ---- the built-in ones -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", SCENARIOS)
 def test_built_in_scenarios_are_such_files(name: str, tmp_path: Path) -> None:
     """Copied to a folder of one's own, they are the same."""
     source = Path(__file__).parents[2] / "orchestration/emla_cosim/scenarios" / f"{name}.toml"
