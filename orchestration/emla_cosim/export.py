@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from .experiment import run_times
 from .options import Options
 from .preparation import prepared
 from .progress import Progress
-from .simulation import run_times
 from .ssp.writer.writing import Experiment, write_ssp
 from .system.model import System
 

@@ -83,7 +83,8 @@ class Option:
             return
         if about.choices is not None:
             check_choice(self.noun, value, about.choices())
-        if isinstance(value, (int, float)) and not about.above < value < about.below:
+        bounded = math.isfinite(about.above) or math.isfinite(about.below)
+        if bounded and isinstance(value, (int, float)) and not about.above < value < about.below:
             raise CommandError(f"the {self.noun} {value:g} must be {self._range()}.", option=self.name)
 
     def _range(self) -> str:

@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from .master.algorithms.algorithm import Algorithm
 from .master.assembly import Assembly
 from .master.stepping.timing import Timing
 from .options import Options
@@ -110,6 +111,8 @@ def _versions() -> dict[str, str | None]:
 
 def _plain(value: Any) -> Any:
     """A value as JSON has it."""
+    if isinstance(value, Algorithm):
+        return _plain(type(value))
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

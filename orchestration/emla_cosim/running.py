@@ -96,8 +96,9 @@ class Run:
 
     def advance(self, until: float, interrupted: Callable[[], bool] | None = None) -> None:
         """Step to a time in s, or as far as it goes; without `interrupted`, Ctrl-C ends it between steps."""
-        if self.problem is not None:
+        if self.error is not None:
             return
+        self.interrupted = False
         began = time.perf_counter()
         with self._ending_on_failure(), contextlib.ExitStack() as held:
             asked = interrupted or held.enter_context(interruption())

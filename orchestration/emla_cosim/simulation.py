@@ -1,15 +1,15 @@
 """A system prepared once and run many times: what every run in this project goes through."""
 
 import contextlib
-import difflib
 import weakref
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from .errors import CommandError, RunError
+from .experiment import run_times, selected, steps_per_row
 from .fmu.variables import find_variable, start_value
 from .master.algorithms.algorithm import Algorithm
 from .master.assembly import Assembly
@@ -19,7 +19,7 @@ from .master.stepping.error_control import ErrorControl
 from .master.stepping.fixed_steps import FixedSteps
 from .master.stepping.pacing import Pacing
 from .master.stepping.stepping import ROUNDING, Stepping
-from .master.stepping.timing import Timing, timing
+from .master.stepping.timing import Timing
 from .options import Options
 from .preparation import prepared
 from .progress import Progress
@@ -34,11 +34,11 @@ from .running import Run
 from .system.model import System
 from .units import Unit
 
-DEFAULT_INTERVAL = 1e-3
-"""Time in s between rows of a table unless told otherwise."""
-
 PREPARED = ("parameters", "replace", "mapping", "controller", "gains", "flavour", "fmus", "platform")
 """Options that decide what is prepared: a run of a prepared simulation cannot change them."""
+
+OF_THE_COMMAND = ("output", "plots")
+"""Options that say what the command line does with a result."""
 
 
 class Simulation:
@@ -131,7 +131,7 @@ class Simulation:
         """`run`, but a run that fails is a result too: its `problem` says why it ended."""
         self.start(recorders=recorders, fresh=fresh, **options)
         assert self._run is not None
-        self._run.run.advance(self._run.stepping.times.stop)
+        self._run.run.advance(self._run.run.stepping.times.stop)
         return self._ended()
 
     def start(
@@ -166,20 +166,21 @@ class Simulation:
         except BaseException:
             _freed(stepping)
             raise
-        self._run = _Going(run, stepping, system, chosen, metrics, taking, every)
+        self._run = _Going(run, system, chosen, metrics, taking, every)
         # the states in a checkpoint would hold a continued run to this run's stop time
         run.begin(times.stop if chosen.checkpoint is None else None)
 
     def advance(self, time: float) -> None:
         """Step to a time in s, which must be a communication point; begins a run if none goes on.
 
-        Raises CommandError for another time, RunError where a step fails.
+        Raises CommandError for another time, RunError where a step fails, and KeyboardInterrupt for
+        Ctrl-C, after the step that was being done: the run can go on then, or be finished.
         """
         if self._run is None:
             self.start()
         assert self._run is not None
-        times = self._run.stepping.times
-        if isinstance(self._run.stepping, FixedSteps):
+        times = self._run.run.stepping.times
+        if isinstance(self._run.run.stepping, FixedSteps):
             ahead = (time - times.start) / times.step
             if abs(ahead - round(ahead)) > ROUNDING * max(1.0, abs(ahead) * 1e-3):
                 raise CommandError(
@@ -193,6 +194,8 @@ class Simulation:
         self._run.run.advance(time)
         if self._run.run.error is not None:
             self.finish()
+        elif self._run.run.interrupted:
+            raise KeyboardInterrupt
 
     def finish(self) -> Result:
         """End the run that goes on, and return what came out; see `run` for errors."""
@@ -209,10 +212,15 @@ class Simulation:
         """Where the run is, in s; its start before it begins."""
         if self._run is None:
             return self.options.start_time or 0.0
-        return self._run.stepping.time
+        return self._run.run.stepping.time
 
     def __getitem__(self, name: str) -> Any:
-        """The present value of a variable, by its full name and in its unit there."""
+        """The present value of a variable, by its full name and in its unit there.
+
+        Begins a run if none goes on. Raises CommandError for a name that is not there.
+        """
+        if self._run is None:
+            self.start()
         component, variable = self.system.split(name)
         alias = component.alias(variable)
         slave = self._assembly.slaves[component.name]
@@ -245,6 +253,8 @@ class Simulation:
         for name in given:
             if name in PREPARED:
                 raise CommandError(f"the option '{name}' belongs to what is prepared; give it to `prepare`.")
+            if name in OF_THE_COMMAND:
+                raise CommandError(f"the option '{name}' is for the command line; use `save` of the result.")
         return self.options.updated(given)
 
     def _compile(self) -> None:
@@ -261,7 +271,7 @@ class Simulation:
         going, self._run = self._run, None
         going.run.end()
         result = self._result(going)
-        _freed(going.stepping)
+        _freed(going.run.stepping)
         self._error = going.run.error
         return result
 
@@ -270,7 +280,7 @@ class Simulation:
             self._ended()
 
     def _result(self, going: "_Going") -> Result:
-        run, stepping = going.run, going.stepping
+        run, stepping = going.run, going.run.stepping
         report, units = stepping.report(), self.units
         record = run_record(
             self.name,
@@ -302,21 +312,16 @@ class Simulation:
         )
 
 
+@dataclass(frozen=True)
 class _Going:
     """A run that goes on, and what its result needs."""
 
-    def __init__(
-        self,
-        run: Run,
-        stepping: Stepping,
-        system: System,
-        options: Options,
-        metrics: MetricsRecorder,
-        recorders: Sequence[Recorder],
-        every: int,
-    ) -> None:
-        self.run, self.stepping, self.system, self.options = run, stepping, system, options
-        self.metrics, self.recorders, self.every = metrics, recorders, every
+    run: Run
+    system: System
+    options: Options
+    metrics: MetricsRecorder
+    recorders: Sequence[Recorder]
+    every: int
 
 
 def _freed(stepping: Stepping) -> None:
@@ -329,48 +334,3 @@ def _stepping(algorithm: Algorithm, options: Options, times: Timing) -> Stepping
     if options.error_tolerance is not None:
         return ErrorControl(algorithm, times, options.error_tolerance, options.output_interval)
     return FixedSteps(algorithm, times, options.compiled)
-
-
-def run_times(options: Options, name: str) -> Timing:
-    """The communication points of a run; CommandError where nobody says how long it is or its steps."""
-    if options.stop_time is None:
-        raise CommandError(f"'{name}' does not say when to stop; give --stop-time.")
-    if options.step_size is None:
-        raise CommandError(f"'{name}' does not say how long a step is; give --step-size.")
-    return timing(options.stop_time, options.step_size, options.start_time or 0.0)
-
-
-def steps_per_row(options: Options, times: Timing) -> int:
-    """Fixed steps in an output interval; without one 1 ms, or every step if that does not fit.
-
-    Raises CommandError where the interval is not a whole number of steps.
-    """
-    interval = options.output_interval
-    chosen = DEFAULT_INTERVAL if interval is None else interval
-    if not 0.0 < chosen < float("inf"):
-        raise CommandError(f"the output interval {chosen:g} s must be a positive number of seconds.")
-    if options.error_tolerance is not None:
-        return 1
-    every = round(chosen / times.step)
-    if every >= 1 and abs(every * times.step - chosen) <= 1e-9 * chosen:
-        return every
-    if interval is None:
-        return max(every, 1)
-    raise CommandError(
-        f"the output interval {chosen:g} s is not a whole number of steps of {times.step:g} s."
-    )
-
-
-def selected(patterns: Sequence[str], names: Sequence[str]) -> Sequence[int]:
-    """Positions of the signals to keep, all without a pattern; CommandError for one that finds nothing."""
-    if not patterns:
-        return range(len(names))
-    chosen: set[int] = set()
-    for pattern in patterns:
-        found = [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
-        if not found:
-            near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.5)
-            meant = f"did you mean {' or '.join(near)}?" if near else "results have all without."
-            raise CommandError(f"no signal is called '{pattern}'; {meant}", name=pattern, near=near)
-        chosen.update(found)
-    return sorted(chosen)
