@@ -9,7 +9,7 @@ from emla_cosim.results.recorder import Recorder
 from emla_cosim.loading import load
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.loop import simulate
+from emla_cosim.master.stretches import simulate
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import timing
 

@@ -28,8 +28,20 @@ class _Later(TyperCommand):
         """A context of the command itself."""
         module = import_module(f"emla_cosim.commands.{self.name}")
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=_SETTINGS)
-        alone.command(self.name, help=self.help)(module.command)
+        alone.command(self.name, help=self.help)(_ready(module))
         return typer.main.get_command(alone).make_context(info_name, args, parent=parent, **extra)
+
+
+def _ready(module: Any) -> Any:
+    """The function of a command with the options it takes, which ends with a sentence where it fails."""
+    from .commands.failing import one_sentence
+
+    taken = getattr(module, "OPTIONS", None)
+    if taken is None:
+        return one_sentence(module.command)
+    from .commands.options import with_options
+
+    return one_sentence(with_options(module.command, taken))
 
 
 class _Commands(TyperGroup):

@@ -17,10 +17,10 @@ from .master.algorithms.algorithm import Algorithm
 from .master.algorithms.registry import ALGORITHMS
 from .models import FLAVOURS, PLATFORMS
 from .option import EXPORT, OUTPUT, RUN, STEPPING, SYSTEM, Option, option, options_of
-from .reading import converted
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
 from .system.model import Replacement, Value
+from .values import converted
 
 BOTH = (RUN, EXPORT)
 _system = partial(option, group=SYSTEM, commands=BOTH)

@@ -7,10 +7,10 @@ from typing import Any
 
 from .errors import RunError
 from .interruption import interruption
-from .master.loop import simulate
 from .master.stepping.checkpoint import Checkpoint
 from .master.stepping.pacing import Pacing
 from .master.stepping.stepping import Stepping
+from .master.stretches import simulate
 from .recorders.recorder import Outline, Recorder, RecordingError, RowBuffer, recording
 from .units import LinearTransformation
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.loop import simulate
+from emla_cosim.master.stretches import simulate
 from emla_cosim.master.network import Network
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.stepping import Stepping

@@ -8,10 +8,8 @@ import typer
 from ..errors import CommandError, check_choice
 from ..models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
 from ..terminal import OUT, BarProgress
-from .failing import one_sentence
 
 
-@one_sentence
 def command(
     models: Annotated[list[str] | None, typer.Argument(help="Models; all without any.")] = None,
     flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",

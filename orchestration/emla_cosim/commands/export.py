@@ -8,12 +8,12 @@ import typer
 from ..loading import load
 from ..option import EXPORT
 from ..terminal import OUT, BarProgress
-from .failing import one_sentence
-from .options import SOURCE, takes_options
+from .options import SOURCE
+
+OPTIONS = EXPORT
+"""Options that the command takes."""
 
 
-@one_sentence
-@takes_options(EXPORT)
 def command(
     scenario: Annotated[str, typer.Argument(help=SOURCE)],
     file: Annotated[Path, typer.Argument(help="The package to write.", metavar="FILE.ssp")],

@@ -8,12 +8,10 @@ from ..scenarios.built_in import SCENARIOS, built_in
 from ..study.controllers import CONTROLLERS
 from ..study.registration import register
 from ..terminal import OUT
-from .failing import one_sentence
 
 register()
 
 
-@one_sentence
 def command() -> None:
     """Show tables of scenarios, models and choices."""
     scenarios = Table("scenario", "what it is", title="Scenarios: emla run SCENARIO", title_justify="left")

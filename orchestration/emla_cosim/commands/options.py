@@ -17,27 +17,23 @@ SOURCE = "Name of a scenario (`emla list` shows them), scenario file (.toml), or
 """What commands that take a scenario say of it."""
 
 
-def takes_options(command: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a function the options of a command; those that are given reach it in `given`, by name.
+def with_options(function: Callable[..., None], command: str) -> Callable[..., None]:
+    """A function with the options of a command; those that are given reach it in `given`, by name.
 
-    Raises CommandError, when the command is called, for texts that are no such values.
+    It raises CommandError for texts that are no such values.
     """
+    options = list(table(command).values())
+    own = [p for p in inspect.signature(function).parameters.values() if p.name != "given"]
 
-    def decorate(function: Callable[..., None]) -> Callable[..., None]:
-        options = list(table(command).values())
-        own = [p for p in inspect.signature(function).parameters.values() if p.name != "given"]
+    @wraps(function)
+    def called(**values: Any) -> None:
+        texts = [(o, values.pop(o.name)) for o in options]
+        function(**values, given={o.name: _read(o, text) for o, text in texts if text is not None})
 
-        @wraps(function)
-        def called(**values: Any) -> None:
-            texts = [(o, values.pop(o.name)) for o in options]
-            function(**values, given={o.name: _read(o, text) for o, text in texts if text is not None})
-
-        parameters = [*own, *map(_parameter, options)]
-        called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        called.__annotations__ = {p.name: p.annotation for p in parameters}
-        return called
-
-    return decorate
+    parameters = [*own, *map(_parameter, options)]
+    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {p.name: p.annotation for p in parameters}
+    return called
 
 
 def _parameter(option: Option) -> inspect.Parameter:

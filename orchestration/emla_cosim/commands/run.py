@@ -10,12 +10,12 @@ from ..option import RUN
 from ..recorders.progress import ProgressRecorder
 from ..results.output_folder import OutputFolder, results_folder
 from ..terminal import BarProgress, show_result
-from .failing import one_sentence
-from .options import SOURCE, takes_options
+from .options import SOURCE
+
+OPTIONS = RUN
+"""Options that the command takes."""
 
 
-@one_sentence
-@takes_options(RUN)
 def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[str, Any]) -> None:
     """Run a scenario into an output folder."""
     chosen = load(scenario, **given)

@@ -5,10 +5,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..export import export
+from ..experiment import run_times
 from ..options import Options
+from ..preparation import prepared
 from ..progress import Progress
 from ..simulation import Simulation
+from ..ssp.writer.writing import Experiment, write_ssp
 from ..system.model import System
 
 
@@ -45,6 +47,10 @@ class Scenario:
         `nested` makes one system of all components with the same first part of their names. Raises
         CommandError for what does not fit, RunError where something cannot be built or written.
         """
-        chosen = self.options.updated(options)
-        export(self.name, self.description, self.system, chosen, Path(file), nested, progress or Progress())
+        chosen, told = self.options.updated(options), progress or Progress()
+        times = run_times(chosen, self.name)
+        system, fmus = prepared(self.system, chosen, told)
+        experiment = Experiment(times.start, times.stop, times.step)
+        write_ssp(Path(file), self.name, self.description, system, fmus, experiment, nested)
+        told.advance(1)
         return Path(file)

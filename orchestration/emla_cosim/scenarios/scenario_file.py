@@ -9,7 +9,7 @@ from typing import Any, get_origin
 
 from ..errors import CommandError, listed
 from ..options import table
-from ..reading import converted
+from ..values import converted
 
 
 @dataclass(frozen=True)
