@@ -4,14 +4,11 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from emla_cosim.run import Progress
-from emla_cosim.settings import Settings
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from emla_cosim.export import export
 from emla_cosim.loading import load
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
 from emla_cosim.ssp.documents.structure import Connection, Connector, Element, SystemElement
@@ -35,7 +32,7 @@ def exported(scenario: str) -> SystemElement:
     """The root system of the package that `emla export SCENARIO` writes."""
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / f"{scenario}.ssp"
-        export(load(scenario), Settings(fmus=Path(folder)), package, False, Progress())
+        load(scenario).export(package, fmus=Path(folder))
         with opened(package) as content:
             return parse_structure(content.ssd.read_bytes(), package.name).system
 
