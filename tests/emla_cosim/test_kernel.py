@@ -22,12 +22,12 @@ from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.simulation import simulate
 from emla_cosim.master.slaves.slave import SlaveError
 from emla_cosim.master.stepping import kernel
 from emla_cosim.master.stepping.compilation import compile_kernel
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import Timing, timing
+from emla_cosim.master.stretches import simulate
 from emla_cosim.models import fmu_path
 from emla_cosim.system.model import Component, System
 from tests.support.faulty_fmu import build_faulty_fmu

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.stretches import simulate
 from emla_cosim.master.network import Network
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.stepping import Stepping
 from emla_cosim.master.stepping.timing import Timing
+from emla_cosim.master.stretches import simulate
 
 
 class Table:
