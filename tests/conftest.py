@@ -23,8 +23,9 @@ settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 @pytest.fixture(scope="session")
 def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the native FMUs of all models."""
-    folder = tmp_path_factory.mktemp("fmus")
+    """A folder with the native FMUs of all models, which all processes of a test run share."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "fmus"
     for model in MODELS:
         build(model, "native", [], folder)
     return folder

@@ -12,9 +12,7 @@ from typer.testing import CliRunner
 from emla_cosim.cli import app
 from emla_cosim.loading import load
 from emla_cosim.models import MODELS
-from fmublock.description import Producer
-from fmublock.export import Documents
-from fmublock.native import build_native, host_platform, native_draft
+from fmublock import build
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
@@ -23,8 +21,7 @@ def test_the_block_of_the_readme_becomes_an_fmu(tmp_path: Path) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     namespace: dict[str, type] = {}
     exec(compile(code, "README.md", "exec"), namespace)
-    draft = native_draft(namespace["Drive"](), Producer("test", "1", "MIT"), Documents("# Drive\n", "MIT"))
-    build_native(draft, [host_platform()], tmp_path / "Drive.fmu")
+    build(namespace["Drive"], tmp_path / "Drive.fmu")
     assert validate_fmu(str(tmp_path / "Drive.fmu")) == []
     result = simulate_fmu(
         str(tmp_path / "Drive.fmu"), start_values={"F": 4.0}, stop_time=3.0, output_interval=0.5

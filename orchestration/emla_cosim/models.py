@@ -1,22 +1,27 @@
-"""Our own models: which there are, where their FMUs lie, and how they are built."""
+"""Our own models: which there are, where their FMUs lie, and how they are built.
 
-import zipfile
-from collections.abc import Callable, Sequence
+Whether an FMU is up to date is known from a key, before anything that builds one is imported.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
-from fmpy import read_model_description
-
 import emla_fmu
 import rsba_fmu
 from fmublock import Block
-from fmublock.description import Producer
-from fmublock.export import BuildError, Documents, Draft
-from fmublock.native import TARGETS, build_native, host_platform, native_draft
-from fmublock.python_flavour import build_python, python_draft
+from fmublock.archive import Built, read_built
+from fmublock.cache import cache_folder
+from fmublock.errors import BuildError
+from fmublock.platforms import TARGETS, host_platform
+from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe
 
 from .errors import RunError, check_choice
+
+__all__ = ["FLAVOURS", "FMU_FOLDER", "MODELS", "PLATFORMS", "build", "fmu_path"]
 
 MODELS: dict[str, type[Block]] = {b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS)}
 """Blocks by the name of their model."""
@@ -24,11 +29,8 @@ MODELS: dict[str, type[Block]] = {b.__name__: b for b in (*emla_fmu.BLOCKS, *rsb
 PLATFORMS = tuple(TARGETS)
 """FMI platforms that native FMUs are built for, from any machine."""
 
-FLAVOURS = ("native", "python")
-"""Native FMUs run anywhere; PythonFMU FMUs need a Python host and are readable inside."""
-
 FMU_FOLDER = Path("fmus")
-"""Where FMUs are built to and looked for unless told otherwise."""
+"""Where `emla build` builds to, and whose FMUs come before those of the user's cache."""
 
 
 def fmu_path(model: str, flavour: str, folder: Path) -> Path:
@@ -38,61 +40,89 @@ def fmu_path(model: str, flavour: str, folder: Path) -> Path:
 
 
 def build(
-    model: str,
+    model: str | type[Block],
     flavour: str,
     platforms: Sequence[str],
-    folder: Path,
+    folder: Path | None = None,
     advance: Callable[[], None] = lambda: None,
 ) -> Path:
     """Build the FMU of a model, unless the very same is there already; returns its file.
 
-    `platforms` are FMI platforms for native FMUs; none is this machine's and those that the
-    file has already. `advance` is called for each binary as it is compiled. Raises CommandError
-    for an unknown name, RunError where building or writing fails.
+    `model` is the name of one of ours, or anybody's block. `platforms` are FMI platforms for native
+    FMUs; none is this machine's and those that the file has already. The FMU lies in `folder`;
+    without one in fmus/ of the current folder if it has one of this model, and else in the user's
+    cache, by what it is made of. Processes that want the same FMU build it once. `advance` is called
+    for each binary as it is compiled.
+
+    Raises CommandError for an unknown name, RunError where building or writing fails.
     """
-    check_choice("model", model, MODELS)
+    if isinstance(model, str):
+        check_choice("model", model, MODELS)
     check_choice("flavour", flavour, FLAVOURS)
     for platform in platforms:
         check_choice("platform", platform, PLATFORMS)
-    block, documents = MODELS[model](), _documents(model)
-    path = fmu_path(model, flavour, folder)
-    present = _platforms_of(path)
+    name = model if isinstance(model, str) else model.__name__
     try:
-        if flavour == "native":
-            wanted = platforms or sorted({host_platform(), *(present & set(PLATFORMS))})
-            draft = native_draft(block, _producer(), documents)
-            if not (_is_current(path, draft) and present.issuperset(wanted)):
-                build_native(draft, wanted, path, advance)
-        else:
-            draft = python_draft(block, _producer(), documents)
-            if not _is_current(path, draft):
-                build_python(draft, path)
+        return _build(_recipe(model, flavour), platforms, folder, advance)
     except BuildError as error:
-        raise RunError(f"{model} could not be built: {error}") from error
+        raise RunError(f"{name} could not be built: {error}") from error
     except OSError as error:
-        raise RunError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
+        raise RunError(f"{name} could not be built: {error}.") from error
+
+
+def _build(
+    recipe: Recipe, platforms: Sequence[str], folder: Path | None, advance: Callable[[], None]
+) -> Path:
+    key, draft = recipe.key(), None
+    if key is None:  # its content has to tell
+        from fmublock.building import draft_of
+
+        draft = draft_of(recipe)
+        key = draft.key
+    path = _place(recipe, key, folder)
+    if _is_current(read_built(path), recipe, key, platforms):
+        return path
+    with _alone(path):
+        built = read_built(path)  # another process may have built it meanwhile
+        if not _is_current(built, recipe, key, platforms):
+            from fmublock.building import draft_of, write_fmu
+
+            wanted = platforms or sorted({host_platform(), *(built.platforms & set(PLATFORMS))})
+            write_fmu(draft or draft_of(recipe), key, recipe.flavour, wanted, path, advance)
     return path
 
 
-def _platforms_of(path: Path) -> set[str]:
-    """FMI platforms that an FMU has binaries for; none if there is no such FMU."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
-    except (OSError, zipfile.BadZipFile):
-        return set()
+def _is_current(built: Built, recipe: Recipe, key: str, platforms: Sequence[str]) -> bool:
+    wanted = platforms or (host_platform(),)
+    return built.key == key and (recipe.flavour != "native" or built.platforms.issuperset(wanted))
 
 
-def _is_current(path: Path, draft: Draft) -> bool:
-    """Whether the file has the GUID of what would be built."""
-    try:
-        return read_model_description(str(path)).guid == draft.guid
-    except Exception:  # missing, cut off or not an FMU: build it
-        return False
+def _place(recipe: Recipe, key: str, folder: Path | None) -> Path:
+    if folder is not None:
+        return fmu_path(recipe.model, recipe.flavour, folder)
+    here = fmu_path(recipe.model, recipe.flavour, FMU_FOLDER)
+    if here.is_file():
+        return here
+    return cache_folder() / "fmus" / f"{recipe.model}-{key[:24]}" / f"{recipe.model}.fmu"
 
 
-def _producer() -> Producer:
-    return Producer("EMLA-Cosim fmublock", version("emla-cosim"), "MIT")
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Wait until no other process builds the FMU at this path."""
+    from filelock import FileLock
+
+    locks = cache_folder() / "locks"
+    locks.mkdir(parents=True, exist_ok=True)
+    name = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:24]
+    with FileLock(locks / f"{name}.lock"):
+        yield
+
+
+def _recipe(model: str | type[Block], flavour: str) -> Recipe:
+    if not isinstance(model, str):
+        return Recipe.of(model, flavour)
+    producer = Producer("EMLA-Cosim fmublock", version("emla-cosim"), "MIT")
+    return Recipe(MODELS[model](), flavour, producer, _documents(model))
 
 
 def _documents(model: str) -> Documents:

@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .errors import CommandError
+from .files import read_file
 from .fmu.interface import Interface, read_interface, read_interfaces
-from .models import FMU_FOLDER, build
+from .models import build
 from .options import Options
 from .progress import Progress
 from .replacement import fitted
@@ -41,7 +42,7 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
     progress.begin("preparing", len(models) + 1)
     built = {}
     for model in models:
-        built[model] = build(model, options.flavour, options.platform, options.fmus or FMU_FOLDER)
+        built[model] = build(model, options.flavour, options.platform, options.fmus)
         progress.advance(1)
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
 
@@ -52,10 +53,7 @@ def _with_parameter_sets(
     """The system with the values of SSV files, converted to the units of the variables."""
     values: dict[str, Value] = {}
     for file in files:
-        try:
-            content = file.read_bytes()
-        except OSError as error:
-            raise CommandError(f"the parameter set '{file}' cannot be read: {error.strerror}.") from error
+        content = read_file(file, "the parameter set")
         for parameter in parse_parameter_set(content, str(file)).parameters:
             component, name = system.split(parameter.name)
             interface = interfaces[component.name]

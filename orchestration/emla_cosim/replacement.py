@@ -7,6 +7,7 @@ from pathlib import Path
 from fmpy.model_description import ModelVariable
 
 from .errors import CommandError
+from .files import read_file
 from .fmu.interface import Interface
 from .ssp.documents.parameters import parse_mapping
 from .ssp.documents.structure import MappingEntry, TableTransformation
@@ -95,10 +96,7 @@ def _entries(replacement: Replacement, original: Interface, other: Interface) ->
     path = replacement.mapping
     if path is None:
         return {}
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise CommandError(f"the mapping '{path}' cannot be read: {error.strerror}.") from error
+    content = read_file(path, "the mapping")
     entries: dict[str, MappingEntry] = {}
     for entry in parse_mapping(content, str(path)):
         for name, interface in ((entry.source, original), (entry.target, other)):

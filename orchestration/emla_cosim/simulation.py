@@ -1,8 +1,9 @@
 """A system prepared once and run many times: what every run in this project goes through."""
 
 import contextlib
+import threading
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -75,6 +76,7 @@ class Simulation:
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _Going | None = None
         self._error: RunError | None = None
+        self._turn = threading.RLock()
         if self.options.compiled:
             self._compile()
         told.advance(1)
@@ -86,11 +88,10 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """Free the FMUs and what was unpacked; a run that goes on is finished."""
-        with contextlib.suppress(Exception):
-            if self._run is not None:
-                self.finish()
-        self._finalizer()
+        """Free the FMUs and what was unpacked; a run that goes on is ended."""
+        with self._alone():
+            self._abandon()
+            self._finalizer()
 
     @property
     def names(self) -> list[str]:
@@ -129,15 +130,22 @@ class Simulation:
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
     ) -> Result:
         """`run`, but a run that fails is a result too: its `problem` says why it ended."""
-        self.start(recorders=recorders, fresh=fresh, **options)
-        assert self._run is not None
-        self._run.run.advance(self._run.run.stepping.times.stop)
-        return self._ended()
+        with self._alone():
+            self._start(recorders, fresh, options)
+            assert self._run is not None
+            self._run.run.advance(self._run.run.stepping.times.stop)
+            return self._ended()
 
     def start(
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
     ) -> None:
         """Begin a run that `advance` brings forward; what is given is as in `run`."""
+        with self._alone():
+            self._start(recorders, fresh, options)
+
+    def _start(self, recorders: Sequence[Recorder] | None, fresh: bool, options: Mapping[str, Any]) -> None:
+        if not self._finalizer.alive:
+            raise CommandError("the simulation is closed; prepare it anew.")
         chosen = self._chosen(options)
         self._abandon()
         times = run_times(chosen, self.name)
@@ -191,7 +199,8 @@ class Simulation:
                 f"t = {time:.9g} s is beyond the stop time {times.stop:g} s; start with a later stop_time.",
                 time=time,
             )
-        self._run.run.advance(time)
+        with self._alone():
+            self._run.run.advance(time)
         if self._run.run.error is not None:
             self.finish()
         elif self._run.run.interrupted:
@@ -247,6 +256,16 @@ class Simulation:
             )
         given = alias.transformation(float(value)) if component.aliases else value
         slave.set_value(found, start_value(component.name, slave.file.interface, found, given))
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Nothing else uses the FMUs meanwhile; CommandError where another thread does."""
+        if not self._turn.acquire(blocking=False):
+            raise CommandError("another thread uses this simulation; prepare one for each thread.")
+        try:
+            yield
+        finally:
+            self._turn.release()
 
     def _chosen(self, given: Mapping[str, Any]) -> Options:
         """The options of a run; CommandError for one that was needed to prepare."""

@@ -24,6 +24,8 @@ def converted(value: Any, type_: Any, label: str, folder: Path | None = None) ->
     if origin is Mapping:
         if not isinstance(value, Mapping):
             raise _wrong(label, value, 'a table with entries such as "joint.component" = ...')
+        if wrong := [k for k in value if not isinstance(k, str)]:
+            raise _wrong(f"the name of an entry in {label}", wrong[0], "a text")
         return {k: converted(v, inner[1], f"'{k}' in {label}", folder) for k, v in value.items()}
     if origin is Sequence:
         if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):

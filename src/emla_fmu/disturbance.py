@@ -47,10 +47,10 @@ class Disturbance(Block):
 
     v_L = Input(unit="m/s", nominal=0.1, description="Screw speed, for the arctan term", terminal="load")
 
-    level = Parameter(0.0, size=LEVELS, unit="N", name="load.level", description="Load force level")
+    level = Parameter(0.0, shape=LEVELS, unit="N", name="load.level", description="Load force level")
     level_start = Parameter(
         NEVER,
-        size=LEVELS,
+        shape=LEVELS,
         unit="s",
         name="load.start",
         description="Time at which a level begins (the first: always)",
@@ -69,13 +69,13 @@ class Disturbance(Block):
     )
     amplitude_2 = Parameter(
         0.0,
-        size=2,
+        shape=2,
         unit="m/s2",
         name="d_2.amplitude",
         description="Amplitudes of the sines (in N if a force)",
     )
-    omega_2 = Parameter(0.0, size=2, unit="rad/s", name="d_2.omega", description="Their angular frequencies")
-    phase_2 = Parameter(0.0, size=2, unit="rad", name="d_2.phase", description="Their phases")
+    omega_2 = Parameter(0.0, shape=2, unit="rad/s", name="d_2.omega", description="Their angular frequencies")
+    phase_2 = Parameter(0.0, shape=2, unit="rad", name="d_2.phase", description="Their phases")
     arctan_2 = Parameter(0.0, unit="m/s2", name="d_2.arctan", description="Factor of arctan(v_L / (1 m/s))")
     decay_2 = Parameter(
         0.0, unit="1/s", minimum=0.0, name="d_2.decay", description="Decay of the arctan term"
@@ -93,10 +93,10 @@ class Disturbance(Block):
         1690412731, minimum=1, maximum=2147483646, name="d_2.seed", description="Start of the random sequence"
     )
     amplitude_3 = Parameter(
-        0.0, size=2, unit="V", name="d_3.amplitude", description="Amplitudes of the cosines in d_3"
+        0.0, shape=2, unit="V", name="d_3.amplitude", description="Amplitudes of the cosines in d_3"
     )
-    omega_3 = Parameter(0.0, size=2, unit="rad/s", name="d_3.omega", description="Their angular frequencies")
-    phase_3 = Parameter(0.0, size=2, unit="rad", name="d_3.phase", description="Their phases")
+    omega_3 = Parameter(0.0, shape=2, unit="rad/s", name="d_3.omega", description="Their angular frequencies")
+    phase_3 = Parameter(0.0, shape=2, unit="rad", name="d_3.phase", description="Their phases")
     amplitude_4 = Parameter(0.0, unit="V", name="d_4.amplitude", description="Amplitude of the cosine d_4")
     omega_4 = Parameter(0.0, unit="rad/s", name="d_4.omega", description="Its angular frequency")
     phase_4 = Parameter(0.0, unit="rad", name="d_4.phase", description="Its phase")

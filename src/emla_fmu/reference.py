@@ -18,16 +18,16 @@ class Reference(Block):
 
     default_experiment = DefaultExperiment(stop_time=10.0, step_size=1e-3)
 
-    x = Parameter(0.0, size=MOVES + 1, unit="m", name="waypoint", description="Way-point")
+    x = Parameter(0.0, shape=MOVES + 1, unit="m", name="waypoint", description="Way-point")
     start = Parameter(
         [0.0] + [NEVER] * (MOVES - 1),
-        size=MOVES,
+        shape=MOVES,
         unit="s",
         name="move.start",
         description="Time at which a move begins",
     )
     duration = Parameter(
-        1.0, size=MOVES, unit="s", minimum=1e-6, name="move.duration", description="Time that a move takes"
+        1.0, shape=MOVES, unit="s", minimum=1e-6, name="move.duration", description="Time that a move takes"
     )
     period = Parameter(0.0, unit="s", minimum=0.0, description="Time after which all repeats; 0 is never")
 

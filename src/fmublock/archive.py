@@ -6,9 +6,11 @@ import tempfile
 import uuid
 import zipfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
+_KEY = "fmublock key "  # a zip's comment is no part of the FMU; repacking leaves it out
 
 
 def content_guid(files: Mapping[str, bytes]) -> str:
@@ -29,7 +31,32 @@ def _digest(files: Mapping[str, bytes]) -> bytes:
     return digest.digest()
 
 
-def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
+def key_comment(key: str) -> bytes:
+    """The zip comment that holds an FMU's key."""
+    return f"{_KEY}{key}".encode()
+
+
+@dataclass(frozen=True)
+class Built:
+    """An FMU file as it was built: its key, and the platforms that it has binaries for."""
+
+    key: str | None = None
+    platforms: frozenset[str] = frozenset()
+
+
+def read_built(path: Path) -> Built:
+    """What a file tells without being unpacked; nothing if it is missing, cut off, or no zip."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            comment = archive.comment.decode(errors="replace")
+            names = archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return Built()
+    platforms = frozenset(name.split("/")[1] for name in names if name.startswith("binaries/"))
+    return Built(comment.removeprefix(_KEY) if comment.startswith(_KEY) else None, platforms)
+
+
+def write_archive(path: Path, files: Mapping[str, bytes], comment: bytes = b"") -> None:
     """Zip the files to `path`; a reader never sees half a file there. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
@@ -40,6 +67,7 @@ def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
                 entry.compress_type = zipfile.ZIP_DEFLATED
                 entry.external_attr = 0o644 << 16
                 archive.writestr(entry, files[name], compresslevel=9)
+            archive.comment = comment
         Path(temporary).chmod(0o644)
         Path(temporary).replace(path)
     except BaseException:

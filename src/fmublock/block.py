@@ -1,10 +1,16 @@
 """A block: typed variables, states and equations, written once."""
 
+import re
+import sys
+import time
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, ClassVar
 
 from .variables import Derivative, DiscreteState, Input, Output, Parameter, ScalarVariable, State, Variable
+
+_NAME = r"[A-Za-z_]\w*(\[\d+(,\d+)*\])?"
+_STRUCTURED_NAME = re.compile(rf"{_NAME}(\.{_NAME})*", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -22,7 +28,8 @@ class DefaultExperiment:
 class Values:
     """One value per variable of a block, by attribute name, and `time` in s.
 
-    Values are floats when the block runs, CasADi symbols when it is exported; arrays are lists.
+    Values are floats when the block runs, symbols when it is exported; vectors are lists, matrices
+    lists of rows.
     """
 
     time: Any
@@ -52,10 +59,16 @@ class Layout:
 
     def reference(self, name: str) -> int:
         """Value reference of the scalar variable with this FMI name; KeyError if there is none."""
-        for i, scalar in enumerate(self.scalars):
-            if scalar.name == name:
-                return i
-        raise KeyError(name)
+        return self._references[name]
+
+    @cached_property
+    def _references(self) -> dict[str, int]:
+        return {scalar.name: r for r, scalar in enumerate(self.scalars)}
+
+    @cached_property
+    def arrays(self) -> "dict[str, Variable]":
+        """Vectors and matrices by their FMI names."""
+        return {str(s.variable.name): s.variable for s in self.scalars if s.index}
 
     @property
     def derivatives(self) -> tuple[ScalarVariable, ...]:
@@ -63,21 +76,40 @@ class Layout:
         return tuple(Derivative.of(self.scalars[r]) for r in self.references(self.states))
 
     def start_reference(self, reference: int) -> int:
-        """Value reference of what a variable starts from: a parameter, or the variable itself."""
-        parameter = self.scalars[reference].variable.start_parameter
-        return reference if parameter is None else self.references((parameter,))[0]
+        """Value reference of what a variable starts from: a parameter's element, or the variable itself."""
+        variable = self.scalars[reference].variable
+        parameter = variable.start_parameter
+        if parameter is None:
+            return reference
+        element = reference - self.references((variable,))[0] if parameter.shape else 0
+        return self.references((parameter,))[element]
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a block was defined: its module's name and file (None without one), and when (s since 1970)."""
+
+    module: str
+    file: str | None
+    time: float
 
 
 class Block:
     """Base of all blocks; subclasses declare variables and define the equations.
 
     `derivatives`, `update` and `outputs` take a `Values` and return a dict from attribute name
-    to value (a list for an array). They may call helper methods but keep nothing: everything
-    that evolves is a declared state. They use + - * /, comparisons and `fmublock`'s functions
-    only, so that they run on floats and on CasADi symbols alike.
+    to value (a list for a vector, a list of rows for a matrix). They may call helper methods but
+    keep nothing: everything that evolves is a declared state. They use + - * /, abs, comparisons
+    and `fmublock`'s functions only, so that they run on floats and on symbols alike: what depends
+    on a value is chosen by `where`, not by `if`. What gives another result on symbols than on
+    floats ends the export with a sentence.
+
+    A division by zero discards the step of a PythonFMU FMU even in the branch that `where` leaves;
+    keep divisors away from zero there.
     """
 
     default_experiment: ClassVar[DefaultExperiment] = DefaultExperiment()
+    origin: ClassVar[Origin] = Origin(__name__, __file__, time.time())
 
     internal_step = Parameter(
         5e-5,
@@ -86,6 +118,11 @@ class Block:
         name="solver.internal_step",
         description="Longest internal integration step (classical Runge-Kutta)",
     )
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        file = getattr(sys.modules.get(cls.__module__), "__file__", None)
+        cls.origin = Origin(cls.__module__, file, time.time())
 
     def derivatives(self, v: Values) -> dict[str, Any]:
         """Time derivatives of the continuous states, per s."""
@@ -121,4 +158,8 @@ def _layout(block: type[Block]) -> Layout:
     names = [s.name for s in scalars]
     if twice := {n for n in names if names.count(n) > 1}:
         raise TypeError(f"{block.__name__} declares these names twice: {', '.join(sorted(twice))}")
+    if wrong := [n for n in names if not _STRUCTURED_NAME.fullmatch(n)]:
+        raise TypeError(
+            f"{block.__name__} has the name '{wrong[0]}'; write names like speed, motor.R_s or M[1,2]"
+        )
     return Layout(*groups, scalars)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from .block import Block
+from .recipe import Producer
 from .symbolic import SymbolicBlock, find_dependencies
 from .units import QUANTITIES, parse_unit
 from .variables import Derivative, DiscreteState, Input, Output, Parameter, ScalarVariable, State
@@ -22,15 +23,6 @@ LOG_CATEGORIES = {
 }
 
 _DERIVATIVE_CAPABILITIES = {"canInterpolateInputs": "true", "maxOutputDerivativeOrder": "1"}
-
-
-@dataclass(frozen=True)
-class Producer:
-    """Who made an FMU: the tool and version it names, and the licence of its content."""
-
-    tool: str
-    version: str
-    license: str
 
 
 @dataclass(frozen=True)
@@ -59,14 +51,15 @@ def model_description(
     layout = block.layout()
     scalars = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
     name = type(block).__name__
+    told = {"version": producer.version, "license": producer.license}
     root = Element(
         "fmiModelDescription",
+        {},
         fmiVersion="2.0",
         modelName=name,
         guid=guid,
         description=(block.__doc__ or name).strip().splitlines()[0],
-        version=producer.version,
-        license=producer.license,
+        **{attribute: text for attribute, text in told.items() if text is not None},
         generationTool=producer.tool,
         generationDateAndTime=BUILD_TIME,
         variableNamingConvention="structured",

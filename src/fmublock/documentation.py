@@ -1,15 +1,16 @@
 """What a person sees of an FMU: an HTML page with typeset equations, and an icon."""
 
+import inspect
 import io
+import os
 from html import escape
 
 from latex2mathml.converter import convert
 from markdown_it import MarkdownIt
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from mdit_py_plugins.dollarmath import dollarmath_plugin
 
 from .block import Block
+from .cache import tool_environment
 from .variables import Variable
 
 _PAGE = """<!DOCTYPE html>
@@ -48,6 +49,11 @@ def html_page(markdown: str, title: str) -> str:
     return _PAGE.format(title=escape(title), body=parser.render(markdown))
 
 
+def docstring_page(block: Block) -> str:
+    """The Markdown page of a block that has no other: its name and its docstring."""
+    return f"# {type(block).__name__}\n\n{inspect.cleandoc(block.__doc__ or '')}\n"
+
+
 def variable_table(block: Block) -> str:
     """The block's variables as a Markdown table: name, unit, start value, meaning."""
     layout = block.layout()
@@ -64,7 +70,8 @@ def variable_table(block: Block) -> str:
 
 
 def _row(variable: Variable) -> str:
-    name = variable.name if variable.size is None else f"{variable.name}[1..{variable.size}]"
+    elements = ",".join(f"1..{n}" for n in variable.shape)
+    name = f"{variable.name}[{elements}]" if elements else variable.name
     starts = [f"{s.start:g}" for s in variable.scalars()]
     start = starts[0] if len(set(starts)) == 1 else ", ".join(starts)
     if variable.fmi_type == "Boolean":
@@ -77,6 +84,10 @@ def _row(variable: Variable) -> str:
 
 def icon(block: Block) -> bytes:
     """model.png: the block as a box with its inputs on the left and its outputs on the right."""
+    os.environ.update(tool_environment())  # which matplotlib reads when it is imported
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     layout = block.layout()
     left = [x.name or "" for x in layout.inputs]
     right = [x.name or "" for x in (*layout.states, *layout.outputs)]

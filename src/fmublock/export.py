@@ -1,27 +1,17 @@
 """What both flavours of an FMU have in common."""
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from .archive import content_guid, write_archive
+from .archive import content_guid, key_comment, write_archive
 from .block import Block
-from .description import Offers, Producer, model_description
-from .documentation import html_page, icon, variable_table
+from .description import Offers, model_description
+from .documentation import docstring_page, html_page, icon, variable_table
+from .recipe import Documents, Producer
 from .symbolic import SymbolicBlock
 from .terminals import terminals_and_icons
-
-
-class BuildError(Exception):
-    """An FMU could not be built; the message is one sentence for the person who asked for it."""
-
-
-@dataclass(frozen=True)
-class Documents:
-    """The texts that go into an FMU: its folder's README (Markdown) and the licence."""
-
-    readme: str
-    license: str
 
 
 @dataclass(frozen=True)
@@ -36,9 +26,15 @@ class Draft:
     description: bytes
     files: Mapping[str, bytes]
 
-    def write(self, path: Path, binaries: Mapping[str, bytes]) -> None:
-        """Write the FMU with these further files. Raises OSError."""
-        write_archive(path, {**self.files, **binaries, "modelDescription.xml": self.description})
+    @property
+    def key(self) -> str:
+        """What tells this content from other, for a recipe that has no key of its own."""
+        return hashlib.sha256(self.guid.encode()).hexdigest()
+
+    def write(self, path: Path, binaries: Mapping[str, bytes], key: str) -> None:
+        """Write the FMU with these further files and its key. Raises OSError."""
+        files = {**self.files, **binaries, "modelDescription.xml": self.description}
+        write_archive(path, files, key_comment(key))
 
 
 def draft(
@@ -55,14 +51,16 @@ def draft(
     """
     name = type(block).__name__
     picture = icon(block)
+    page = docstring_page(block) if documents.readme is None else documents.readme
     files = {
         **content,
-        "documentation/index.html": html_page(documents.readme + variable_table(block), name).encode(),
-        "documentation/licenses/license.txt": documents.license.encode(),
+        "documentation/index.html": html_page(page + variable_table(block), name).encode(),
         "model.png": picture,
         "terminalsAndIcons/icon.png": picture,
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(block),
     }
+    if documents.license is not None:
+        files["documentation/licenses/license.txt"] = documents.license.encode()
     anonymous = model_description(block, symbolic, producer, "", offers)
     guid = content_guid({**files, "modelDescription.xml": anonymous})
     return Draft(block, guid, model_description(block, symbolic, producer, guid, offers), files)

@@ -5,31 +5,42 @@ The PythonFMU flavour is this class behind the FMI; tests use it in process. The
 bits.
 """
 
+import difflib
 import math
 from collections.abc import Sequence
 from enum import IntEnum
 from typing import Any
 
 from .block import Block, Values
+from .results import Results
 from .variables import Input, Output
 
+# the C shim gets these numbers and the phases from here, in its generated model.h
 STEP_TOLERANCE = 1e-3
 """By how much of a step the time that a tool passes may differ from the instance's own."""
 
 SAME_TIME, SAME_STEP = 1e-6, 1e-9
 """As a part of the step: what differs by less from the instance's own time and step is rounding."""
 
+SAME_COUNT = 1e-9
+"""A step that is longer than whole internal steps by less than this part of one needs no further one."""
+
 MAXIMUM_SUBSTEPS = 1e9
 """A step that needs more internal steps is refused: it would seem to hang."""
 
 
 class Phase(IntEnum):
-    """Where in the FMI state machine an instance is."""
+    """Where in the FMI state machine an instance is; bits, so that C code can name several.
 
-    INSTANTIATED = 0
-    INITIALIZATION = 1
-    STEP = 2
-    TERMINATED = 3
+    `EVENT` and `CONTINUOUS_TIME` are those of Model Exchange, which native FMUs alone offer.
+    """
+
+    INSTANTIATED = 1
+    INITIALIZATION = 2
+    STEP = 4
+    EVENT = 8
+    CONTINUOUS_TIME = 16
+    TERMINATED = 32
 
 
 class BlockError(Exception):
@@ -43,9 +54,18 @@ class StepDiscardedError(BlockError):
 class Instance:
     """One running instance of a block.
 
-    Variables are addressed by value reference (`Block.layout`); values are floats, Booleans
-    are 0 or 1. Outputs change only while initializing and at the end of a step: they are
-    g(x(t+h), u held over the step), whatever is set afterwards.
+    Variables are addressed by FMI name, `instance["v"]` and `instance["F"] = 3.0` (a vector's or a
+    matrix's own name stands for the list of its values), or by value reference with `get` and
+    `set` (`Block.layout`). Values are floats, Booleans are 0 or 1. Outputs change only while
+    initializing and at the end of a step: they are g(x(t+h), u held over the step), whatever is set
+    afterwards.
+
+        instance = Instance(Drive())
+        instance["F"] = 3.0
+        instance.enter_initialization()
+        instance.exit_initialization()
+        instance.do_step(0.0, 0.01)
+        instance["v"]
     """
 
     def __init__(self, block: Block, name: str = "") -> None:
@@ -63,12 +83,13 @@ class Instance:
         self._slots: list[tuple[Any, Any]] = []
         for scalar in self.layout.scalars:
             variable = scalar.variable
-            values = self._y if isinstance(variable, Output) else self._v
-            if scalar.index is None:
-                self._slots.append((values.__dict__, variable.attribute))
-            else:
-                array = values.__dict__.setdefault(variable.attribute, [0.0] * (variable.size or 0))
-                self._slots.append((array, scalar.index))
+            container: Any = self._y.__dict__ if isinstance(variable, Output) else self._v.__dict__
+            key: Any = variable.attribute
+            if scalar.index and key not in container:
+                container[key] = variable.nested([0.0] * math.prod(variable.shape))
+            for place in scalar.index:
+                container, key = container[key], place
+            self._slots.append((container, key))
         references = self.layout.references
         self._parameters = references(self.layout.parameters)
         self._states = references(self.layout.states)
@@ -78,13 +99,39 @@ class Instance:
         # what evolves: all states and outputs, a contiguous range at the end
         evolving = [*self._states, *self._discrete_states, *self._output_references]
         self._evolving = range(evolving[0], evolving[-1] + 1) if evolving else range(0)
-        for slot, scalar in zip(self._slots, self.layout.scalars, strict=True):
-            slot[0][slot[1]] = scalar.start
+        # states that start from parameters, as pairs of value references
+        starts = ((r, self.layout.start_reference(r)) for r in (*self._states, *self._discrete_states))
+        self._starts = [(r, start) for r, start in starts if r != start]
+        self._derivative_results = Results(block, "derivatives")
+        self._update_results = Results(block, "update")
+        self._output_results = Results(block, "outputs")
+        self._write(range(len(self._slots)), [scalar.start for scalar in self.layout.scalars])
 
     @property
     def time(self) -> float:
         """The instance's time in s: the end of the last step."""
         return self._v.time
+
+    def __getitem__(self, name: str) -> Any:
+        """Value of the variable with this FMI name; a list, or a list of rows, of an array."""
+        references = self._references_of(name)
+        values = self.get(references)
+        array = self.layout.arrays.get(name)
+        return values[0] if array is None else array.nested(values)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        """Set the variable with this FMI name; a list, or a list of rows, for an array.
+
+        Raises BlockError, and sets nothing, where there is no such variable, where it cannot be set
+        now, or where the value does not fit it.
+        """
+        references = self._references_of(name)
+        array = self.layout.arrays.get(name)
+        try:
+            values = [float(x) for x in ([value] if array is None else array.flat(value))]
+        except (TypeError, ValueError) as error:
+            raise BlockError(f"{self.name}: {value!r} is no value for {name}: {error}.") from None
+        self.set(references, values)
 
     def get(self, references: Sequence[int]) -> list[float]:
         """Values of the variables with these value references."""
@@ -255,12 +302,23 @@ class Instance:
                 f"{self.name}: {scalar.name} = {value:.9g} is outside its range, {low:.9g} to {high:.9g}."
             )
 
+    def _references_of(self, name: str) -> Sequence[int]:
+        array = self.layout.arrays.get(name)
+        if array is not None:
+            return self.layout.references((array,))
+        try:
+            return (self.layout.reference(name),)
+        except KeyError:
+            names = [*self.layout.arrays, *(scalar.name for scalar in self.layout.scalars)]
+            near = difflib.get_close_matches(name, names, 1)
+            hint = f"; did you mean '{near[0]}'?" if near else "."
+            raise BlockError(f"{self.name}: there is no variable '{name}'{hint}") from None
+
     def _initialize_values(self) -> None:
         """Start values that come from parameters, and the outputs that follow from everything set."""
-        for r in (*self._states, *self._discrete_states):
-            parameter = self.layout.scalars[r].variable.start_parameter
-            if parameter is not None:
-                self._write((r,), (getattr(self._v, parameter.attribute),))
+        for reference, start in self._starts:
+            container, key = self._slots[start]
+            self._write((reference,), (container[key],))
         self._evaluate_outputs()
 
     def _integrate(self, time: float, step: float) -> None:
@@ -269,7 +327,7 @@ class Instance:
         if not slots:
             return
         v = self._v
-        count = max(math.ceil(step / v.internal_step - 1e-9), 1)
+        count = max(math.ceil(step / v.internal_step - SAME_COUNT), 1)
         dt = step / count
         for i in range(count):
             t = time + i * dt
@@ -290,29 +348,13 @@ class Instance:
 
     def _derivatives(self, time: float) -> list[float]:
         self._v.time = time
-        derivatives = self.block.derivatives(self._v)
-        return flatten(self.layout.states, derivatives)
+        return self._derivative_results.flat(self.block.derivatives(self._v))
 
     def _update_discrete_states(self) -> None:
         if self._discrete_states:
-            update = flatten(self.layout.discrete_states, self.block.update(self._v))
+            update = self._update_results.flat(self.block.update(self._v))
             self._write(self._discrete_states, update)
 
     def _evaluate_outputs(self) -> None:
-        outputs = flatten(self.layout.outputs, self.block.outputs(self._v))
+        outputs = self._output_results.flat(self.block.outputs(self._v))
         self._write(self._output_references, outputs)
-
-
-def flatten(variables: Sequence[Any], values: dict[str, Any]) -> list[Any]:
-    """Values by attribute name as one list in the order of `variables`, arrays element by element.
-
-    Raises KeyError where one is missing.
-    """
-    flat: list[Any] = []
-    for variable in variables:
-        value = values[variable.attribute]
-        if variable.size is None:
-            flat.append(value)
-        else:
-            flat.extend(value)
-    return flat

@@ -2,7 +2,6 @@
 
 import math
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -15,25 +14,25 @@ from pathlib import Path
 
 import casadi
 
+from . import instance
 from .block import Block
-from .description import Offers, Producer, offers_model_exchange
-from .export import BuildError, Documents, Draft, draft
+from .cache import tool_environment
+from .description import Offers, offers_model_exchange
+from .errors import BuildError
+from .export import Draft, draft
+from .platforms import TARGETS
+from .recipe import Documents, Producer
 from .symbolic import SymbolicBlock, evaluate_symbolically
 
-# FMI platform -> zig target and file suffix; glibc 2.17 is what every Linux of the last decade has
-TARGETS = {
-    "linux64": ("x86_64-linux-gnu.2.17", ".so"),
-    "win64": ("x86_64-windows-gnu", ".dll"),
-    "darwin64": ("x86_64-macos", ".dylib"),
-    "aarch64-linux": ("aarch64-linux-gnu.2.17", ".so"),
-    "aarch64-darwin": ("aarch64-macos", ".dylib"),
-}
 _SHIM = "fmi2_block.c"  # the only file to compile; it includes all others
 _FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"]
 
 
 def native_draft(block: Block, producer: Producer, documents: Documents) -> Draft:
-    """The FMU without binaries: description, documents and C sources."""
+    """The FMU without binaries: description, documents and C sources.
+
+    Raises BuildError for equations that fail, or would not mean the same in C and in Python.
+    """
     symbolic = evaluate_symbolically(block)
     content = {
         "sources/generated.h": _equations(symbolic).encode(),
@@ -46,32 +45,24 @@ def native_draft(block: Block, producer: Producer, documents: Documents) -> Draf
     return replace(anonymous, files={**anonymous.files, **guid_header})
 
 
-def build_native(
-    draft: Draft, platforms: Sequence[str], path: Path, advance: Callable[[], None] = lambda: None
-) -> None:
-    """Compile for these FMI platforms and write the FMU; `advance` is called once per binary.
+def native_binaries(
+    draft: Draft, platforms: Sequence[str], advance: Callable[[], None] = lambda: None
+) -> dict[str, bytes]:
+    """The binaries for these FMI platforms, by path; `advance` is called once per binary.
 
-    Raises BuildError where the compiler fails or does not know a platform, OSError where the
-    FMU cannot be written.
+    Raises BuildError where the compiler fails or does not know a platform.
     """
     name = type(draft.block).__name__
     binaries = {}
-    for platform_ in platforms:
-        if platform_ not in TARGETS:
-            raise BuildError(f"there is no platform '{platform_}'; choose from {', '.join(TARGETS)}.")
+    for platform in platforms:
+        if platform not in TARGETS:
+            raise BuildError(f"there is no platform '{platform}'; choose from {', '.join(TARGETS)}.")
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         compiled = pool.map(partial(_compile, draft), platforms)
-        for platform_, binary in zip(platforms, compiled, strict=True):
-            binaries[f"binaries/{platform_}/{name}{TARGETS[platform_][1]}"] = binary
+        for platform, binary in zip(platforms, compiled, strict=True):
+            binaries[f"binaries/{platform}/{name}{TARGETS[platform][1]}"] = binary
             advance()
-    draft.write(path, binaries)
-
-
-def host_platform() -> str:
-    """The FMI platform of this machine."""
-    system = {"Windows": "win"}.get(platform.system(), platform.system().lower())
-    arm = platform.machine().lower() in ("arm64", "aarch64")
-    return f"aarch64-{system}" if arm else f"{system}64"
+    return binaries
 
 
 def _shim() -> dict[str, bytes]:
@@ -91,7 +82,10 @@ def _compile(draft: Draft, fmi_platform: str) -> bytes:
         libraries = [] if fmi_platform == "win64" else ["-lm"]
         command = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS]
         command += ["-I", str(headers), _SHIM, "-o", output, *libraries]
-        compiled = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        environment = {**os.environ, **tool_environment()}
+        compiled = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+        )
         if compiled.returncode != 0:
             raise BuildError(f"the C compiler failed on {name} for {fmi_platform}: {compiled.stderr.strip()}")
         return Path(folder, output).read_bytes()
@@ -116,6 +110,7 @@ def _model_header(block: Block) -> str:
         f"#define N_DISCRETE_STATES {len(layout.references(layout.discrete_states))}",
         f"#define N_OUTPUTS {len(layout.references(layout.outputs))}",
     ]
+    lines += _constants()
     if offers_model_exchange(block):
         lines.append("#define MODEL_EXCHANGE")
     if layout.states:
@@ -144,6 +139,29 @@ def _model_header(block: Block) -> str:
         letter = letters[variable.fmi_type]
         lines.append(f"    {{\"{scalar.name}\", '{letter}', {values}, {start_reference}}},")
     return "\n".join([*lines, "};", ""])
+
+
+def _constants() -> list[str]:
+    """What the shim shares with `Instance`: its numbers, and the phases with their names."""
+    numbers = {
+        "STEP_TOLERANCE": instance.STEP_TOLERANCE,
+        "SAME_TIME": instance.SAME_TIME,
+        "SAME_STEP": instance.SAME_STEP,
+        "SAME_COUNT": instance.SAME_COUNT,
+        "MAXIMUM_SUBSTEPS": instance.MAXIMUM_SUBSTEPS,
+    }
+    defined = [f"#define {name} {_c_number(x)}" for name, x in numbers.items()]
+    bits = ", ".join(f"{phase.name} = {phase.value}" for phase in instance.Phase)
+    phases = [f'    {{{phase.name}, "{phase.name.lower().replace("_", "-")}"}},' for phase in instance.Phase]
+    table = [
+        "static const struct {",
+        "    int bit;",
+        "    const char *name;",
+        "} phases[] = {",
+        *phases,
+        "};",
+    ]
+    return [*defined, f"enum {{ {bits} }};", *table]
 
 
 def _c_number(value: float) -> str:

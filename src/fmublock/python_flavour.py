@@ -3,15 +3,17 @@
 They need a Python of the host's on the library path; what they do is readable inside the FMU.
 """
 
-from importlib.metadata import version
-from importlib.resources import as_file, files
+from importlib.metadata import distribution, version
+from importlib.resources import files
 from pathlib import Path
 
 from .archive import content_hash
 from .block import Block
-from .description import Offers, Producer
-from .export import BuildError, Documents, Draft, draft
-from .sources import block_modules, gather_sources, move_into_package
+from .description import Offers
+from .errors import BuildError
+from .export import Draft, draft
+from .recipe import Documents, Producer
+from .sources import gather_sources, module_of, move_into_package
 from .symbolic import evaluate_symbolically
 
 _HOST = """This FMU runs Python code. Its host must offer, in the process that loads the FMU,
@@ -41,10 +43,16 @@ give_reference(globals())
 def python_draft(block: Block, producer: Producer, documents: Documents) -> Draft:
     """The FMU without PythonFMU's binaries.
 
-    Raises BuildError if the block imports anything beyond the standard library.
+    Raises BuildError if the block imports anything beyond the standard library, keeps values of its
+    own, has no file, or has equations that fail or would not mean the same in C.
     """
-    name, module = type(block).__name__, type(block).__module__
-    sources = gather_sources([*block_modules(block), "fmublock.instance"])
+    name, module = type(block).__name__, module_of(type(block))
+    if vars(block):
+        raise BuildError(f"this {name} keeps {', '.join(vars(block))}; in an FMU it would be made without.")
+    symbolic = evaluate_symbolically(block)
+    gathered = gather_sources(type(block), "block", "instance")
+    gathered.refuse_foreign()
+    sources = gathered.texts
     sources["fmublock/slave.py"] = files("fmublock").joinpath("slave.py").read_text(encoding="utf-8")
     content = content_hash({path: text.encode() for path, text in sources.items()})
     package, slave = f"{name}_{content}", f"{name}_{content}_slave"
@@ -53,13 +61,12 @@ def python_draft(block: Block, producer: Producer, documents: Documents) -> Draf
         block=name, module=module, package=package, path=module.replace(".", "/") + ".py", content=content
     )
     resources["slavemodule.txt"] = slave
-    for file in files("pythonfmu").iterdir():
-        if file.name.endswith(".py"):
-            resources[f"pythonfmu/{file.name}"] = file.read_text(encoding="utf-8")
+    for file in _pythonfmu().glob("*.py"):
+        resources[f"pythonfmu/{file.name}"] = file.read_text(encoding="utf-8")
     host = _HOST.format(pythonfmu=version("pythonfmu"))
     return draft(
         block,
-        evaluate_symbolically(block),
+        symbolic,
         producer,
         documents,
         {f"resources/{path}": text.encode() for path, text in resources.items()}
@@ -68,13 +75,17 @@ def python_draft(block: Block, producer: Producer, documents: Documents) -> Draf
     )
 
 
-def build_python(draft: Draft, path: Path) -> None:
-    """Write the FMU with PythonFMU's binaries. Raises BuildError without them, OSError on writing."""
+def python_binaries(draft: Draft) -> dict[str, bytes]:
+    """PythonFMU's binaries for all its platforms, by path. Raises BuildError without them."""
     name = type(draft.block).__name__
     binaries = {}
-    with as_file(files("pythonfmu") / "resources" / "binaries") as folder:
-        for file in sorted(folder.glob("*/*")):
-            binaries[f"binaries/{file.parent.name}/{name}{file.suffix}"] = file.read_bytes()
+    for file in sorted(_pythonfmu().glob("resources/binaries/*/*")):
+        binaries[f"binaries/{file.parent.name}/{name}{file.suffix}"] = file.read_bytes()
     if not binaries:
         raise BuildError("the installed pythonfmu package has no binaries; install its wheel from PyPI.")
-    draft.write(path, binaries)
+    return binaries
+
+
+def _pythonfmu() -> Path:
+    """The installed package; in a process that runs PythonFMU FMUs the imported one is one of theirs."""
+    return Path(str(distribution("pythonfmu").locate_file("pythonfmu")))

@@ -4,80 +4,226 @@ import ast
 import importlib.util
 import re
 import sys
+import sysconfig
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
-from .block import Block
-from .export import BuildError
+from .block import Block, Origin
+from .errors import BuildError
+
+_OWN = "fmublock"
+_OWN_ROOT = Path(__file__).parents[1]
+_ELSEWHERE = {_OWN, *sys.stdlib_module_names}
 
 
-def gather_sources(modules: list[str]) -> dict[str, str]:
-    """Texts of these modules and of all that they import, by path relative to the import root.
+@dataclass
+class Sources:
+    """Texts of Python files by path relative to the import root, and what else they import.
 
-    Raises BuildError for an import that is neither of the standard library nor of one of the
-    packages of `modules`: an FMU's host need not have anything else.
+    `foreign` are the names of modules that are neither among the files nor of the standard library,
+    by the module that imports them.
     """
-    packages = {module.split(".")[0] for module in modules}
-    waiting, gathered = list(modules), dict[str, str]()
+
+    texts: dict[str, str] = field(default_factory=dict)
+    foreign: dict[str, set[str]] = field(default_factory=dict)
+
+    def refuse_foreign(self) -> None:
+        """Raise BuildError if anything foreign is imported: an FMU's host need not have it."""
+        for module, names in self.foreign.items():
+            raise BuildError(
+                f"{module} imports {', '.join(sorted(names))}; a block may import the standard library only."
+            )
+
+
+def module_of(block: type[Block]) -> str:
+    """The name by which a block's module is imported inside an FMU; a script has its file's name."""
+    name, file = block.origin.module, block.origin.file
+    return re.sub(r"\W", "_", Path(file).stem) if name == "__main__" and file is not None else name
+
+
+def gather_sources(block: type[Block], *more: str) -> Sources:
+    """The file that defines a block, and those that it and its base classes import.
+
+    These are files of their packages, files beside a module that is in no package, and, if there
+    are `more` modules of fmublock, these with all that they import. Raises BuildError where a block
+    has no file, or where a file has changed since the block was defined.
+    """
+    bases = [base for base in block.__mro__ if issubclass(base, Block) and base is not Block]
+    files: dict[str, Path] = {}
+    for base in bases:
+        if base.origin.module.split(".")[0] != _OWN:
+            files[module_of(base)] = _file_of(base)
+    search = _Search(files, follow_own=bool(more))
+    gathered = Sources()
+    waiting = [*files, *(f"{_OWN}.{name}" for name in more)]
     while waiting:
         module = waiting.pop()
-        path, text = _read(module)
-        if path in gathered:
-            continue
-        gathered[path] = text
         if "." in module:
             waiting.append(module.rpartition(".")[0])
-        waiting += _imports(module, path, text, packages)
+        file = search.find(module)
+        path = "" if file is None else _path_of(module, file)
+        if file is None or path in gathered.texts:  # a folder may be a package without a file
+            continue
+        gathered.texts[path] = _read(file, None if module.split(".")[0] == _OWN else block.origin)
+        package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+        for name in _imported(gathered.texts[path], package, file):
+            if search.find(name) is not None:
+                waiting.append(name)
+            elif search.is_foreign(name):
+                gathered.foreign.setdefault(module, set()).add(name.split(".")[0])
     return gathered
 
 
-def move_into_package(sources: dict[str, str], package: str) -> dict[str, str]:
+def move_into_package(sources: Mapping[str, str], package: str) -> dict[str, str]:
     """The same files inside `package`, with their imports of each other rewritten.
 
     Two FMUs in one process then never run each other's modules, nor the installed ones.
     """
-    roots = sorted({path.split("/")[0].removesuffix(".py") for path in sources})
-    absolute = re.compile(rf"^(\s*from )({'|'.join(roots)})(?=[. ])", re.MULTILINE)
-    moved = {f"{package}/{path}": absolute.sub(rf"\1{package}.\2", text) for path, text in sources.items()}
+    roots = {path.split("/")[0].removesuffix(".py") for path in sources}
+    moved = {f"{package}/{path}": _rewritten(text, package, roots) for path, text in sources.items()}
     return {f"{package}/__init__.py": "", **moved}
 
 
-def block_modules(block: Block) -> list[str]:
-    """The modules that define the block and the blocks it derives from."""
-    return [base.__module__ for base in type(block).__mro__ if issubclass(base, Block)]
+class _Search:
+    """Finds the modules that belong to a block, by name."""
+
+    def __init__(self, files: Mapping[str, Path], follow_own: bool) -> None:
+        self._files = files
+        self._roots: dict[str, Path] = {_OWN: _OWN_ROOT} if follow_own else {}
+        self._beside: list[Path] = []
+        installed = {Path(sysconfig.get_path(name)) for name in ("purelib", "platlib")}
+        for module, file in files.items():
+            if "." in module:
+                self._roots[module.split(".")[0]] = file.parents[module.count(".")]
+            elif file.parent not in installed:
+                self._beside.append(file.parent)
+
+    def find(self, module: str) -> Path | None:
+        """The file of a module, if it belongs to the block."""
+        if module in self._files:
+            return self._files[module]
+        top = module.split(".")[0]
+        beside = [] if top in _ELSEWHERE else self._beside
+        for root in [self._roots[top]] if top in self._roots else beside:
+            place = root.joinpath(*module.split("."))
+            for file in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
+                if file.is_file():
+                    return file
+        return None
+
+    def is_foreign(self, name: str) -> bool:
+        """Whether a name that is no file of the block is somebody else's module."""
+        top = name.split(".")[0]
+        return top not in _ELSEWHERE and self.find(top) is None
 
 
-def _read(module: str) -> tuple[str, str]:
-    spec = importlib.util.find_spec(module)
-    if spec is None or spec.origin is None:
-        raise BuildError(f"the source of the module {module} cannot be found.")
-    file = Path(spec.origin)
-    relative = module.replace(".", "/") + ("/__init__.py" if file.name == "__init__.py" else ".py")
-    return relative, file.read_text(encoding="utf-8")
-
-
-def _imports(module: str, path: str, text: str, packages: set[str]) -> list[str]:
-    """Modules of `packages` that this text imports."""
-    package = module if path.endswith("/__init__.py") else module.rpartition(".")[0]
-    found: list[str] = []
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.ImportFrom):
-            base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
-            candidates = [f"{base}.{alias.name}" for alias in node.names]
-            names = [c for c in candidates if base.split(".")[0] in packages and _exists(c)] or [base]
-            found += [base, *names]
-        elif isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
-    inside = [name for name in found if name.split(".")[0] in packages]
-    foreign = {name for name in found if name.split(".")[0] not in packages | set(sys.stdlib_module_names)}
-    if foreign:
+def _file_of(block: type[Block]) -> Path:
+    file = None if block.origin.file is None else Path(block.origin.file)
+    if file is None or not file.is_file() or block.__qualname__ not in _classes(_read(file, block.origin)):
         raise BuildError(
-            f"{module} imports {', '.join(sorted(foreign))}; a block may import the standard library only."
+            f"{block.__name__} is not defined at the top of a Python file, whose text could go into an FMU."
         )
-    return inside
+    return file
 
 
-def _exists(module: str) -> bool:
+def _path_of(module: str, file: Path) -> str:
+    return module.replace(".", "/") + ("/__init__.py" if file.name == "__init__.py" else ".py")
+
+
+def _read(file: Path, origin: Origin | None) -> str:
+    """The text of a file, which must not have changed since the block's origin, if there is one."""
+    if origin is not None and file.stat().st_mtime > origin.time:
+        raise BuildError(
+            f"'{file}' has changed since {origin.module} was imported; import it again, in a new process."
+        )
     try:
-        return importlib.util.find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False
+        return file.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise BuildError(f"'{file}' is not encoded in UTF-8.") from None
+
+
+def _imported(text: str, package: str, file: Path) -> Iterator[str]:
+    """Names of modules that a text imports; of `from a import b` both a and a.b."""
+    try:
+        statements = _import_statements(text)
+    except SyntaxError as error:
+        raise BuildError(f"'{file}' is no Python text: {error.msg} in line {error.lineno}.") from None
+    for level, base, names in statements:
+        if level < 0:
+            yield from names
+            continue
+        base = importlib.util.resolve_name("." * level + base, package) if level else base
+        yield base
+        yield from (f"{base}.{name}" for name in names)
+
+
+@cache
+def _classes(text: str) -> frozenset[str]:
+    """Names of the classes at the top of a text; none where that is not Python."""
+    try:
+        body = ast.parse(text).body
+    except SyntaxError:
+        return frozenset()
+    return frozenset(node.name for node in body if isinstance(node, ast.ClassDef))
+
+
+@cache
+def _import_statements(text: str) -> Sequence[tuple[int, str, tuple[str, ...]]]:
+    """Imports of a text: dots before the module (-1 for `import a`), the module, and the names."""
+    found = []
+    for node in _nodes(ast.parse(text)):
+        names = tuple(alias.name for alias in getattr(node, "names", ()) if isinstance(alias, ast.alias))
+        if isinstance(node, ast.ImportFrom):
+            found.append((node.level, node.module or "", names))
+        elif isinstance(node, ast.Import):
+            found.append((-1, "", names))
+    return found
+
+
+def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    """All nodes but those that only type checkers see."""
+    yield tree
+    for child in ast.iter_child_nodes(tree):
+        if isinstance(child, ast.If) and ast.unparse(child.test).endswith("TYPE_CHECKING"):
+            for other in child.orelse:
+                yield from _nodes(other)
+        else:
+            yield from _nodes(child)
+
+
+def _rewritten(text: str, package: str, roots: set[str]) -> str:
+    """A text whose absolute imports of `roots` are imports from inside `package`."""
+    lines = text.encode().splitlines(keepends=True)
+    nodes = [n for n in ast.walk(ast.parse(text)) if isinstance(n, (ast.Import, ast.ImportFrom))]
+    for node in sorted(nodes, key=lambda n: (n.lineno, n.col_offset), reverse=True):
+        start, end = node.lineno - 1, (node.end_lineno or node.lineno) - 1
+        before, after = lines[start][: node.col_offset], lines[end][node.end_col_offset :]
+        statement = b"".join(lines[start : end + 1])[node.col_offset :]
+        statement = statement[: len(statement) - len(after)].decode()
+        new = _rewritten_import(node, statement, package, roots)
+        lines[start : end + 1] = (before + new.encode() + after).splitlines(keepends=True)
+    return b"".join(lines).decode()
+
+
+def _rewritten_import(
+    node: ast.Import | ast.ImportFrom, statement: str, package: str, roots: set[str]
+) -> str:
+    if isinstance(node, ast.ImportFrom):
+        if node.level or (node.module or "").split(".")[0] not in roots:
+            return statement
+        return re.sub(r"from\s+", f"from {package}.", statement, count=1)
+    parts = []
+    for alias in node.names:
+        root, _, rest = alias.name.partition(".")
+        base, _, last = alias.name.rpartition(".")
+        name = f" as {alias.asname}" if alias.asname else ""
+        if root not in roots:
+            parts.append(f"import {alias.name}{name}")
+        elif alias.asname:
+            parts.append(f"from {package}{'.' if base else ''}{base} import {last}{name}")
+        else:
+            parts += [f"import {package}.{alias.name}"] if rest else []
+            parts.append(f"from {package} import {root}")
+    return "; ".join(parts)

@@ -1,12 +1,16 @@
 """A block's equations as CasADi functions: for C code, and for what depends on what."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import casadi
 
 from .block import Block, Values
-from .instance import flatten
+from .errors import BuildError
+from .faults import equation_fault, result_line
+from .results import METHODS, Results
+from .symbol import RefusedError, Symbol, refusing_sum
 from .tangents import tangent
 
 
@@ -30,46 +34,63 @@ class SymbolicBlock:
 
 
 def evaluate_symbolically(block: Block) -> SymbolicBlock:
-    """Run the block's equations once on symbols.
+    """Run the block's equations on symbols.
 
     CasADi's simplifications are switched off meanwhile: x + 0 or x / 3 stay as the block writes
     them, so that C code and Python give the same bits.
+
+    Raises BuildError, naming block, method and line, for equations that fail, that would mean
+    something else on floats, or that are other equations when asked again (random numbers, or
+    something kept between calls).
     """
     simplify = casadi.GlobalOptions.getSimplificationOnTheFly()
     casadi.GlobalOptions.setSimplificationOnTheFly(False)
     try:
-        return _evaluate(block)
+        with refusing_sum():
+            functions, again = ([_function(block, m) for m in METHODS] for _ in range(2))
     finally:
         casadi.GlobalOptions.setSimplificationOnTheFly(simplify)
+    for method, function, other in zip(METHODS, functions, again, strict=True):
+        # a symbol kept from the first time is free in the second
+        if other.has_free() or function.serialize() != other.serialize():
+            raise BuildError(
+                f"{type(block).__name__}.{method} gives other equations when asked again; "
+                "what evolves must be a declared state, and randomness come from fmublock.noise."
+            )
+    return SymbolicBlock(*functions)
 
 
-def _evaluate(block: Block) -> SymbolicBlock:
-    layout = block.layout()
+class _SymbolicValues(Values):
+    """A block's values as symbols, which equations cannot change."""
+
+    def __setattr__(self, attribute: str, value: Any) -> None:
+        raise RefusedError("changes a value of the block; what evolves must be a declared state")
+
+
+def _function(block: Block, method: str) -> casadi.Function:
+    """One method of the block as a function of time and all values."""
+    name, layout = f"{type(block).__name__}.{method}", block.layout()
     time = casadi.SX.sym("time")
     symbols = [casadi.SX.sym(scalar.name) for scalar in layout.scalars]
-    v: Any = Values()
-    v.time = time
-    for variables in (layout.inputs, layout.parameters, layout.states, layout.discrete_states):
-        for variable in variables:
-            own = [x for x, s in zip(symbols, layout.scalars, strict=True) if s.variable is variable]
-            setattr(v, variable.attribute, own[0] if variable.size is None else own)
-
-    def function(name: str, variables: tuple[Any, ...], results: dict[str, Any]) -> casadi.Function:
-        declared = {variable.attribute for variable in variables}
-        if unknown := set(results) - declared:
-            raise TypeError(
-                f"{type(block).__name__}.{name} returns {', '.join(sorted(unknown))}, not declared as such"
-            )
-        if missing := declared - set(results):
-            raise TypeError(f"{type(block).__name__}.{name} gives no value for {', '.join(sorted(missing))}")
-        expressions = [casadi.SX(x) for x in flatten(variables, results)]
-        return casadi.Function(name, [time, casadi.vertcat(*symbols)], [casadi.vertcat(*expressions)])
-
-    return SymbolicBlock(
-        derivatives=function("derivatives", layout.states, block.derivatives(v)),
-        update=function("update", layout.discrete_states, block.update(v)),
-        outputs=function("outputs", layout.outputs, block.outputs(v)),
-    )
+    v = _SymbolicValues()
+    v.__dict__["time"] = Symbol(time)
+    for variable in (*layout.inputs, *layout.parameters, *layout.states, *layout.discrete_states):
+        own = [Symbol(symbols[r]) for r in layout.references((variable,))]
+        v.__dict__[variable.attribute] = variable.nested(own)
+    given, results = repr(vars(v)), Results(block, method)
+    try:
+        values = results.flat(getattr(block, method)(v))
+    except Exception as error:
+        raise equation_fault(block, method, error) from error
+    if repr(vars(v)) != given:
+        raise BuildError(f"{name} changes a value of the block; what evolves must be a declared state.")
+    for attribute, value in zip(results.attributes, values, strict=True):
+        if isinstance(value, float) and math.isnan(value):
+            line = result_line(block, method, attribute)
+            raise BuildError(f"{name}: {attribute}{line} is the constant NaN.")
+    expressions = [x.sx if isinstance(x, Symbol) else casadi.SX(x) for x in values]
+    arguments = [time, casadi.vertcat(*symbols)]
+    return casadi.Function(method, arguments, [casadi.vertcat(*expressions)], {"allow_free": True})
 
 
 def find_dependencies(block: Block, symbolic: SymbolicBlock) -> dict[int, list[int]]:

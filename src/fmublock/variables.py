@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import product
 from typing import Any
 
 from .units import per_second
@@ -16,10 +17,13 @@ class Variable:
     the same block, whose value is then taken when initialization ends. Its type is the
     variable's: float is Real, int Integer, bool Boolean, an `IntEnum` member Enumeration.
     `unit` is written as in Modelica ("N.m/rad", "m/s2"). `name` is the FMI name, the
-    attribute's own unless given. `size` makes an array: start may then be a sequence, the
-    equations see a list, and the FMI names are name[1] to name[size]. `terminal` bundles inputs
-    and outputs that are connected together ("drive"); where the partner has another name for the
-    variable, that follows after a dot ("sensor.x_measured").
+    attribute's own unless given. `shape` makes a vector (`shape=3`) or a matrix (`shape=(3, 3)`):
+    the equations see a list, or a list of rows, and the FMI names are x[1], x[2], ... or M[1,1],
+    M[1,2], ..., row by row. Its start is one value for all elements, or a list of this shape.
+    `terminal` bundles inputs and outputs that are connected together ("drive"); where the partner
+    has another name for the variable, that follows after a dot ("sensor.x_measured").
+
+    Raises TypeError for a start value that does not fit.
     """
 
     def __init__(
@@ -29,7 +33,7 @@ class Variable:
         unit: str | None = None,
         description: str = "",
         name: str | None = None,
-        size: int | None = None,
+        shape: int | tuple[int, ...] = (),
         minimum: float | None = None,
         maximum: float | None = None,
         nominal: float | None = None,
@@ -39,7 +43,7 @@ class Variable:
         self.unit = unit
         self.description = description
         self.name = name
-        self.size = size
+        self.shape = shape if isinstance(shape, tuple) else (shape,)
         self.minimum = minimum
         self.maximum = maximum
         self.nominal = nominal
@@ -47,6 +51,10 @@ class Variable:
         self.attribute = ""
         if isinstance(start, IntEnum):
             self.minimum, self.maximum = min(type(start)), max(type(start))
+        if not all(isinstance(n, int) and n > 0 for n in self.shape):
+            raise TypeError(f"the shape {shape!r} is neither a number of elements nor a tuple of them")
+        if not all(math.isfinite(x) for x in self._starts()):
+            raise TypeError(f"the start value {start!r} is not finite")
         if unit is not None and self.fmi_type != "Real":
             raise TypeError(
                 f"a variable with the unit '{unit}' is Real: write its start value {start!r} as a float"
@@ -74,7 +82,7 @@ class Variable:
         sample = self.start
         if isinstance(sample, Parameter):
             return "Real"
-        if isinstance(sample, Sequence):
+        while isinstance(sample, Sequence):
             sample = sample[0]
         if isinstance(sample, bool):
             return "Boolean"
@@ -88,20 +96,64 @@ class Variable:
         return type(self.start) if isinstance(self.start, IntEnum) else None
 
     def scalars(self) -> "list[ScalarVariable]":
-        """The variable itself, or the elements of an array, in order."""
+        """The variable itself, or the elements of an array, row by row."""
         assert self.name is not None
-        if self.size is None:
-            return [ScalarVariable(self, None, self.name, self._scalar_start(None))]
+        places = list(product(*(range(n) for n in self.shape)))
         return [
-            ScalarVariable(self, i, f"{self.name}[{i + 1}]", self._scalar_start(i)) for i in range(self.size)
+            ScalarVariable(self, place, self._element_name(place), start)
+            for place, start in zip(places, self._starts(), strict=True)
         ]
 
-    def _scalar_start(self, index: int | None) -> float:
+    def flat(self, value: Any) -> list[Any]:
+        """Elements of a value of this variable's shape, row by row. Raises ValueError for another shape."""
+        return _flat(value, self.shape)
+
+    def nested(self, elements: Sequence[Any]) -> Any:
+        """The value that has these elements: the opposite of `flat`."""
+        return _nested(list(elements), self.shape)
+
+    def _element_name(self, place: tuple[int, ...]) -> str:
+        return f"{self.name}[{','.join(str(i + 1) for i in place)}]" if place else str(self.name)
+
+    def _starts(self) -> list[float]:
+        """Start values of all elements."""
         parameter = self.start_parameter
-        start = parameter.start if parameter is not None else self.start
-        if index is not None and isinstance(start, Sequence):
-            start = start[index]
-        return float(start)
+        if parameter is not None:
+            if parameter.shape not in ((), self.shape):
+                given, own = _count(parameter.shape), _count(self.shape)
+                raise TypeError(f"a start parameter of {given} does not fit a variable of {own}")
+            starts = parameter._starts()
+            return starts if parameter.shape else starts * math.prod(self.shape)
+        try:
+            many = isinstance(self.start, Sequence)
+            starts = self.flat(self.start) if many else [self.start] * math.prod(self.shape)
+        except ValueError:
+            starts = [self.start]
+        if not all(isinstance(x, (float, int)) for x in starts):
+            raise TypeError(f"the start value {self.start!r} is not {_count(self.shape)}")
+        return [float(x) for x in starts]
+
+
+def _flat(value: Any, shape: tuple[int, ...]) -> list[Any]:
+    """See `Variable.flat`."""
+    length = len(value) if hasattr(value, "__len__") and not isinstance(value, str) else None
+    if length != (shape[0] if shape else None):
+        given = "one value" if length is None else f"a list of {length}"
+        raise ValueError(f"{given} is not {_count(shape)}")
+    return [x for part in value for x in _flat(part, shape[1:])] if shape else [value]
+
+
+def _nested(elements: list[Any], shape: tuple[int, ...]) -> Any:
+    """See `Variable.nested`."""
+    if not shape:
+        return elements[0]
+    part = len(elements) // shape[0]
+    return [_nested(elements[i * part : (i + 1) * part], shape[1:]) for i in range(shape[0])]
+
+
+def _count(shape: tuple[int, ...]) -> str:
+    """A shape in words: one value, 3 values, 3 x 3 values."""
+    return f"{' x '.join(str(n) for n in shape)} values" if shape else "one value"
 
 
 class Input(Variable):
@@ -126,7 +178,7 @@ class Derivative(Variable):
         name = f"der({state.name})"
         description = f"Time derivative of {state.name}"
         variable = cls(unit=None if unit is None else per_second(unit), description=description, name=name)
-        return ScalarVariable(variable, None, name, 0.0)
+        return ScalarVariable(variable, (), name, 0.0)
 
 
 class DiscreteState(Variable):
@@ -141,11 +193,12 @@ class Output(Variable):
 class ScalarVariable:
     """One scalar FMI variable: a variable of a block, or one element of an array variable.
 
-    `index` counts from 0, `name` is the FMI name (elements count from 1), `start` is the value
-    as a float (Booleans 0 or 1, enumerations their number).
+    `index` is the element's place, counted from 0 in each dimension, and empty for what is no
+    array; `name` is the FMI name (elements count from 1), `start` is the value as a float (Booleans
+    0 or 1, enumerations their number).
     """
 
     variable: Variable
-    index: int | None
+    index: tuple[int, ...]
     name: str
     start: float

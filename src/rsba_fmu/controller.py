@@ -55,13 +55,15 @@ class RsbaController(Block):
     )
 
     beta = Parameter(
-        [3000.0, 3000.0, 1000.0, 1000.0], size=4, unit="1/s", minimum=1e-9, description="Feedback gain"
+        [3000.0, 3000.0, 1000.0, 1000.0], shape=4, unit="1/s", minimum=1e-9, description="Feedback gain"
     )
-    zeta = Parameter(100.0, size=4, minimum=0.0, description="Gain of the adaptation in feedback and in (32)")
+    zeta = Parameter(
+        100.0, shape=4, minimum=0.0, description="Gain of the adaptation in feedback and in (32)"
+    )
     delta = Parameter(
-        [100.0, 100.0, 110.0, 110.0], size=4, minimum=0.0, description="Adaptation rate of (32)"
+        [100.0, 100.0, 110.0, 110.0], shape=4, minimum=0.0, description="Adaptation rate of (32)"
     )
-    sigma = Parameter([0.001, 0.001, 0.01, 0.01], size=4, minimum=0.0, description="Adaptation leak of (32)")
+    sigma = Parameter([0.001, 0.001, 0.01, 0.01], shape=4, minimum=0.0, description="Adaptation leak of (32)")
 
     x_2d_in_a_1 = Parameter(True, description="Keep -x_2d in (31), as printed; it makes the position lag")
     feed_acceleration = Parameter(False, description="Add a_d / A_2 to (39)")
@@ -104,7 +106,7 @@ class RsbaController(Block):
     )
     C_eq = Parameter(0.0, unit="N", minimum=0.0, name="model.C_eq", description="Torque per travel, as known")
 
-    theta = State(0.0, size=4, minimum=0.0, description="Adaptation parameter theta_hat")
+    theta = State(0.0, shape=4, minimum=0.0, description="Adaptation parameter theta_hat")
 
     u_q = Output(unit="V", nominal=100.0, description="q-axis voltage u_3", terminal="drive")
     u_d = Output(unit="V", nominal=100.0, description="d-axis voltage u_4", terminal="drive")

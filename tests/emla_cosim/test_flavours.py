@@ -11,7 +11,7 @@ from emla_cosim.models import FLAVOURS, MODELS, build, fmu_path
 from emla_cosim.study.joint import start_values
 from emla_fmu import observer_gains
 from emla_fmu.parameters import TILT
-from fmublock.native import host_platform
+from fmublock.platforms import host_platform
 from rsba_fmu import gains
 from tests.support.slaves import BlockSlave, fmu_slave, interface
 

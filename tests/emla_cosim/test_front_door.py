@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -283,6 +284,70 @@ def test_a_recorder_that_fails_ends_the_run_and_the_others(lift: ec.Simulation) 
     with pytest.raises(ec.RunError, match=r"^my archive cannot be written: No space left on device\.$"):
         lift.run(recorders=[kept, Full()])
     assert len(kept.rows)
+
+
+def test_a_simulation_that_is_closed_says_so(fmu_folder: Path) -> None:
+    simulation = ec.load("lift", stop_time=0.01).prepare(fmus=fmu_folder)
+    simulation.advance(0.001)
+    simulation.close()
+    simulation.close()
+    for use in (simulation.run, simulation.start, lambda: simulation.advance(0.002)):
+        with pytest.raises(ec.CommandError, match="the simulation is closed"):
+            use()
+    with pytest.raises(ec.CommandError, match="the simulation is closed"):
+        simulation["lift.plant.x_L"]
+
+
+def test_another_thread_has_to_prepare_its_own(lift: ec.Simulation) -> None:
+    refused: list[Exception] = []
+
+    class Meddling(ec.Recorder):
+        def pause(self, run: Any) -> None:
+            def meddle() -> None:
+                try:
+                    lift.run()
+                except ec.CommandError as error:
+                    refused.append(error)
+
+            thread = threading.Thread(target=meddle)
+            thread.start()
+            thread.join()
+
+    assert lift.run(recorders=[Meddling()]).problem is None
+    assert refused
+    assert "another thread uses this simulation" in str(refused[0])
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "",
+        ".",
+        "/",
+        "..",
+        "#",
+        "a#b",
+        "x\0y",
+        "y" * 5000,
+        "~",
+        "-",
+        "study/",
+        " study",
+        "lift\n",
+        "a.toml/b",
+        "*",
+        "é.ssp",
+        3,
+        None,
+    ],
+)
+def test_what_is_no_scenario_is_one_sentence(
+    source: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ec.CommandError) as found:
+        ec.load(source)
+    assert str(found.value).count("\n") == str(source).count("\n")
 
 
 # ---- what users add --------------------------------------------------------------------------------

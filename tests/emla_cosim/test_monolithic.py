@@ -20,7 +20,8 @@ from emla_cosim.master.stepping.timing import timing
 from emla_fmu import Disturbance, DisturbanceReading, EmlaObserver, EmlaPlant, TorqueSource
 from fmublock import Block, Output, Parameter
 from fmublock.block import Values
-from fmublock.instance import Instance, flatten
+from fmublock.instance import Instance
+from fmublock.results import Results
 from rsba_fmu import RsbaController
 from rsba_fmu.gains import PUBLISHED
 from tests.support import reference_model as paper
@@ -313,13 +314,14 @@ def values(*given: Mapping[str, Any], **more: Any) -> Values:
 
 def rates(block: Block, v: Values) -> list[float]:
     """Derivatives of the continuous states in their order."""
-    return flatten(block.layout().states, block.derivatives(v))
+    return Results(block, "derivatives").flat(block.derivatives(v))
 
 
 def shown(block: Block, v: Values) -> dict[str, float]:
     """States and outputs by FMI name."""
     layout = block.layout()
-    found = flatten((*layout.states, *layout.outputs), {**vars(v), **block.outputs(v)})
+    found = [x for state in layout.states for x in state.flat(getattr(v, state.attribute))]
+    found += Results(block, "outputs").flat(block.outputs(v))
     names = [s.name for x in (*layout.states, *layout.outputs) for s in x.scalars()]
     return dict(zip(names, found, strict=True))
 

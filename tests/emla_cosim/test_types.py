@@ -12,9 +12,7 @@ from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.units import LinearTransformation
-from fmublock import Block, DiscreteState, Input, Output, Parameter, where
-from fmublock.native import build_native, host_platform, native_draft
-from tests.support.toy_fmu import DOCUMENTS, PRODUCER
+from fmublock import Block, DiscreteState, Input, Output, Parameter, build, where
 
 
 class Gear(IntEnum):
@@ -54,9 +52,7 @@ class Counter(Block):
 
 @pytest.fixture(scope="module")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("counter") / "Counter.fmu"
-    build_native(native_draft(Counter(), PRODUCER, DOCUMENTS), [host_platform()], path)
-    return path
+    return build(Counter, tmp_path_factory.mktemp("counter") / "Counter.fmu")
 
 
 def pair(*wires: tuple[str, str], **connection: Any) -> System:

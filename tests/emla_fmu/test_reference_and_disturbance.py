@@ -39,9 +39,8 @@ def outputs_at(
 
 def evaluate(time: float, **parameters: Any) -> dict[str, float]:
     """The reference at one time, straight from its equations."""
-    defaults = {
-        v.attribute: v.start if v.size is None else [v.start] * v.size for v in Reference.layout().parameters
-    }
+    parameters_ = Reference.layout().parameters
+    defaults = {v.attribute: v.nested([s.start for s in v.scalars()]) for v in parameters_}
     return Reference().outputs(SimpleNamespace(**{**defaults, **parameters, "time": time}))
 
 

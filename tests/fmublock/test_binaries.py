@@ -10,7 +10,7 @@ import lief
 import pytest
 
 from emla_cosim.models import MODELS, build
-from fmublock.native import TARGETS
+from fmublock.platforms import TARGETS
 
 WINDOWS_SYSTEM_DLLS = re.compile(r"(kernel32|ntdll|api-ms-win-crt-[a-z]+-l1-1-0)\.dll", re.IGNORECASE)
 GLIBC = (2, 17)  # of 2012; what every Linux of the last decade has

@@ -1,6 +1,8 @@
 """The function set gives the same bits on floats and as generated from symbols."""
 
 import math
+import struct
+from itertools import product
 
 import casadi
 import hypothesis.strategies as st
@@ -11,8 +13,12 @@ from hypothesis import given
 import fmublock
 from fmublock.noise import MODULUS, lehmer, normal, uniform
 
-UNARY = ("sin", "cos", "arctan", "exp", "log", "sqrt", "floor", "sign")
-BINARY = ("minimum", "maximum", "mod")
+UNARY = (
+    *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "tanh"),
+    *("exp", "log", "sqrt", "floor", "sign", "logical_not"),
+)
+BINARY = ("arctan2", "minimum", "maximum", "mod", "logical_and", "logical_or")
+SPECIAL = (0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 2.5, -2.5, 5e-324, 1e308, math.inf, -math.inf, math.nan)
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 any_float = st.floats(width=64)
 
@@ -25,23 +31,59 @@ def _function(name: str, arity: int) -> casadi.Function:
 SYMBOLIC = {name: _function(name, 1) for name in UNARY} | {name: _function(name, 2) for name in BINARY}
 
 
-def _same(a: float, b: float) -> bool:
-    """Equal as numbers, or both NaN; min and max may choose either zero."""
-    return a == b or (math.isnan(a) and math.isnan(b))
+def _same(name: str, a: float, b: float) -> bool:
+    """The same bits, or both NaN; of two zeros min and max may choose either."""
+    if name in ("minimum", "maximum") and a == b == 0.0:
+        return True
+    return (math.isnan(a) and math.isnan(b)) or struct.pack("d", a) == struct.pack("d", b)
 
 
 @pytest.mark.parametrize("name", UNARY)
 @given(x=any_float)
 def test_unary_functions_on_floats_agree_with_symbols(name: str, x: float) -> None:
-    if name in ("sin", "cos") and not math.isfinite(x):
-        return  # a step with an infinite state is discarded either way
-    assert _same(getattr(fmublock, name)(x), float(SYMBOLIC[name](x)))
+    for value in (x, math.remainder(x, 4.0) if math.isfinite(x) else x):
+        assert _same(name, getattr(fmublock, name)(value), float(SYMBOLIC[name](value)))
 
 
 @pytest.mark.parametrize("name", BINARY)
 @given(x=any_float, y=any_float)
 def test_binary_functions_on_floats_agree_with_symbols(name: str, x: float, y: float) -> None:
-    assert _same(getattr(fmublock, name)(x, y), float(SYMBOLIC[name](x, y)))
+    assert _same(name, getattr(fmublock, name)(x, y), float(SYMBOLIC[name](x, y)))
+
+
+@pytest.mark.parametrize("name", [*UNARY, *BINARY])
+def test_functions_agree_at_zeros_infinities_and_nan(name: str) -> None:
+    arity = 1 if name in UNARY else 2
+    for arguments in product(SPECIAL, repeat=arity):
+        found, expected = getattr(fmublock, name)(*arguments), float(SYMBOLIC[name](*arguments))
+        assert _same(name, found, expected), arguments
+
+
+@pytest.mark.parametrize(
+    "name", ["minimum", "maximum", "mod", "floor", "sign", "sin", "arctan2", "sqrt", "where"]
+)
+def test_functions_give_floats_of_whole_numbers_too(name: str) -> None:
+    """An int zero would lose its sign."""
+    arguments = {"where": (True, 3, 2)}.get(name, (3, 2))
+    if name in UNARY:
+        arguments = (4,)
+    assert type(getattr(fmublock, name)(*arguments)) is float
+
+
+@given(st.lists(st.tuples(finite, finite), min_size=1, max_size=5))
+def test_dot_adds_from_the_first_element_on(pairs: list[tuple[float, float]]) -> None:
+    expected = pairs[0][0] * pairs[0][1]
+    for x, y in pairs[1:]:
+        expected += x * y
+    found = fmublock.dot([x for x, _ in pairs], [y for _, y in pairs])
+    assert _same("dot", found, expected)
+
+
+def test_matvec_multiplies_rows() -> None:
+    M, x = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], [7.0, 8.0, 9.0]
+    assert fmublock.matvec(M, x) == (np.array(M) @ x).tolist()
+    with pytest.raises(ValueError, match="shorter"):
+        fmublock.matvec(M, x[:2])
 
 
 @given(x=finite, y=finite)

@@ -1,17 +1,33 @@
 """A block as a running slave: phases, frozen outputs, discards, state."""
 
 import math
-from typing import Any
+import re
+from pathlib import Path
+from typing import Any, ClassVar
 
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+from fmpy.validation import validate_fmu
 from hypothesis import given, settings
 from scipy.integrate import solve_ivp
 
-from fmublock import Block, Input, Output, Parameter, State
-from fmublock.instance import BlockError, Instance, StepDiscardedError
+from fmublock import (
+    Block,
+    BlockError,
+    BuildError,
+    Input,
+    Instance,
+    Output,
+    Parameter,
+    State,
+    StepDiscardedError,
+    build,
+)
+from fmublock.results import EquationError
 from fmublock.symbolic import evaluate_symbolically
+from tests.support.arm import Arm
+from tests.support.sessions import opened
 from tests.support.toy import Toy
 
 REFERENCE = Toy.layout().reference
@@ -185,24 +201,111 @@ def test_an_equation_cannot_use_what_is_not_declared() -> None:
     instance = Instance(Wrong())
     with pytest.raises(AttributeError, match="no variable 'w'"):
         instance.get([1])
-    with pytest.raises(AttributeError, match="no variable 'w'"):
+    with pytest.raises(BuildError, match=r"Wrong.outputs, y: `v.w` in line .* no variable 'w'"):
         evaluate_symbolically(Wrong())
 
 
-def test_a_result_that_is_not_declared_or_missing_is_named() -> None:
-    class Extra(Block):
-        x = State(0.0)
+class Pair(Block):
+    """Results of two shapes, as `results` of the class says."""
 
-        def derivatives(self, v: Any) -> dict[str, Any]:
-            return {"x": v.x, "z": v.x}
+    results: ClassVar[Any] = None
+    u = Input(1.0)
+    M = Output(shape=(2, 2))
+    P = Output()
 
-    class Missing(Block):
-        x = State(0.0)
+    def outputs(self, v: Any) -> Any:
+        return {"M": [[v.u, 0.0], [0.0, v.u]], "P": v.u} if self.results is None else self.results
 
-    with pytest.raises(TypeError, match=r"Extra.derivatives returns z, not declared"):
-        evaluate_symbolically(Extra())
-    with pytest.raises(TypeError, match=r"Missing.derivatives gives no value for x"):
-        evaluate_symbolically(Missing())
+
+@pytest.mark.parametrize(
+    ("results", "sentence"),
+    [
+        ({"P": 1.0}, "Wrong.outputs gives no value for M."),
+        ({"P": 1.0, "M": [[1.0, 2.0]] * 2, "Q": 1.0, "R": 2.0}, "Wrong.outputs returns Q, R, not declared"),
+        ({"P": 1.0, "M": [[1.0, 2.0]] * 3}, "Wrong.outputs: M is wrong: a list of 3 is not 2 x 2 values."),
+        ({"P": 1.0, "M": [[1.0, 2.0], [3.0]]}, "Wrong.outputs: M is wrong: a list of 1 is not 2 values."),
+        ({"P": 1.0, "M": 1.0}, "Wrong.outputs: M is wrong: one value is not 2 x 2 values."),
+        ({"P": [1.0], "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is wrong: a list of 1 is not one value."),
+        ({"P": "1", "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is '1', which is no number."),
+        ({"P": None, "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is None, which is no number."),
+        ([1.0], r"Wrong.outputs returns \[1.0\] instead of a dict"),
+    ],
+)
+def test_what_a_method_returns_is_checked_alike_in_a_run_and_in_an_export(
+    results: Any, sentence: str
+) -> None:
+    block = type("Wrong", (Pair,), {"results": results})()
+    with pytest.raises(EquationError, match=sentence):
+        Instance(block).get([0])
+    with pytest.raises(BuildError, match=sentence):
+        evaluate_symbolically(block)
+
+
+def test_values_have_names_and_arrays_are_lists() -> None:
+    instance = Instance(Toy(), "toy")
+    assert instance["spring.k"] == [3.0, 0.25]
+    instance["spring.k"] = [5.0, 6.0]
+    instance["spring.k[2]"] = 7
+    instance["damped"] = False
+    instance["x_0"] = 0.5
+    assert (instance["spring.k"], instance["spring.k[1]"]) == ([5.0, 7.0], 5.0)
+    assert (instance["damped"], instance["x"], instance["inverse"]) == (0.0, 0.5, 2.0)
+    pair = Instance(Pair())
+    pair["u"] = 2.0
+    assert pair["M"] == [[2.0, 0.0], [0.0, 2.0]]
+    assert (pair["M[2,2]"], pair["M[1,2]"]) == (2.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("spring.K", 1.0, "toy: there is no variable 'spring.K'; did you mean 'spring.k'"),
+        ("zzz", 1.0, "toy: there is no variable 'zzz'."),
+        ("spring.k", 1.0, "toy: 1.0 is no value for spring.k: one value is not 2 values"),
+        ("spring.k", [1.0], r"toy: \[1.0\] is no value for spring.k: a list of 1 is not 2 values"),
+        ("x_0", "much", "toy: 'much' is no value for x_0"),
+        ("x_0", [1.0], r"toy: \[1.0\] is no value for x_0"),
+        ("power", 1.0, "toy: power is computed by the block"),
+    ],
+)
+def test_names_and_values_that_do_not_fit_are_refused(name: str, value: Any, sentence: str) -> None:
+    with pytest.raises(BlockError, match=sentence):
+        Instance(Toy(), "toy")[name] = value
+
+
+def test_matrices_have_structured_names_row_by_row() -> None:
+    scalars = {s.name: s.start for s in Arm.layout().scalars}
+    assert list(scalars)[4:12] == [
+        "M[1,1]", "M[1,2]", "M[1,3]", "M[2,1]", "M[2,2]", "M[2,3]", "same[1,1]", "same[2,1]",
+    ]  # fmt: skip
+    assert list(scalars.values())[4:12] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 7.0]
+
+
+def test_every_element_starts_from_its_own_element_of_the_parameter() -> None:
+    instance = Instance(Arm())
+    instance["q_0"] = [1.0, 10.0, 100.0]
+    instance["level"] = 4.0
+    instance["M[2,3]"] = 0.0
+    assert instance["q"] == [1.0, 10.0, 100.0]
+    assert instance["w"] == [4.0, 4.0]
+    assert instance["y"] == [321.0, 54.0]
+    with pytest.raises(BlockError, match=r"q\[2\] is computed by the block"):
+        instance["q[2]"] = 1.0
+
+
+def test_a_matrix_gives_the_same_numbers_in_every_flavour(tmp_path: Path) -> None:
+    values = {"q_0[2]": 0.7, "M[2,1]": -3.5, "level": 0.25}
+    names = [s.name for s in Arm.layout().scalars if s.variable in (*Arm.layout().states, Arm.y)]
+    instance = Instance(Arm())
+    for name, value in values.items():
+        instance[name] = value
+    expected = [instance[n] for n in names]
+    for flavour in ("native", "python"):
+        path = build(Arm, tmp_path / flavour / "Arm.fmu", flavour=flavour)
+        assert validate_fmu(str(path)) == []
+        with opened(path, tmp_path / f"{flavour}-unpacked") as session:
+            found = session.get(session.instance("arm", **values), *names)
+        assert found == expected, flavour
 
 
 def test_names_must_differ_and_units_need_floats() -> None:
@@ -214,3 +317,34 @@ def test_names_must_differ_and_units_need_floats() -> None:
         Twice.layout()
     with pytest.raises(TypeError, match="write its start value 1 as a float"):
         Parameter(1, unit="m")
+
+
+@pytest.mark.parametrize(
+    ("start", "shape", "sentence"),
+    [
+        ([1.0, 2.0], 3, r"\[1.0, 2.0\] is not 3 values"),
+        ([[1.0, 2.0], [3.0]], (2, 2), "is not 2 x 2 values"),
+        ([1.0, 2.0], (), "is not one value"),
+        ("1", (), "'1' is not one value"),
+        (1.0, 0, "the shape 0 is neither"),
+        (1.0, (2, 1.5), "is neither a number of elements nor a tuple"),
+        (math.nan, (), "the start value nan is not finite"),
+        (
+            Parameter([1.0, 2.0], shape=2),
+            3,
+            "a start parameter of 2 values does not fit a variable of 3 values",
+        ),
+    ],
+)
+def test_start_values_that_do_not_fit_are_refused(start: Any, shape: Any, sentence: str) -> None:
+    with pytest.raises(TypeError, match=sentence):
+        State(start, shape=shape)
+
+
+@pytest.mark.parametrize("name", ["speed of screw", 'a"b', "x[", "1x", "größe", ""])
+def test_names_are_structured_names(name: str) -> None:
+    class Odd(Block):
+        a = Parameter(1.0, name=name)
+
+    with pytest.raises(TypeError, match=f"Odd has the name '{re.escape(name)}'"):
+        Odd.layout()

@@ -9,9 +9,8 @@ from textwrap import dedent
 
 import pytest
 
-from fmublock.python_flavour import build_python, python_draft
+from fmublock import build
 from tests.support.sessions import DISCARD, FATAL, Session, opened, refused
-from tests.support.toy_fmu import DOCUMENTS, PRODUCER
 
 FRAGILE = """
     from enum import IntEnum
@@ -81,10 +80,10 @@ def fragile_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "fragile.py").write_text(dedent(FRAGILE))
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(folder)
-        block = importlib.import_module("fragile").Fragile()
-        build_python(python_draft(block, PRODUCER, DOCUMENTS), folder / "Fragile.fmu")
+        block = importlib.import_module("fragile").Fragile
+        path = build(block, folder / "Fragile.fmu", flavour="python")
         del sys.modules["fragile"]
-    return folder / "Fragile.fmu"
+    return path
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """What goes into a PythonFMU FMU: the block's sources, moved, and nothing foreign."""
 
-import importlib
+import os
 import subprocess
 import sys
 import zipfile
@@ -10,25 +10,52 @@ from textwrap import dedent
 import pytest
 from fmpy import simulate_fmu
 
-from fmublock.export import BuildError
-from fmublock.python_flavour import build_python, python_draft
+from fmublock import BuildError, build, load_block
 from fmublock.sources import gather_sources, move_into_package
-from tests.support.toy_fmu import DOCUMENTS, PRODUCER, build_toy
+from tests.support.toy import Toy
+from tests.support.toy_fmu import build_toy
 
 
 def test_everything_a_block_imports_is_gathered() -> None:
-    sources = gather_sources(["toy", "fmublock.block", "fmublock.instance"])
-    assert set(sources) == {
-        "toy.py", "fmublock/__init__.py", "fmublock/block.py", "fmublock/functions.py",
-        "fmublock/instance.py", "fmublock/noise.py", "fmublock/units.py", "fmublock/variables.py",
+    assert set(gather_sources(Toy, "instance").texts) == {
+        "tests/__init__.py", "tests/support/__init__.py", "tests/support/toy.py",
+        "fmublock/__init__.py", "fmublock/block.py", "fmublock/functions.py", "fmublock/instance.py",
+        "fmublock/noise.py", "fmublock/results.py", "fmublock/units.py", "fmublock/variables.py",
     }  # fmt: skip
 
 
 def test_moved_sources_import_each_other_and_not_what_is_installed() -> None:
-    moved = move_into_package(gather_sources(["toy", "fmublock.block"]), "Toy_123")
-    assert "from Toy_123.fmublock import (" in moved["Toy_123/toy.py"]
-    assert "from Toy_123.fmublock.noise import lehmer, uniform" in moved["Toy_123/toy.py"]
-    assert not any("\nfrom fmublock" in text or "\nfrom toy" in text for text in moved.values())
+    moved = move_into_package(gather_sources(Toy, "instance").texts, "Toy_123")
+    assert "from Toy_123.fmublock import (" in moved["Toy_123/tests/support/toy.py"]
+    assert "from Toy_123.fmublock.noise import lehmer, uniform" in moved["Toy_123/tests/support/toy.py"]
+    assert not any("\nfrom fmublock" in text or "\nfrom tests" in text for text in moved.values())
+
+
+@pytest.mark.parametrize(
+    ("statement", "moved"),
+    [
+        ("import helper", "from P import helper"),
+        ("import helper as h", "from P import helper as h"),
+        ("import math, helper, os.path as p", "import math; from P import helper; import os.path as p"),
+        ("import parts.gear as g", "from P.parts import gear as g"),
+        ("import parts.gear", "import P.parts.gear; from P import parts"),
+        ("from helper import (\n    a,\n    b as c,\n)", "from P.helper import (\n    a,\n    b as c,\n)"),
+        ("from parts.gear import *", "from P.parts.gear import *"),
+        ("if True: import helper; import parts", "if True: from P import helper; from P import parts"),
+        ("s = 'ä'; import helper  # of mine", "s = 'ä'; from P import helper  # of mine"),
+        ("from . import helper", "from . import helper"),
+        ("from helpers import a", "from helpers import a"),
+        ('"""Text\nfrom helper import a\n"""', '"""Text\nfrom helper import a\n"""'),
+    ],
+)
+def test_every_way_to_import_is_moved(statement: str, moved: str) -> None:
+    sources = {
+        "mine.py": f"{statement}\nx = 1\n",
+        "helper.py": "",
+        "parts/__init__.py": "",
+        "parts/gear.py": "",
+    }
+    assert move_into_package(sources, "P")["P/mine.py"] == f"{moved}\nx = 1\n"
 
 
 def test_an_import_beyond_the_standard_library_is_refused(
@@ -51,7 +78,7 @@ def test_an_import_beyond_the_standard_library_is_refused(
     with pytest.raises(
         BuildError, match="greedy imports numpy; a block may import the standard library only"
     ):
-        python_draft(Greedy(), PRODUCER, DOCUMENTS)
+        build(Greedy, tmp_path / "Greedy.fmu", flavour="python")
 
 
 def test_the_fmu_runs_without_any_package_installed(tmp_path: Path) -> None:
@@ -74,30 +101,42 @@ def test_the_fmu_runs_without_any_package_installed(tmp_path: Path) -> None:
     assert run.stdout.strip() == "[0.5] False", run.stderr
 
 
-def test_two_fmus_of_the_same_names_run_their_own_equations_in_one_process(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two scripts twin.py with a block Twin each: users' tools run the first one's model twice."""
+def test_two_fmus_of_the_same_names_run_their_own_equations_in_one_process(tmp_path: Path) -> None:
+    """Two files twin.py with a block Twin each, and a helper; tools ran the first one twice."""
     results = []
     for factor in (2.0, 3.0):
         folder = tmp_path / str(factor)
         folder.mkdir()
-        text = f"""
+        (folder / "helper.py").write_text(f"FACTOR = {factor}\n")
+        text = """
+            import helper
             from fmublock import Block, Output
 
             class Twin(Block):
                 y = Output()
 
                 def outputs(self, v):
-                    return {{"y": {factor} * v.time}}
+                    return {"y": helper.FACTOR * v.time}
         """
         (folder / "twin.py").write_text(dedent(text))
-        with monkeypatch.context() as patch:
-            patch.syspath_prepend(folder)
-            twin = importlib.import_module("twin")
-            build_python(python_draft(twin.Twin(), PRODUCER, DOCUMENTS), folder / "Twin.fmu")
-            del sys.modules["twin"]
+        block = load_block(f"{folder / 'twin.py'}:Twin")
+        build(block, folder / "Twin.fmu", flavour="python")
+        build(block, folder / "native.fmu")
     for factor in (2.0, 3.0):
-        path = str(tmp_path / str(factor) / "Twin.fmu")
-        results.append(simulate_fmu(path, stop_time=1.0, step_size=0.5, output_interval=0.5)["y"][-1])
-    assert results == [2.0, 3.0]
+        for name in ("Twin", "native"):
+            path = str(tmp_path / str(factor) / f"{name}.fmu")
+            run = simulate_fmu(path, stop_time=1.0, step_size=0.5, output_interval=0.5)
+            results.append(run["y"][-1])
+    assert results == [2.0, 2.0, 3.0, 3.0]
+
+
+def test_a_file_that_changed_after_the_block_was_defined_is_refused(tmp_path: Path) -> None:
+    """What runs and what would be written differ."""
+    file = tmp_path / "late.py"
+    text = "from fmublock import Block, Output\n\n\nclass Late(Block):\n    y = Output()\n\n"
+    file.write_text(text + "    def outputs(self, v):\n        return {'y': 1.0}\n")
+    block = load_block(f"{file}:Late")
+    file.write_text(text + "    def outputs(self, v):\n        return {'y': 2.0}\n")
+    os.utime(file, (block.origin.time + 1.0,) * 2)
+    with pytest.raises(BuildError, match=r"late.py' has changed since late was imported"):
+        build(block, tmp_path / "Late.fmu", flavour="python")

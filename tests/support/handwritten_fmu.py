@@ -11,7 +11,7 @@ from string import Template
 import fmpy
 
 from fmublock.archive import content_guid, write_archive
-from fmublock.native import TARGETS, host_platform
+from fmublock.platforms import TARGETS, host_platform
 
 _FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-s"]
 # the FMI says which parameters a function has, whether it needs them or not

@@ -88,7 +88,7 @@ def modifications(model: str, values: Mapping[str, Any]) -> str:
         name = name_in(model, fmi_name)
         if name is None:
             continue
-        name = name if scalar.index is None else name.rpartition("[")[0]
+        name = name.rpartition("[")[0] if scalar.index else name
         name += ".start" if isinstance(scalar.variable, State) else ""
         group, _, rest = name.partition(".")
         groups.setdefault(group, {}).setdefault(rest, []).append(_literal(scalar.variable, value))
@@ -109,8 +109,8 @@ def declared(model: str) -> Iterator[tuple[ScalarVariable, str]]:
     """
     for scalar in SCALARS[model].values():
         name = name_in(model, scalar.name)
-        if name is not None and not scalar.index and not name.startswith("P["):
-            yield scalar, name if scalar.index is None else name.rpartition("[")[0]
+        if name is not None and not any(scalar.index) and not name.startswith("P["):
+            yield scalar, name.rpartition("[")[0] if scalar.index else name
 
 
 def _modification(group: str, inside: Mapping[str, list[str]]) -> str:

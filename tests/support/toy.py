@@ -29,7 +29,7 @@ class Toy(Block):
 
     force = Input(0.5, unit="N", description="Force on the mass")
     mass = Parameter(2.0, unit="kg", minimum=0.1, maximum=10.0, name="body.mass")
-    gains = Parameter([3.0, 0.25], size=2, unit="N/m", minimum=0.0, name="spring.k")
+    gains = Parameter([3.0, 0.25], shape=2, unit="N/m", minimum=0.0, name="spring.k")
     shape = Parameter(Shape.LINEAR)
     damped = Parameter(True)
     count = Parameter(3, minimum=1, maximum=9)
@@ -37,7 +37,7 @@ class Toy(Block):
     x_0 = Parameter(0.125, unit="m")
 
     x = State(x_0, unit="m")
-    v = State([0.5, -0.5], size=2, unit="m/s")
+    v = State([0.5, -0.5], shape=2, unit="m/s")
     random = DiscreteState(seed)
     step_count = DiscreteState(0.0)
 

@@ -2,10 +2,7 @@
 
 from pathlib import Path
 
-from fmublock.description import Producer
-from fmublock.export import Documents
-from fmublock.native import build_native, host_platform, native_draft
-from fmublock.python_flavour import build_python, python_draft
+from fmublock import Documents, Producer, build
 from tests.support.toy import Toy
 
 PRODUCER = Producer("test", "1.0", "MIT")
@@ -14,8 +11,4 @@ DOCUMENTS = Documents("# Toy\n\n$$\n\\dot x = \\frac{F}{m}\n$$\n", "Do what you 
 
 def build_toy(flavour: str, path: Path) -> Path:
     """Build the toy's FMU at this path."""
-    if flavour == "native":
-        build_native(native_draft(Toy(), PRODUCER, DOCUMENTS), [host_platform()], path)
-    else:
-        build_python(python_draft(Toy(), PRODUCER, DOCUMENTS), path)
-    return path
+    return build(Toy, path, flavour=flavour, producer=PRODUCER, documents=DOCUMENTS)

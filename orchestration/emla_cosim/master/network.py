@@ -6,12 +6,10 @@ from heapq import heapify, heappop, heappush
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Indices, Vector
 from ..errors import CommandError, RunError, listed
-from .slaves.slave import Slave, Vector
-
-Indices = NDArray[np.intp]
+from .slaves.slave import Slave
 
 
 @dataclass(frozen=True)

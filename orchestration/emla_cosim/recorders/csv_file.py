@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from ..master.slaves.slave import Vector
+from ..arrays import Vector
 from .recorder import Outline
 from .table import Table
 

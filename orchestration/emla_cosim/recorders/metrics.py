@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..master.slaves.slave import Vector
+from ..arrays import Vector
 from .recorder import Outline, Recorder
 
 Figures = Mapping[str, Mapping[str, Any]]

@@ -8,7 +8,7 @@ from typing import Any
 
 import polars
 
-from ..master.slaves.slave import Vector
+from ..arrays import Vector
 from .recorder import Outline
 from .table import Table
 

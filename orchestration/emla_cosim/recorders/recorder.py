@@ -7,8 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..arrays import Vector
 from ..errors import RunError
-from ..master.slaves.slave import Vector
 from ..master.stepping.stepping import Stepping
 from ..master.stepping.timing import Timing
 from ..units import LinearTransformation, Unit

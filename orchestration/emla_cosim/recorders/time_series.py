@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..master.slaves.slave import Vector
+from ..arrays import Vector
 from .recorder import Outline
 from .table import Table
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Vector
 from ..errors import CommandError, RunError
-from ..master.slaves.slave import Vector
 from ..progress import Progress
 from ..recorders.recorder import Outline, Recorder, recording
 from ..recorders.registry import TABLES

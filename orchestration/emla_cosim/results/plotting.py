@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..arrays import Vector
 from ..errors import CommandError
-from ..master.slaves.slave import Vector
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

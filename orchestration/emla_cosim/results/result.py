@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..arrays import Vector
 from ..errors import CommandError
-from ..master.slaves.slave import Vector
 from ..master.stepping.timing import Timing
 from ..recorders.metrics import Figures, Shown
 from ..recorders.table import Table

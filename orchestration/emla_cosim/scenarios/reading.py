@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import CommandError, listed
+from ..files import read_text
 from ..options import Options
 from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
@@ -27,11 +28,14 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     """
     if isinstance(source, System):
         return Scenario("system", "", source, Options().updated(given))
+    if not isinstance(source, (str, Path)):
+        raise CommandError(f"a scenario is a name, a path or a System, not {source!r}.")
     name, path = str(source), Path(source)
     if name in SCENARIOS:
         return _of_file(built_in(name), name, given)
     if path.suffix.lower() == ".toml":
-        return _of_file(_read(path), path.stem, given)
+        read = parse_scenario(read_text(path, "the scenario"), str(path), path.parent)
+        return _of_file(read, path.stem, given)
     if _is_ssp(path):
         return _of_ssp(path, None, ScenarioFile("", "", {}, str(path), Path()), given)
     raise CommandError(
@@ -40,16 +44,6 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
         name=name,
         choices=list(SCENARIOS),
     )
-
-
-def _read(path: Path) -> ScenarioFile:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise CommandError(f"the scenario '{path}' cannot be read: {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise CommandError(f"the scenario '{path}' is not a text in UTF-8.") from error
-    return parse_scenario(text, str(path), path.parent)
 
 
 def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenario:
@@ -109,6 +103,16 @@ class Held:
 
 
 def _is_ssp(path: Path) -> bool:
-    """Whether a path means an SSP."""
-    name = Path(path.name.partition("#")[0])
-    return name.suffix.lower() in _SSP or path.is_dir() or path.with_name(name.name or ".").is_dir()
+    """Whether a path means an SSP, without or with the name of a variant in it."""
+    return any(x.suffix.lower() in _SSP or _is_folder(x) for x in (path, _without_variant(path)))
+
+
+def _without_variant(path: Path) -> Path:
+    return path.parent / path.name.partition("#")[0]
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):  # too long a name, or one that no file can have
+        return False

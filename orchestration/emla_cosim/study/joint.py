@@ -126,4 +126,4 @@ def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
 
 def _by_fmi_name(variable: Variable, value: Any) -> dict[str, Value]:
     names = [s.name for s in variable.scalars()]
-    return dict(zip(names, [value] if variable.size is None else value, strict=True))
+    return dict(zip(names, variable.flat(value), strict=True))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..master.slaves.slave import Vector
+from ..arrays import Vector
 from ..recorders.metrics import Figures, Metrics, Shown
 from ..recorders.recorder import Outline
 

@@ -2,8 +2,6 @@
  * that both give the same bits; compile without floating-point contraction.
  */
 
-#define MAXIMUM_SUBSTEPS 1e9
-
 typedef int Equations(const casadi_real **, casadi_real **, casadi_int *, casadi_real *, int);
 
 static void evaluate(Equations *equations, double time, const double *values, double *result) {
@@ -65,7 +63,7 @@ static void hold_inputs(State *now, double elapsed) {
 
 static double substeps(const State *now, double step) {
 #if N_STATES > 0
-    const double count = ceil(step / now->values[INTERNAL_STEP] - 1e-9);
+    const double count = ceil(step / now->values[INTERNAL_STEP] - SAME_COUNT);
     return count >= 1.0 ? count : 1.0;
 #else
     (void)now, (void)step;

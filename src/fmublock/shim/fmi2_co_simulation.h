@@ -1,9 +1,5 @@
 /* Co-simulation: the communication step and its status. */
 
-#define STEP_TOLERANCE 1e-3 /* how far the host's times may be off, as a part of the step */
-#define SAME_TIME 1e-6      /* as a part of the step: what differs by less is rounding of the host */
-#define SAME_STEP 1e-9
-
 static fmi2Status check_step(const Instance *instance, double time, double step) {
     const State *now = &instance->now;
     if (!(isfinite(time + step) && step > 0.0))

@@ -11,15 +11,7 @@
 #define INPUT_ORDERS 3 /* polynomials that the internal Runge-Kutta steps integrate exactly */
 #define MESSAGE_LENGTH 512
 
-/* Phases of the FMI state machine, as bits, so that a call can name several. */
-enum {
-    INSTANTIATED = 1,
-    INITIALIZATION = 2,
-    STEP = 4,
-    EVENT = 8,
-    CONTINUOUS_TIME = 16,
-    TERMINATED = 32
-};
+/* Phases of the FMI state machine are bits, so that a call can name several. */
 #define MODEL_EXCHANGE_RUNNING (EVENT | CONTINUOUS_TIME)
 #define RUNNING (STEP | MODEL_EXCHANGE_RUNNING)
 
@@ -93,14 +85,9 @@ static fmi2Status report(const Instance *instance, fmi2Status status, const char
 /* ---- checks ---------------------------------------------------------------------------- */
 
 static const char *phase_name(int phase) {
-    switch (phase) {
-        case INSTANTIATED: return "instantiated";
-        case INITIALIZATION: return "initialization";
-        case STEP: return "step";
-        case EVENT: return "event";
-        case CONTINUOUS_TIME: return "continuous-time";
-        default: return "terminated";
-    }
+    for (size_t i = 0; i < sizeof phases / sizeof *phases; i++)
+        if (phases[i].bit == phase) return phases[i].name;
+    return "unknown";
 }
 
 static fmi2Status require(const Instance *instance, int phases, const char *action) {

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Vector
 from ...errors import CommandError
 from ...option import option, options_of
 from ..network import Link, Network
-from ..slaves.slave import Slave, Vector
+from ..slaves.slave import Slave
 from .extrapolation import EXTRAPOLATIONS, Exchange
 from .initialization import initialize
 

@@ -21,8 +21,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from ..network import Indices, Network
-from ..slaves.slave import Vector
+from ...arrays import Indices, Vector
+from ..network import Network
 
 EXTRAPOLATIONS = ("none", "master", "fmu")
 """Names of the ways to treat inputs during a step."""

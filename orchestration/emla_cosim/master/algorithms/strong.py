@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Indices, Vector
 from ...errors import RunError
 from ...option import option
-from ..network import Indices, Link, Network
-from ..slaves.slave import StepDiscardedError, Vector
+from ..network import Link, Network
+from ..slaves.slave import StepDiscardedError
 from .algorithm import Span, require
 from .in_order import InOrder
 from .quasi_newton import NoAgreementError, QuasiNewton

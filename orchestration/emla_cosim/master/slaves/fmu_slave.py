@@ -11,11 +11,12 @@ from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelVariable
 
+from ...arrays import Vector
 from ...errors import CommandError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.variables import TypedValue
 from .fmu_log import FmuLog
-from .slave import EndRequestedError, EntryPoints, Slave, SlaveError, StepDiscardedError, Vector
+from .slave import EndRequestedError, EntryPoints, Slave, SlaveError, StepDiscardedError
 from .typed_values import CONNECTABLE, TypedValues
 
 _STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")

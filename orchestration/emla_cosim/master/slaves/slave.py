@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Vector
 from ...errors import RunError
-
-Vector = NDArray[np.float64]
 
 
 class SlaveError(RunError):

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Indices, Vector
 from ...errors import CommandError, RunError
 from ..algorithms.algorithm import Algorithm, require
 from ..algorithms.explicit import Explicit
 from ..algorithms.scale import Scale
 from ..algorithms.snapshot import Snapshot
-from ..network import Indices
-from ..slaves.slave import StepDiscardedError, Vector
+from ..slaves.slave import StepDiscardedError
 from .step_control import StepControl
 from .stepping import ROUNDING, Rows, Stepping
 from .timing import Timing, clock

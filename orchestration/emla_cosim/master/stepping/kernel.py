@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Vector
 from ...errors import RunError
 from ..algorithms import explicit, extrapolation
 from ..algorithms.explicit import Explicit
-from ..slaves.slave import EntryPoints, Vector
+from ..slaves.slave import EntryPoints
 from . import layout, machine_code
 from .layout import INPUT, LOOP, OPERATION, SLAVE, Failure
 from .timing import Clock

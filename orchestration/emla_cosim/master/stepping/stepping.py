@@ -5,8 +5,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from ...arrays import Vector
 from ..algorithms.algorithm import Algorithm
-from ..slaves.slave import Vector
 from .timing import Timing
 
 ROUNDING = 1e-6

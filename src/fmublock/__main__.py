@@ -1,0 +1,62 @@
+"""`python -m fmublock build mine.py:Drive`: FMUs of blocks, from any folder."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from .building import build
+from .errors import BuildError, LoadError
+from .loading import load_block
+from .platforms import TARGETS
+from .recipe import FLAVOURS
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"Error: {message}; see {self.prog} --help.\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns 0, 1 where an FMU could not be built, 2 where the command is wrong."""
+    parser = _Parser("python -m fmublock", description="Build blocks as FMI 2.0 FMUs.")
+    command = parser.add_subparsers(required=True, metavar="build", parser_class=_Parser).add_parser(
+        "build", help="build FMUs of blocks", description="Build FMUs of blocks."
+    )
+    command.add_argument("blocks", nargs="+", metavar="FILE.py:BLOCK", help="file and class of a block")
+    command.add_argument("--flavour", choices=FLAVOURS, default="native", help="native without")
+    command.add_argument(
+        "--platform",
+        action="append",
+        choices=TARGETS,
+        default=[],
+        help="FMI platform of a native FMU's binaries (repeatable); this machine's without",
+    )
+    command.add_argument(
+        "--output",
+        type=Path,
+        default=Path(),
+        metavar="DIR",
+        help="folder to write BLOCK.fmu to; this one without",
+    )
+    options = parser.parse_args(arguments)
+    try:
+        if options.platform and options.flavour != "native":
+            raise LoadError("PythonFMU FMUs bring PythonFMU's own binaries; leave --platform out.")
+        blocks = [load_block(place) for place in options.blocks]
+        names = [block.__name__ for block in blocks]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise LoadError(f"{', '.join(sorted(twice))} would be written twice to the same file.")
+        for block in blocks:
+            path = options.output / f"{block.__name__}.fmu"
+            build(block, path, flavour=options.flavour, platforms=options.platform)
+            print(f"{path}  {path.stat().st_size / 1024:.0f} KiB")
+    except BuildError as error:
+        print(f"Error: {error}", file=sys.stderr)
+        return 2 if isinstance(error, LoadError) else 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,70 @@
+"""From a block to the FMU's file."""
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from .block import Block
+from .errors import BuildError
+from .export import Draft
+from .native import native_binaries, native_draft
+from .platforms import host_platform
+from .python_flavour import python_binaries, python_draft
+from .recipe import Documents, Producer, Recipe
+
+
+def build(
+    block: Block | type[Block],
+    path: str | os.PathLike[str],
+    *,
+    flavour: str = "native",
+    platforms: Sequence[str] = (),
+    producer: Producer | None = None,
+    documents: Documents | None = None,
+    advance: Callable[[], None] = lambda: None,
+) -> Path:
+    """Build the FMU of a block, a class or an instance of it; returns its file.
+
+    `flavour` is native (C, compiled) or python (PythonFMU). `platforms` are the FMI platforms of a
+    native FMU's binaries ("linux64", "win64", "darwin64", "aarch64-linux", "aarch64-darwin"); none
+    is this machine's. `documents` are its page and licence; without them the page is the class's
+    docstring and the table of its variables. `advance` is called for each binary as it is compiled.
+    The same block, documents and tools give the same bytes.
+
+    Raises BuildError, one sentence, where anything is wrong with these, where the equations would
+    not mean the same in C and in Python, or where the file cannot be written.
+    """
+    recipe = Recipe.of(block, flavour, producer, documents)
+    if platforms and flavour != "native":
+        raise BuildError("PythonFMU FMUs bring PythonFMU's own binaries; leave the platforms out.")
+    draft = draft_of(recipe)
+    write_fmu(draft, recipe.key() or draft.key, flavour, platforms, Path(path), advance)
+    return Path(path)
+
+
+def draft_of(recipe: Recipe) -> Draft:
+    """The FMU of a recipe, but for its binaries. Raises BuildError."""
+    make = native_draft if recipe.flavour == "native" else python_draft
+    return make(recipe.block, recipe.producer, recipe.documents)
+
+
+def write_fmu(
+    draft: Draft,
+    key: str,
+    flavour: str,
+    platforms: Sequence[str],
+    path: Path,
+    advance: Callable[[], None] = lambda: None,
+) -> None:
+    """Add the binaries to a draft and write the FMU, with the key that tells what it is made of.
+
+    Raises BuildError.
+    """
+    if flavour == "native":
+        binaries = native_binaries(draft, platforms or (host_platform(),), advance)
+    else:
+        binaries = python_binaries(draft)
+    try:
+        draft.write(path, binaries, key)
+    except OSError as error:
+        raise BuildError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error

@@ -1,0 +1,76 @@
+"""A folder for what can be made again: built FMUs, and the caches of the tools that build them."""
+
+import os
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from .errors import BuildError
+
+VARIABLE = "EMLA_COSIM_CACHE"
+"""Environment variable that names another folder."""
+
+
+def cache_folder() -> Path:
+    """The user's cache of ours, which can be written to.
+
+    The environment variable's folder; else the user's cache of the operating system; else, where
+    there is no home or it cannot be written to (containers), a folder of ours among the temporary
+    files. Raises BuildError where the variable's folder cannot be written to.
+    """
+    named = os.environ.get(VARIABLE)
+    if named:
+        folder = Path(named).absolute()
+        if not _is_writable(folder):
+            raise BuildError(f"the folder '{named}' of {VARIABLE} cannot be written to.")
+        return folder
+    home = _home_cache()
+    return _temporary() if home is None else home / "emla-cosim"
+
+
+def tool_environment() -> dict[str, str]:
+    """Environment variables that zig and matplotlib need where there is no home to write to."""
+    if _home_cache() is not None:
+        return {}
+    folder = cache_folder()
+    places = {
+        "ZIG_GLOBAL_CACHE_DIR": folder / "zig",
+        "ZIG_LOCAL_CACHE_DIR": folder / "zig",
+        "MPLCONFIGDIR": folder / "matplotlib",
+    }
+    return {name: str(place) for name, place in places.items() if name not in os.environ}
+
+
+@cache
+def _home_cache() -> Path | None:
+    """The folder of all caches of this user; None if there is none that can be written to."""
+    from platformdirs import user_cache_path  # only where an FMU is not found without the cache
+
+    folder = user_cache_path()
+    return folder if folder.is_absolute() and _is_writable(folder) else None
+
+
+@cache
+def _temporary() -> Path:
+    """A folder for temporary files that belongs to this user alone: binaries are loaded from it."""
+    user = os.getuid() if hasattr(os, "getuid") else "user"
+    folder = Path(tempfile.gettempdir()) / f"emla-cosim-{user}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+        if folder.is_symlink() or (
+            hasattr(os, "getuid") and (status.st_uid != user or status.st_mode & 0o022)
+        ):
+            raise PermissionError
+    except OSError:
+        folder = Path(tempfile.mkdtemp(prefix="emla-cosim-"))
+    return folder
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False

@@ -1,0 +1,9 @@
+"""What goes wrong when a block becomes an FMU."""
+
+
+class BuildError(Exception):
+    """An FMU could not be built; the message is one sentence for the person who asked for it."""
+
+
+class LoadError(BuildError):
+    """There is no such block: the file, the class in it, or the file's text is wrong."""

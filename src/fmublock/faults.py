@@ -1,0 +1,146 @@
+"""Where in a block's text its equations went wrong, as one sentence."""
+
+import ast
+import linecache
+import sys
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from types import CodeType, TracebackType
+from typing import Any, NamedTuple
+
+from .block import Block
+from .errors import BuildError
+from .results import EquationError
+from .symbol import RefusedError
+
+_OWN = str(Path(__file__).parent)
+
+
+class _Place(NamedTuple):
+    """A part of a line that was being executed."""
+
+    file: str
+    line: int
+    column: int
+    text: str
+
+
+def equation_fault(block: Block, method: str, error: BaseException) -> BuildError:
+    """What an exception in a method of a block means: block, method, results, line and expression."""
+    if isinstance(error, EquationError):
+        return BuildError(str(error))
+    linecache.checkcache()  # files may have changed since other faults
+    name = f"{type(block).__name__}.{method}"
+    function = getattr(type(block), method)
+    places = list(_places(block, function, error.__traceback__))
+    if not places:
+        return BuildError(f"{name} cannot be evaluated: {_told(error)}.")
+    first, last = places[0], places[-1]
+    results = _results_at(function, first)
+    whose = f"{name}, {' and '.join(results)}" if results else name
+    where = f"`{last.text}` in line {last.line} of {Path(last.file).name}"
+    if isinstance(error, RefusedError):
+        return BuildError(f"{whose}: {where} {error}.")
+    return BuildError(f"{whose}: {where} fails: {_told(error)}.")
+
+
+def result_line(block: Block, method: str, result: str) -> str:
+    """The line in which a method returns a result, as ` in line 7 of mine.py`; empty if unknown."""
+    function = getattr(type(block), method)
+    for node in ast.walk(_definition(function) or ast.Module([], [])):
+        if isinstance(node, ast.Dict):
+            for key, value in zip(node.keys, node.values, strict=True):
+                if isinstance(key, ast.Constant) and key.value == result:
+                    return f" in line {value.lineno} of {Path(function.__code__.co_filename).name}"
+    return ""
+
+
+def _told(error: BaseException) -> str:
+    text = str(error).splitlines()
+    return f"{type(error).__name__}: {text[0].rstrip('.')}" if text else type(error).__name__
+
+
+def _places(block: Block, function: Any, traceback: TracebackType | None) -> Iterator[_Place]:
+    """Where the block's own text was, from the method inwards to the last place that is the user's."""
+    files = {base.origin.file for base in type(block).__mro__ if issubclass(base, Block)}
+    folders = {str(Path(file).parent) for file in files if file is not None} - {_OWN}
+    code, inside = getattr(function, "__code__", None), False
+    while traceback is not None:
+        executed = traceback.tb_frame.f_code
+        inside = inside or executed is code
+        own = executed.co_filename == getattr(code, "co_filename", None)
+        near = str(Path(executed.co_filename).parent) in folders
+        if inside and (own or near):
+            yield _place(executed, traceback)
+        traceback = traceback.tb_next
+
+
+def _place(code: CodeType, traceback: TracebackType) -> _Place:
+    position = next(islice(code.co_positions(), traceback.tb_lasti // 2, None))
+    line, end_line, column, end_column = position
+    if line is None:
+        line = traceback.tb_lineno
+    text = linecache.getline(code.co_filename, line)
+    if line == end_line and column is not None:
+        text = text.encode()[column:end_column].decode()
+    return _Place(code.co_filename, line, column or 0, text.strip() or "...")
+
+
+def _definition(function: Callable[..., Any]) -> ast.FunctionDef | None:
+    """The text of a function, parsed; None where there is no text."""
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return None
+    try:
+        tree = ast.parse("".join(linecache.getlines(code.co_filename)))
+    except SyntaxError:
+        return None
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef) and node.name == code.co_name:
+            first = min(n.lineno for n in (node, *node.decorator_list))
+            if first == code.co_firstlineno:
+                return node
+    return None
+
+
+def _results_at(function: Callable[..., Any], place: _Place) -> list[str]:
+    """The keys of the returned dict whose values come from this place, as far as names tell."""
+    definition = _definition(function)
+    names: set[str] = set()
+    results: list[str] = []
+    if definition is None:
+        return results
+
+    decided: set[ast.AST] = set()  # whatever stands under a condition that is concerned
+
+    def concerned(node: ast.AST) -> bool:
+        used = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+        return _covers(node, place) or node in decided or bool(used & names)
+
+    statements = [n for n in ast.walk(definition) if isinstance(n, ast.stmt)]
+    for statement in sorted(statements, key=lambda s: s.lineno):
+        match statement:
+            case ast.Assign(targets=targets, value=value) if concerned(value):
+                names |= _stored(targets)
+            case ast.AugAssign(target=target, value=value) if concerned(value):
+                names |= _stored([target])
+            case ast.If(test=value) | ast.While(test=value) | ast.For(iter=value) if (
+                concerned(value) or (statement.lineno, statement.col_offset) == place[1:3]
+            ):
+                decided |= set(ast.walk(statement))
+            case ast.Return(value=ast.Dict(keys=keys, values=values)):
+                pairs = zip(keys, values, strict=True)
+                results += [str(k.value) for k, v in pairs if isinstance(k, ast.Constant) and concerned(v)]
+    return results
+
+
+def _stored(targets: list[ast.expr]) -> set[str]:
+    """Names that an assignment changes."""
+    return {n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)}
+
+
+def _covers(node: ast.AST, place: _Place) -> bool:
+    start = getattr(node, "lineno", sys.maxsize), getattr(node, "col_offset", 0)
+    end = getattr(node, "end_lineno", 0), getattr(node, "end_col_offset", 0)
+    return start <= (place.line, place.column) < end

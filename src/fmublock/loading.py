@@ -1,0 +1,101 @@
+"""Blocks out of Python files that are nobody's package: `mine.py:Drive`."""
+
+import importlib.util
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from types import ModuleType
+
+from .block import Block
+from .errors import LoadError
+
+
+def load_block(place: str) -> type[Block]:
+    """The block class that `FILE.py:BLOCK` names.
+
+    The file is run as if it were imported, and may import what lies beside it; in a folder with an
+    `__init__.py` it is the module of that package. Nothing stays imported under the names of these
+    modules, so that another file of the same name can be loaded afterwards.
+
+    Raises LoadError, one sentence, where there is no such file or block, or the file fails.
+    """
+    name, _, block = place.rpartition(":")
+    if not name or not block.isidentifier():
+        raise LoadError(f"'{place}' does not name a block; write FILE.py:BLOCK.")
+    file = Path(name)
+    if not file.is_file():
+        raise LoadError(f"there is no file '{name}'.")
+    module = _run(file.resolve())
+    found = getattr(module, block, None)
+    own = [n for n, x in vars(module).items() if _is_block(x) and x.__module__ == module.__name__]
+    if found is None:
+        choice = f"its blocks are {', '.join(own)}" if own else "it defines no block"
+        raise LoadError(f"'{name}' has no {block}; {choice}.")
+    if not _is_block(found):
+        raise LoadError(f"{block} of '{name}' is not a block; derive it from fmublock.Block.")
+    return found
+
+
+def _is_block(thing: object) -> bool:
+    return isinstance(thing, type) and issubclass(thing, Block) and thing is not Block
+
+
+def _run(file: Path) -> ModuleType:
+    """The file as a module that has been run."""
+    root, parts = file.parent, [re.sub(r"\W", "_", file.stem)]
+    while (root / "__init__.py").is_file():
+        root, parts = root.parent, [root.name, *parts]
+    name = ".".join(parts)
+    spec = importlib.util.spec_from_file_location(name, file, loader=SourceFileLoader(name, str(file)))
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    with _importing_from(root):
+        try:
+            if len(parts) > 1:
+                importlib.import_module(name.rpartition(".")[0])
+            sys.modules[name] = module
+            spec.loader.exec_module(module)
+        except SyntaxError as error:
+            culprit = Path(error.filename or file).name
+            raise LoadError(f"'{culprit}' is no Python text: {error.msg} in line {error.lineno}.") from error
+        except (Exception, SystemExit) as error:
+            line = _line(error, file)
+            text = str(error).splitlines() or [""]
+            raise LoadError(f"'{file.name}' fails{line}: {type(error).__name__}: {text[0]}.") from error
+    return module
+
+
+@contextmanager
+def _importing_from(folder: Path) -> Iterator[None]:
+    """Import from this folder first, and leave no module of its behind."""
+
+    def lies_here(module: str) -> bool:
+        top = module.split(".")[0]
+        beside = (folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file()
+        return beside and top not in sys.stdlib_module_names and top != __package__
+
+    before = {name: module for name, module in sys.modules.items() if lies_here(name)}
+    for name in before:
+        del sys.modules[name]
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
+        for name in [n for n in sys.modules if lies_here(n)]:
+            del sys.modules[name]
+        sys.modules.update(before)
+
+
+def _line(error: BaseException, file: Path) -> str:
+    """The last line of the file that was run, as ` in line 3`."""
+    line, traceback = "", error.__traceback__
+    while traceback is not None:
+        if traceback.tb_frame.f_code.co_filename == str(file):
+            line = f" in line {traceback.tb_lineno}"
+        traceback = traceback.tb_next
+    return line

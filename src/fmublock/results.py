@@ -1,0 +1,62 @@
+"""What the methods of a block return, checked against what it declares."""
+
+from typing import Any
+
+from .block import Block
+from .functions import Symbolic
+
+METHODS = {"derivatives": "states", "update": "discrete_states", "outputs": "outputs"}
+"""The methods of a block, in the order in which a step uses them, and the variables that each computes."""
+
+
+class EquationError(Exception):
+    """A block's equations do not give what the block declares; a sentence with block and method."""
+
+
+class Results:
+    """The results of one method of a block: `derivatives`, `update` or `outputs`.
+
+    `attributes` are the attributes that they belong to, one per element.
+    """
+
+    def __init__(self, block: Block, method: str) -> None:
+        self._variables = getattr(block.layout(), METHODS[method])
+        self.attributes = [x.attribute for x in self._variables for _ in x.scalars()]
+        self._expected = set(self.attributes)
+        self._method = f"{type(block).__name__}.{method}"
+
+    def flat(self, values: Any) -> list[Any]:
+        """The results as one list of floats, or symbols, in the order of their value references.
+
+        Raises EquationError unless there is a number for every element of every variable that the
+        method is to compute, and nothing else.
+        """
+        if not isinstance(values, dict):
+            raise EquationError(f"{self._method} returns {values!r} instead of a dict of results.")
+        if values.keys() != self._expected:
+            raise EquationError(self._wrong_names(values))
+        found: list[Any] = []
+        for variable in self._variables:
+            value = values[variable.attribute]
+            if type(value) is float and not variable.shape:  # the frequent case first
+                found.append(value)
+                continue
+            try:
+                elements = variable.flat(value)
+            except ValueError as error:
+                raise EquationError(f"{self._method}: {variable.attribute} is wrong: {error}.") from None
+            found += [self._number(variable.attribute, x) for x in elements]
+        return found
+
+    def _wrong_names(self, values: dict[str, Any]) -> str:
+        if unknown := [str(name) for name in values if name not in self._expected]:
+            return f"{self._method} returns {', '.join(unknown)}, not declared as such."
+        missing = [x.attribute for x in self._variables if x.attribute not in values]
+        return f"{self._method} gives no value for {', '.join(missing)}."
+
+    def _number(self, attribute: str, value: Any) -> Any:
+        if isinstance(value, Symbolic):
+            return value
+        if isinstance(value, (float, int)):
+            return float(value)
+        raise EquationError(f"{self._method}: {attribute} is {value!r}, which is no number.")

@@ -1,0 +1,253 @@
+"""Where FMUs lie, when they are built again, and what that costs."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from emla_cosim.errors import CommandError, RunError
+from emla_cosim.models import MODELS, build, fmu_path
+from fmublock import Block, Documents, Input, Output, Producer, load_block, recipe
+from fmublock import cache as cache_module
+from fmublock.archive import read_built
+from fmublock.recipe import Recipe
+
+TEXT = """
+    import parts
+    from fmublock import Block, Output
+
+    class Own(Block):
+        y = Output()
+
+        def outputs(self, v):
+            return {"y": parts.GAIN * v.time}
+"""
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache; the current folder is empty, too."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setenv(cache_module.VARIABLE, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def own(folder: Path, gain: float = 2.0, text: str = TEXT) -> type[Block]:
+    (folder / "parts.py").write_text(f"GAIN = {gain}\n")
+    (folder / "own.py").write_text(dedent(text))
+    return load_block(f"{folder / 'own.py'}:Own")
+
+
+def recipe_of(block: type[Block], flavour: str = "native") -> Recipe:
+    return Recipe.of(block, flavour)
+
+
+# ---- the key -----------------------------------------------------------------------------------
+
+
+def test_the_key_changes_with_everything_that_an_fmu_is_made_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = [tmp_path / name for name in "abcd"]
+    for place in places:
+        place.mkdir()
+    block = own(places[0])
+    key = recipe_of(block).key()
+    assert key is not None and key == recipe_of(own(places[1])).key()
+    keys = [
+        key,
+        recipe_of(block, "python").key(),
+        Recipe.of(block, "native", Producer("somebody")).key(),
+        Recipe.of(block, "native", None, Documents("# Own")).key(),
+        recipe_of(own(places[2], gain=3.0)).key(),
+        recipe_of(own(places[3], text=TEXT.replace("v.time", "v.time / 2.0"))).key(),
+    ]
+    with monkeypatch.context() as patch:
+        patch.setattr(block, "default_experiment", MODELS["Reference"].default_experiment)
+        keys.append(recipe_of(block).key())
+    with monkeypatch.context() as patch:
+        patch.setattr(recipe, "_version", lambda tool: "0" if tool == "ziglang" else "1")
+        keys.append(recipe_of(block).key())
+    with monkeypatch.context() as patch:
+        patch.setattr(recipe, "_own_files", lambda: ("another shim",))
+        keys.append(recipe_of(block).key())
+    assert None not in keys
+    assert len(set(keys)) == len(keys)
+
+
+def made(gain: float) -> type[Block]:
+    class Made(Block):
+        u = Input()
+        y = Output()
+
+        def outputs(self, v: object) -> dict[str, float]:
+            return {"y": gain}
+
+    return Made
+
+
+def test_what_its_text_does_not_tell_has_no_key(tmp_path: Path) -> None:
+    assert recipe_of(made(1.0)).key() is None
+    assert recipe_of(type("Derived", (own(tmp_path),), {})).key() is None
+    foreign = own(tmp_path, text=TEXT.replace("import parts", "import numpy, parts"))
+    assert recipe_of(foreign).key() is None
+    block = own(tmp_path)
+    os.utime(tmp_path / "parts.py", (block.origin.time + 1.0,) * 2)
+    assert recipe_of(block).key() is None
+
+
+def test_blocks_without_a_key_are_told_apart_by_their_content(cache: Path) -> None:
+    one, two = (build(made(gain), "native", []) for gain in (1.0, 2.0))
+    assert one.parent != two.parent and one.read_bytes() != two.read_bytes()
+    written = one.stat().st_mtime_ns
+    assert build(made(1.0), "native", []) == one
+    assert one.stat().st_mtime_ns == written
+
+
+# ---- where an FMU lies -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("flavour", ["native", "python"])
+def test_without_a_folder_an_fmu_lies_in_the_cache_by_what_it_is_made_of(
+    cache: Path, tmp_path: Path, flavour: str
+) -> None:
+    first = build(own(tmp_path), flavour, [])
+    assert first.is_relative_to(cache) and first.name == "Own.fmu"
+    assert list(Path().iterdir()) == []
+    written = first.stat().st_mtime_ns
+    assert build(own(tmp_path), flavour, []) == first
+    other = build(own(tmp_path, gain=3.0), flavour, [])
+    assert other != first and other.is_relative_to(cache)
+    assert build(own(tmp_path, gain=2.0), flavour, []) == first
+    assert first.stat().st_mtime_ns == written
+
+
+def test_the_fmus_of_the_current_folder_come_first_and_are_kept_up_to_date(
+    cache: Path, tmp_path: Path
+) -> None:
+    here = fmu_path("Own", "native", Path("fmus"))
+    assert build(own(tmp_path), "native", ["win64"], Path("fmus")) == here
+    before = here.read_bytes()
+    assert build(own(tmp_path), "native", []) == here
+    assert read_built(here).platforms > {"win64"}  # and this machine's
+    assert build(own(tmp_path, gain=3.0), "native", []) == here
+    assert here.read_bytes() != before
+    assert read_built(here).platforms > {"win64"}
+    assert not (cache / "fmus").exists()
+    # there is none of this flavour
+    assert build(own(tmp_path), "python", []).is_relative_to(cache)
+
+
+def test_a_repacked_or_foreign_file_is_built_again(cache: Path, tmp_path: Path) -> None:
+    path = build(own(tmp_path), "native", [], Path("x"))
+    good = path.read_bytes()
+    for bad in (b"", b"PK", good[:-80], good[: len(good) // 2]):
+        path.write_bytes(bad)
+        build(own(tmp_path), "native", [], Path("x"))
+        assert path.read_bytes() == good
+
+
+def test_errors_are_sentences(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(CommandError, match="there is no model 'Nothing'; choose from"):
+        build("Nothing", "native", [])
+    wrong = own(tmp_path, text=TEXT.replace("v.time", "float(v.time)"))
+    with pytest.raises(
+        RunError, match=r"^Own could not be built: Own.outputs, y: `float\(v.time\)` in line 9"
+    ):
+        build(wrong, "native", [])
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(cache_module.VARIABLE, str(tmp_path / "file" / "cache"))
+    with pytest.raises(RunError, match=f"cache' of {cache_module.VARIABLE} cannot be written to"):
+        build("Reference", "native", [])
+
+
+# ---- no home -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder for temporary files, where there is no home."""
+    (tmp_path / "file").write_text("")
+    (tmp_path / "tmp").mkdir()
+    for name in (cache_module.VARIABLE, "XDG_CACHE_HOME", "ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delenv("MPLCONFIGDIR", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "file" / "home"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    return tmp_path / "tmp"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="HOME is where the cache lies on Linux")
+def test_without_a_home_everything_lies_in_a_temporary_folder_of_ours(homeless: Path) -> None:
+    code = """
+        import os
+        from emla_cosim.models import build
+        print(build("Reference", "native", []))
+        print(os.environ["MPLCONFIGDIR"])
+    """
+    run = subprocess.run(
+        [sys.executable, "-c", dedent(code)], capture_output=True, text=True, check=False, cwd=homeless
+    )
+    assert run.returncode == 0 and run.stderr == ""
+    fmu, matplotlib = run.stdout.split()
+    ours = homeless / f"emla-cosim-{os.getuid()}"
+    assert Path(fmu).is_relative_to(ours / "fmus") and Path(fmu).is_file()
+    assert Path(matplotlib) == ours / "matplotlib"
+    assert any((ours / "zig").iterdir())
+    assert ours.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="HOME is where the cache lies on Linux")
+def test_a_temporary_folder_that_others_can_write_to_is_not_ours(homeless: Path) -> None:
+    """Binaries are loaded from there."""
+    theirs = homeless / f"emla-cosim-{os.getuid()}"
+    code = "from fmublock.cache import cache_folder; print(cache_folder())"
+
+    def chosen() -> Path:
+        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        return Path(run.stdout.strip())
+
+    assert chosen() == theirs
+    theirs.chmod(0o777)
+    assert chosen() != theirs and chosen().parent == homeless
+    theirs.rmdir()
+    (homeless / "elsewhere").mkdir()
+    theirs.symlink_to(homeless / "elsewhere")
+    assert chosen() != theirs
+
+
+# ---- what it costs -----------------------------------------------------------------------------
+
+HEAVY = ("casadi", "matplotlib", "numpy", "fmpy", "pythonfmu", "filelock")
+
+
+def imported(code: str) -> list[str]:
+    """Which heavy modules are imported afterwards, in a process of its own."""
+    code = f"{code}\nimport sys\nprint([m for m in {HEAVY} if m in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return [name.strip("'[], ") for name in run.stdout.split()]
+
+
+def test_a_current_fmu_costs_no_heavy_import(fmu_folder: Path, cache: Path) -> None:
+    names = "from emla_cosim.models import FLAVOURS, MODELS, PLATFORMS, build"
+    assert imported(names) == [""]
+    loop = f"for m in MODELS: build(m, 'native', [], Path({str(fmu_folder)!r}))"
+    current = f"{names}\nfrom pathlib import Path\n{loop}"
+    assert imported(current) == [""]
+    build("Reference", "native", [])
+    assert imported(f"{names}\nbuild('Reference', 'native', [])") == [""]
+
+
+def test_processes_that_want_the_same_fmu_build_it_once(cache: Path) -> None:
+    call = "build('Reference', 'native', [], advance=lambda: print('built'))"
+    code = f"from emla_cosim.models import build; {call}"
+    runs = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(3)
+    ]
+    said = [run.communicate()[0] for run in runs]
+    assert [run.returncode for run in runs] == [0, 0, 0]
+    assert sorted(said) == ["", "", "built\n"]

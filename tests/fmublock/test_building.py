@@ -1,0 +1,257 @@
+"""The door for outsiders: from a file of one's own to an FMU, from any folder."""
+
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from textwrap import dedent
+
+import numpy as np
+import pytest
+from fmpy import simulate_fmu
+from fmpy.validation import validate_fmu
+
+from fmublock import Block, BuildError, Output, Parameter, Producer, build, load_block
+from fmublock.__main__ import main
+from fmublock.errors import LoadError
+from tests.support.paths import ROOT
+
+DRIVE = """
+    import helper
+    from fmublock import Block, Input, Output, Parameter, State
+
+    GAIN = 2.0
+
+    class Drive(Block):
+        \"\"\"A mass with friction, pushed by a force.
+
+        The power is $P = F v$.
+        \"\"\"
+
+        F = Input(unit="N", description="Force")
+        m = Parameter(10.0, unit="kg", minimum=0.1, name="body.m", description="Mass")
+        v = State(0.0, unit="m/s", description="Speed")
+        P = Output(unit="W", description="Power of the force")
+
+        def derivatives(self, v):
+            return {"v": (v.F - helper.friction(v)) / v.m}
+
+        def outputs(self, v):
+            return {"P": v.F * v.v}
+
+    class Other(Block):
+        y = Output()
+
+        def outputs(self, v):
+            return {"y": v.time}
+
+    def function():
+        pass
+"""
+HELPER = """
+    def friction(v):
+        return 2.0 * v.v
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of somebody's, with mine.py and helper.py; the current one."""
+    (tmp_path / "mine.py").write_text(dedent(DRIVE))
+    (tmp_path / "helper.py").write_text(dedent(HELPER))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def speed(fmu: Path) -> float:
+    """The drive's speed after 3 s at 4 N."""
+    result = simulate_fmu(str(fmu), start_values={"F": 4.0}, stop_time=3.0, output_interval=0.5)
+    return float(result["v"][-1])
+
+
+@pytest.mark.parametrize("flavour", ["native", "python"])
+def test_the_command_builds_from_any_folder(folder: Path, flavour: str) -> None:
+    command = [sys.executable, "-m", "fmublock", "build", "mine.py:Drive", "--flavour", flavour]
+    run = subprocess.run([*command, "--output", "out"], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert re.fullmatch(r"out/Drive.fmu  \d+ KiB\n", run.stdout)
+    fmu = folder / "out" / "Drive.fmu"
+    assert validate_fmu(str(fmu)) == []
+    assert speed(fmu) == pytest.approx(2.0 * (1.0 - np.exp(-0.6)), rel=1e-10)
+    with zipfile.ZipFile(fmu) as archive:
+        page = archive.read("documentation/index.html").decode()
+        description = archive.read("modelDescription.xml").decode()
+    assert "<h1>Drive</h1>" in page and "pushed by a force" in page and "<math" in page
+    assert "<code>body.m</code>" in page
+    assert "license=" not in description and 'generationTool="EMLA-Cosim fmublock"' in description
+    again = build(load_block("mine.py:Drive"), "again.fmu", flavour=flavour)
+    assert again.read_bytes() == fmu.read_bytes()
+
+
+def test_a_class_and_an_instance_give_the_same_file(folder: Path) -> None:
+    drive = load_block("mine.py:Drive")
+    ticks: list[None] = []
+    first = build(drive, folder / "a.fmu", advance=lambda: ticks.append(None))
+    assert build(drive(), str(folder / "b.fmu")).read_bytes() == first.read_bytes()
+    assert ticks == [None]
+
+
+def test_platforms_and_producer_are_what_was_asked_for(folder: Path) -> None:
+    fmu = build(
+        load_block("mine.py:Other"),
+        "o.fmu",
+        platforms=["win64", "aarch64-linux"],
+        producer=Producer("mine", "3", "BSD"),
+    )
+    with zipfile.ZipFile(fmu) as archive:
+        binaries = {name for name in archive.namelist() if name.startswith("binaries/")}
+        description = archive.read("modelDescription.xml").decode()
+    assert binaries == {"binaries/win64/Other.dll", "binaries/aarch64-linux/Other.so"}
+    assert 'version="3" license="BSD" generationTool="mine"' in description
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "sentence"),
+    [
+        ("nothing.py:Drive", 2, "there is no file 'nothing.py'."),
+        (".:Drive", 2, "there is no file '.'."),
+        ("mine.py", 2, "'mine.py' does not name a block; write FILE.py:BLOCK."),
+        ("mine.py:", 2, "'mine.py:' does not name a block; write FILE.py:BLOCK."),
+        ("mine.py:Nothing", 2, "'mine.py' has no Nothing; its blocks are Drive, Other."),
+        ("helper.py:Drive", 2, "'helper.py' has no Drive; it defines no block."),
+        ("mine.py:function", 2, "function of 'mine.py' is not a block; derive it from fmublock.Block."),
+        ("mine.py:GAIN", 2, "GAIN of 'mine.py' is not a block; derive it from fmublock.Block."),
+        ("mine.py:Block", 2, "Block of 'mine.py' is not a block; derive it from fmublock.Block."),
+        ("syntax.py:A", 2, "'syntax.py' is no Python text: '(' was never closed in line 2."),
+        ("imports_syntax.py:A", 2, "'syntax.py' is no Python text: '(' was never closed in line 2."),
+        ("import.py:A", 2, "'import.py' fails in line 1: ModuleNotFoundError: No module named 'nowhere'."),
+        ("relative.py:A", 2, "'relative.py' fails in line 1: ImportError: attempted relative import"),
+        ("exits.py:A", 2, "'exits.py' fails in line 2: SystemExit: 3."),
+        ("binary.py:A", 2, "'binary.py' "),
+        ("units.py:A", 2, "'units.py' fails in line 3: TypeError: a variable with the unit 'm' is Real"),
+        ("twice.py:A", 1, "<class 'twice.A'> cannot be built: A declares these names twice: k."),
+        ("needs.py:A", 1, "<class 'needs.A'> cannot be built: A.__init__() missing 1 required"),
+        ("greek.py:Größe", 1, "the class Größe needs a name of the letters A to Z, digits and _."),
+        ("mine.py:Drive mine.py:Drive", 2, "Drive would be written twice to the same file."),
+        ("mine.py:Drive --flavour python --platform win64", 2, "PythonFMU FMUs bring"),
+        ("mine.py:Drive --flavour cobol", 2, "argument --flavour: invalid choice: 'cobol'"),
+        ("mine.py:Drive --platform vax", 2, "argument --platform: invalid choice: 'vax'"),
+        ("mine.py:Drive --output helper.py", 1, "the FMU 'helper.py/Drive.fmu' cannot be written: "),
+        (
+            "foreign.py:A --flavour python",
+            1,
+            "foreign imports numpy; a block may import the standard library",
+        ),
+        (
+            "deep.py:A --flavour python",
+            1,
+            "uses_numpy imports numpy; a block may import the standard library",
+        ),
+        ("", 2, "the following arguments are required: FILE.py:BLOCK"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_sentence(
+    folder: Path, capsys: pytest.CaptureFixture[str], arguments: str, code: int, sentence: str
+) -> None:
+    block = "class A(fmublock.Block):\n    "
+    method = "y = fmublock.Output()\n    def outputs(self, v): return {'y': 1.0}\n"
+    k = "fmublock.Parameter(name='k')"
+    texts = {
+        "syntax.py": "x = 1\ny = (\n",
+        "imports_syntax.py": "import syntax\n",
+        "import.py": "import nowhere\n",
+        "relative.py": "from . import helper\n",
+        "exits.py": "import sys\nsys.exit(3)\n",
+        "units.py": f"import fmublock\n{block}x = fmublock.State(1, unit='m')\n",
+        "twice.py": f"import fmublock\n{block}a = {k}\n    b = {k}\n",
+        "needs.py": f"import fmublock\n{block}def __init__(self, gain): pass\n",
+        "greek.py": "import fmublock\nclass Größe(fmublock.Block): pass\n",
+        "foreign.py": f"import fmublock, numpy\n{block}{method}",
+        "uses_numpy.py": "import numpy\n",
+        "deep.py": f"import fmublock, uses_numpy\n{block}{method}",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / "binary.py").write_bytes(b"\0\1\2")
+    try:
+        status = main(["build", *arguments.split()])
+    except SystemExit as ended:
+        status = int(ended.code or 0)
+    errors = capsys.readouterr().err
+    assert status == code, errors
+    assert errors.startswith(f"Error: {sentence}")
+    assert errors.count("\n") == 1 and errors.endswith("\n")
+
+
+def test_what_python_says_wrongly_is_refused_too(folder: Path) -> None:
+    for wrong in (Block, Block(), 3, "mine.py:Drive", int):
+        with pytest.raises(BuildError, match="is not a block; derive a class from"):
+            build(wrong, "x.fmu")  # type: ignore[arg-type]
+    drive = load_block("mine.py:Drive")
+    with pytest.raises(BuildError, match="there is no flavour 'cobol'; choose from native, python"):
+        build(drive, "x.fmu", flavour="cobol")
+    with pytest.raises(BuildError, match="there is no platform 'vax'; choose from linux64, win64"):
+        build(drive, "x.fmu", platforms=["vax"])
+    with pytest.raises(BuildError, match="leave the platforms out"):
+        build(drive, "x.fmu", flavour="python", platforms=["linux64"])
+    with pytest.raises(BuildError, match="Local is not defined at the top of a Python file"):
+        build(local(1.0), "x.fmu", flavour="python")
+    with pytest.raises(BuildError, match="this Tuned keeps gain; in an FMU it would be made without"):
+        build(Tuned(2.0), "x.fmu", flavour="python")
+    assert [p.suffix for p in folder.iterdir() if p.suffix == ".fmu"] == []
+
+
+def local(gain: float) -> type[Block]:
+    """A block that its surroundings are part of."""
+
+    class Local(Block):
+        y = Output()
+
+        def outputs(self, v: object) -> dict[str, float]:
+            return {"y": gain}
+
+    return Local
+
+
+class Tuned(Block):
+    y = Output()
+    k = Parameter(1.0)
+
+    def __init__(self, gain: float = 1.0) -> None:
+        self.gain = gain
+
+    def outputs(self, v: object) -> dict[str, float]:
+        return {"y": self.gain}
+
+
+@pytest.mark.parametrize("flavour", ["native", "python"])
+def test_a_script_may_hold_the_block_and_build_it(folder: Path, flavour: str) -> None:
+    text = dedent(DRIVE).replace("import Block,", "import Block, Instance, build,")
+    text += f"\n\nif __name__ == '__main__':\n    print(build(Drive, 'Drive.fmu', flavour='{flavour}'))\n"
+    (folder / "script.py").write_text(text)
+    run = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, check=False)
+    assert (run.stdout, run.stderr) == ("Drive.fmu\n", "")
+    assert speed(folder / "Drive.fmu") == pytest.approx(2.0 * (1.0 - np.exp(-0.6)), rel=1e-10)
+
+
+def test_a_module_of_a_package_is_loaded_as_such() -> None:
+    block = load_block(str(ROOT / "src" / "emla_fmu" / "plant.py") + ":EmlaPlant")
+    assert block.__module__ == "emla_fmu.plant"
+    assert block is not sys.modules["emla_fmu.plant"].EmlaPlant
+
+
+def test_loading_leaves_no_trace(folder: Path) -> None:
+    before, modules = list(sys.path), dict(sys.modules)
+    load_block("mine.py:Drive")
+    with pytest.raises(LoadError):
+        load_block("mine.py:Nothing")
+    assert sys.path == before
+    assert {n for n in sys.modules.keys() - modules.keys() if n in ("mine", "helper")} == set()
+
+
+def test_importing_fmublock_is_light() -> None:
+    heavy = ("casadi", "matplotlib", "pythonfmu", "numpy", "fmpy", "filelock")
+    code = f"import fmublock, sys; fmublock.Instance; print([m for m in {heavy} if m in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "[]\n"
