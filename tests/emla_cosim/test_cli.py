@@ -302,6 +302,24 @@ def test_a_wrong_command_gets_one_sentence(emla: Emla, arguments: list[str], wor
 
 
 @pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--stop-time", "-1"],
+        ["--step-size", "3e-4", "--stop-time", "1e-3"],
+        ["--output-interval", "1.5e-4"],
+        ["--coupling-tolerance", "1e-6"],
+        ["--realtime", "0"],
+    ],
+    ids=" ".join,
+)
+def test_what_is_wrong_with_any_system_is_told_before_anything_is_built(
+    wrong: list[str], emla: Emla, tmp_path: Path
+) -> None:
+    sentence(emla("run", "lift", "--fmus", "mine", *wrong), 2)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
     "arguments", [["run", "lift", "--stop-time", "soon"], ["run"], ["fly"], ["run", "lift", "--fast"]]
 )
 def test_what_the_option_parser_refuses_exits_with_2_too(emla: Emla, arguments: list[str]) -> None:

@@ -6,6 +6,7 @@ import typer
 
 from ..bars import BarProgress
 from ..errors import CosimError
+from ..experiment import check_run
 from ..loading import load
 from ..option import RUN
 from ..recorders.progress import ProgressRecorder
@@ -21,6 +22,7 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
     """Run a scenario into an output folder."""
     chosen = load(scenario, **given)
     options = chosen.options
+    check_run(options, chosen.name)
     with BarProgress() as progress:
         output = OutputFolder(options.output or results_folder(chosen.name), options.output_format)
         with chosen.prepare(progress) as simulation:
