@@ -7,6 +7,7 @@ import typer
 
 from ..bars import BarProgress
 from ..errors import CosimError
+from ..experiment import check_run
 from ..files import check_places
 from ..loading import load
 from ..option import RUN
@@ -24,6 +25,7 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
     """Run a scenario into an output folder."""
     chosen = load(scenario, **given)
     options = chosen.options
+    check_run(options, chosen.name)
     with BarProgress() as progress:
         output = OutputFolder(options.output or results_folder(chosen.name), options.output_format)
         _check_places(scenario, options, output)

@@ -17,7 +17,7 @@ from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping import Stepping
 
-FORMAT = 1
+FORMAT = 2
 _STATE, _MEMORY = "state/", "memory/"
 
 
