@@ -42,7 +42,10 @@ def normalized(requirement: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-DECLARED = {normalized(requirement) for requirement in PROJECT["dependencies"]}
+OPTIONAL = PROJECT["optional-dependencies"]["pandas"]
+"""What is imported only where somebody asks for it by name."""
+
+DECLARED = {normalized(requirement) for requirement in (*PROJECT["dependencies"], *OPTIONAL)}
 PROVIDERS = {
     package: {normalized(d) for d in distributions}
     for package, distributions in packages_distributions().items()

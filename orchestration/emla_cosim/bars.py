@@ -38,7 +38,7 @@ class BarProgress(Progress):
 
     def begin(self, task: str, total: int) -> None:
         """A task of `total` units begins."""
-        self._task = self._bars.add_task(task, total=total)
+        self._task = self._bars.add_task(escape(task), total=total)
 
     def advance(self, count: int) -> None:
         """So many units more are done."""
@@ -46,7 +46,7 @@ class BarProgress(Progress):
 
     def replaced(self, fit: "Fit") -> None:
         """A component is replaced: what fits, what is converted and what is missing, as a table."""
-        table = Table(title=f"{fit.fmu} as {fit.component}", title_justify="left")
+        table = Table(title=escape(f"{fit.fmu} as {fit.component}"), title_justify="left")
         for column in ("", "here", "there", ""):
             table.add_column(column)
         for match in fit.matches:

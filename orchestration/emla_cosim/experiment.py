@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 
 from .errors import CommandError
 from .master.stepping.pacing import Pacing
-from .master.stepping.timing import Timing, timing
+from .master.stepping.timing import MAXIMUM_STEPS, Timing, timing
 from .options import Options
 
 DEFAULT_INTERVAL = 1e-3
@@ -39,6 +39,8 @@ def steps_per_row(options: Options, times: Timing) -> int:
     chosen = DEFAULT_INTERVAL if interval is None else interval
     if not 0.0 < chosen < float("inf"):
         raise CommandError(f"the output interval {chosen:g} s must be a positive number of seconds.")
+    if (times.stop - times.start) / chosen > MAXIMUM_STEPS:
+        raise CommandError(f"an output interval of {chosen:g} s makes more than {MAXIMUM_STEPS:g} rows.")
     if options.error_tolerance is not None:
         return 1
     every = round(chosen / times.step)

@@ -171,7 +171,7 @@ class Simulation:
                 resumed = resumable(chosen.resume, identity, times) if chosen.resume else None
                 if chosen.checkpoint is not None:
                     check_can_save(chosen.checkpoint, assembly.network)
-                    taking.append(Checkpoints(self._here / chosen.checkpoint, identity))
+                    taking.append(Checkpoints(chosen.checkpoint, identity, self._here))
             outline = Outline(assembly.network.names, list(self.units.values()), times, recorded, every)
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
         except BaseException:
@@ -323,6 +323,7 @@ class Simulation:
             table=next((r for r in going.recorders if isinstance(r, Table)), None),
             metrics=going.metrics.figures(),
             shown={name: kind.shown for name, kind in going.metrics.kinds.items()},
+            remarks=going.metrics.remarks(),
             steps=run.steps,
             simulated_s=run.simulated_s,
             end_s=stepping.time,
@@ -330,6 +331,7 @@ class Simulation:
             stepping=report,
             pacing=run.pacing.report() if run.pacing is not None else None,
             problem=run.problem,
+            interrupted=run.interrupted,
             record=record,
         )
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
@@ -20,38 +21,41 @@ def show_result(
     result: "Result", notes: Sequence[str], output: "OutputFolder", pictures: Sequence[Path]
 ) -> None:
     """The metrics as tables, how the steps were made, and where everything is."""
+    for remark in result.remarks:
+        _say(remark)
     span = result.end_s - result.times.start
     for kind, figures in result.metrics.items():
         if result.shown[kind]:
             OUT.print(_figures(f"{result.name}, {span:g} s simulated", figures, result.shown[kind]))
-    late = [
-        name
-        for figures in result.metrics.values()
-        for name, f in figures.items()
-        if f.get("convergence_time_s", 0.0) > span - 0.5 * result.times.step
-    ]
-    if late:
-        OUT.print(f"Not converged by the end: {', '.join(late)}.", highlight=False)
     for note in notes:
-        OUT.print(f"Note: {note}.", highlight=False, soft_wrap=True)
+        _say(f"Note: {note}.")
     for line in _speed(result):
-        OUT.print(line, highlight=False, soft_wrap=True)
-    files = f"{output.results.name}, metrics.json, run.json"
-    OUT.print(f"Wrote {output.path}/: {files}", highlight=False, soft_wrap=True)
+        _say(line)
+    _say(f"Wrote {output.path}/: {output.results.name}, metrics.json, run.json")
     if pictures:
-        names = ", ".join(path.name for path in pictures)
-        OUT.print(f"Pictures: {names}", highlight=False, soft_wrap=True)
+        _say(f"Pictures: {', '.join(path.name for path in pictures)}")
+
+
+def show_file(path: Path) -> None:
+    """A file that was written, and its size."""
+    size = path.stat().st_size / 1024
+    OUT.print(f"{escape(str(path))}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)
+
+
+def _say(text: str) -> None:
+    """One line as it is: names in it are no markup."""
+    OUT.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
-    table = Table(title=title, title_justify="left")
+    table = Table(title=escape(title), title_justify="left")
     table.add_column("")
     for name in figures:
-        table.add_column(name, justify="right")
+        table.add_column(escape(name), justify="right")
     table.add_column("")
     for figure in shown:
         values = (_number(figure.factor * f[figure.name]) for f in figures.values())
-        table.add_row(figure.label, *values, figure.unit)
+        table.add_row(escape(figure.label), *values, escape(figure.unit))
     return table
 
 

@@ -45,7 +45,7 @@ def _plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
         value = str(value)
     try:
         found = msgspec.convert(value, wanted)
-    except msgspec.ValidationError:
+    except (msgspec.ValidationError, OverflowError):
         right = _NAMES.get(type_, "a number, true, false or a text")
         raise _wrong(label, value, right) from None
     if type_ is not Path:

@@ -441,16 +441,6 @@ def test_rows_that_fit_on_the_disk_are_whole(tmp_path: Path) -> None:
     assert (found == rows[::3][: len(found)]).all()
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device that is always full")
-def test_a_full_device_is_named(faulty_fmu: Path, tmp_path: Path) -> None:
-    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
-    assert run_system(system, tmp_path / "out", stop_time=0.5, checkpoint=tmp_path / "c").problem is None
-    (tmp_path / "out/results.csv").unlink()
-    (tmp_path / "out/results.csv").symlink_to("/dev/full")
-    result = run_system(system, tmp_path / "out", resume=tmp_path / "c")
-    assert result.problem == f"{tmp_path / 'out/results.csv'} cannot be written: No space left on device."
-
-
 # ---- Ctrl-C ------------------------------------------------------------------------------------
 
 

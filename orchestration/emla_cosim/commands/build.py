@@ -8,7 +8,6 @@ import typer
 from ..bars import BarProgress
 from ..errors import CommandError, check_choice
 from ..models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
-from ..terminal import OUT
 
 
 def command(
@@ -37,4 +36,4 @@ def command(
             paths.append(build(model, flavour, platforms, output, lambda: progress.advance(1)))
             progress.finish()
     for path in paths:
-        OUT.print(f"{path}  [dim]{path.stat().st_size / 1024:.0f} KiB[/]", highlight=False, soft_wrap=True)
+        show_file(path)

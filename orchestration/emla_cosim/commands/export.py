@@ -9,7 +9,7 @@ from ..bars import BarProgress
 from ..files import check_places
 from ..loading import load
 from ..option import EXPORT
-from ..terminal import OUT
+from ..terminal import show_file
 from .options import SOURCE
 
 OPTIONS = EXPORT
@@ -29,5 +29,4 @@ def command(
     check_places({file: "the package"}, {Path(scenario): "the scenario"} | chosen.options.files_read())
     with BarProgress() as progress:
         chosen.export(file, nested, progress)
-    size = file.stat().st_size / 1024
-    OUT.print(f"{file}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)
+    show_file(file)

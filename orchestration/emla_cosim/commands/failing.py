@@ -7,6 +7,7 @@ from typing import Any
 import typer
 
 from ..errors import CosimError
+from ..interruption import ending_as_ctrl_c
 
 
 def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
@@ -19,7 +20,8 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
         from ..terminal import ERR
 
         try:
-            command(*args, **kwargs)
+            with ending_as_ctrl_c():
+                command(*args, **kwargs)
         except CosimError as error:
             ERR.print(f"[bold red]Error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
             raise typer.Exit(error.exit_code) from error

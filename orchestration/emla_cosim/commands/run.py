@@ -33,7 +33,7 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
             with chosen.prepare(progress) as simulation:
                 writing = output.recorders(continued=options.resume is not None)
                 result = simulation.attempt(recorders=[*writing, ProgressRecorder(progress)])
-            result, pictures = output.keep(result, options.plots, progress)
+            result, pictures = output.keep(result, options.plots and not result.interrupted, progress)
     show_result(result, chosen.notes, output, pictures)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {output.path}.")

@@ -52,6 +52,11 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
         unpack(path, folder)
     except UnsafeArchiveError as error:
         raise CommandError(f"the FMU '{path}' {error}.") from error
+    except OSError as error:
+        place, reason = folder.parent.parent, error.strerror or error
+        raise CommandError(
+            f"the FMU '{path}' cannot be unpacked to '{place}': {reason}; TMPDIR can name another folder."
+        ) from error
     except Exception as error:  # whatever zip readers raise
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     library = f"{interface.model_identifier}{fmpy.sharedLibraryExtension}"

@@ -52,7 +52,7 @@ def start_value(component: str, interface: Interface, variable: ModelVariable, v
         return booleans[str(value).lower()]
     try:
         number = float(value) if variable.type == "Real" else _whole(value)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         kind = "number" if variable.type == "Real" else "whole number"
         raise CommandError(f"{name} = {value} is not a {kind}.") from error
     unit = f" {variable.unit}" if variable.unit else ""

@@ -17,11 +17,13 @@ INTERVAL = 60.0
 class Checkpoints(Recorder):
     """Writes checkpoints of a run to one file: now and then, and at the end.
 
-    `identity` is what must be the same for a run to be continued, by the names it has in messages.
+    `identity` is what must be the same for a run to be continued, by the names it has in messages. The
+    path is relative to `folder`, wherever FMUs may go.
     """
 
-    def __init__(self, path: Path, identity: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, identity: Mapping[str, Any], folder: Path) -> None:
         self.path = path
+        self._place = folder / path
         self.identity = identity
         self._last = time.monotonic()
 
@@ -33,7 +35,7 @@ class Checkpoints(Recorder):
     def _save(self, run: Pause) -> None:
         notes = {"identity": self.identity, "time": run.stepping.time, "recorders": run.memory()}
         try:
-            save_checkpoint(self.path, run.stepping, notes)
+            save_checkpoint(self._place, run.stepping, notes)
         except OSError as error:
             raise RunError(
                 f"the checkpoint '{self.path}' cannot be written: {error.strerror or error}."

@@ -35,6 +35,10 @@ class Metrics(ABC):
     def figures(self) -> Figures:
         """The figures of all rows so far; NaN for one that does not exist."""
 
+    def remarks(self) -> Sequence[str]:
+        """Sentences that a person should read before the figures."""
+        return ()
+
     @abstractmethod
     def memory(self) -> Any:
         """Plain data from which another one can go on."""
@@ -72,6 +76,10 @@ class MetricsRecorder(Recorder):
     def memory(self) -> Any:
         """That of all of them."""
         return {name: metrics.memory() for name, metrics in self.kinds.items()}
+
+    def remarks(self) -> list[str]:
+        """Sentences that a person should read before the figures."""
+        return [remark for metrics in self.kinds.values() for remark in metrics.remarks()]
 
     def figures(self) -> dict[str, Figures]:
         """The figures of all rows so far, by the name of their kind."""

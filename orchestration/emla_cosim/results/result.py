@@ -24,8 +24,10 @@ class Result:
     """How a run went, and what it gave.
 
     `result["lift.plant.x_L"]` is a signal as an array, with one value for each of `time`; its unit is
-    in `units`. `metrics` has figures by kind, by what they are of, and by name, as in metrics.json.
-    `problem` is None, or the sentence that says why the run ended early. `steps`, `simulated_s` and
+    in `units`. `metrics` has figures by kind, by what they are of, and by name, as in metrics.json;
+    `remarks` are sentences to be read before them.
+    `problem` is None, or the sentence that says why the run ended early, as `interrupted` does where
+    somebody wanted it so. `steps`, `simulated_s` and
     `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
     `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
     """
@@ -36,6 +38,7 @@ class Result:
     table: Table | None
     metrics: Mapping[str, Figures]
     shown: Mapping[str, Sequence[Shown]]
+    remarks: Sequence[str]
     steps: int
     simulated_s: float
     end_s: float
@@ -43,6 +46,7 @@ class Result:
     stepping: Mapping[str, Any]
     pacing: Mapping[str, float] | None
     problem: str | None
+    interrupted: bool
     record: Mapping[str, Any]
 
     def __getitem__(self, name: str) -> Vector:
@@ -79,8 +83,11 @@ class Result:
         return polars.DataFrame(self.read(self._table.names))
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """All rows as a pandas data frame with `time` as its index; needs pandas."""
-        import pandas
+        """All rows as a pandas data frame with `time` as its index; CommandError without pandas."""
+        try:
+            import pandas
+        except ImportError as error:
+            raise CommandError("a pandas data frame needs pandas: pip install 'emla-cosim[pandas]'.") from error
 
         return pandas.DataFrame(self.read(self._table.names)).set_index("time")
 

@@ -31,7 +31,7 @@ def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
     """Read a scenario file; CommandError for what is not TOML, and for unknown keys."""
     try:
         content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # also numbers and nestings too long to be meant
         raise CommandError(f"the scenario '{where}' is not TOML: {error}.") from error
     label = f"the scenario '{where}'"
     options = {name: option for name, option in table().items() if option.about.in_file}

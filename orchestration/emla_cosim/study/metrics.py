@@ -103,6 +103,11 @@ class JointMetrics(Metrics):
         for joint, accumulator in self._joints.items():
             accumulator.remember(memory[joint])
 
+    def remarks(self) -> Sequence[str]:
+        """Which joints have not converged."""
+        late = [joint for joint, accumulator in self._joints.items() if accumulator.is_outside]
+        return [f"Not converged by the end: {', '.join(late)}."] if late else []
+
     def figures(self) -> Figures:
         """Metrics by joint, of what was recorded so far."""
         return {joint: asdict(accumulator.metrics()) for joint, accumulator in self._joints.items()}
@@ -115,6 +120,7 @@ class _JointAccumulator:
         self._channels = channels
         self._initial_error: float | None = None
         self._start = self._last_outside = 0.0
+        self._last = np.inf
         self._largest = np.full(4, np.nan)
         self._peak = 0.0
         self._rows = self._limited = 0
@@ -122,6 +128,7 @@ class _JointAccumulator:
     def add(self, rows: Vector) -> None:
         """Take the next rows (time first)."""
         t = rows[:, 0]
+        self._last = float(t[-1])
         c = {name: rows[:, i] if i >= 0 else np.full(len(rows), np.nan) for name, i in self._channels.items()}
         error = np.abs(c["x_L"] - c["x_d"])
         if self._initial_error is None:
@@ -141,6 +148,11 @@ class _JointAccumulator:
         self._peak = max(self._peak, float(torque.max()))
         self._rows += len(rows)
         self._limited += int(((c["limited_control"] > 0) | (c["limited_inverter"] > 0)).sum())
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether the error is beyond the band at the end of all rows so far."""
+        return self._last_outside > self._start and self._last_outside >= self._last
 
     def memory(self) -> list[float]:
         """All that changes, as plain numbers."""

@@ -12,6 +12,9 @@ from ...option import option
 from ..network import Network
 from .algorithm import Algorithm, Span
 
+MOST = 2**31
+"""The largest step multiple."""
+
 
 class Call(IntEnum):
     """What is done with a slave."""
@@ -58,8 +61,10 @@ class Explicit(Algorithm):
         for name, multiple in self.step_multiples.items():
             if name not in names:
                 raise CommandError(f"there is no component '{name}' to step more rarely.")
-            if multiple < 1:
-                raise CommandError(f"the step multiple {multiple} of {name} must be at least 1.")
+            if not 1 <= multiple <= MOST:
+                least = multiple < 1
+                right = "at least 1" if least else f"at most {MOST}"
+                raise CommandError(f"the step multiple {multiple} of {name} must be {right}.")
         self.multiples = np.array([self.step_multiples.get(n, 1) for n in names], dtype=np.int64)
         self.operations = self.table(network)
         self._calls = [(int(o.call), o.slave, int(self.multiples[o.slave])) for o in self.operations]

@@ -20,7 +20,7 @@ from .slave import EndRequestedError, EntryPoints, Slave, SlaveError, StepDiscar
 from .typed_values import CONNECTABLE, TypedValues
 
 _STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
-_WARNING, _DISCARD, _FATAL = 1, 2, 4
+_FINE, _DISCARD, _FATAL = (0, 1), 2, 4
 _TERMINATED = 3  # fmi2StatusKind
 
 # a prototype of its own per function, because fmpy's checks would cost as much as the call
@@ -136,7 +136,7 @@ class FmuSlave(Slave):
             self._one_integer.value = value
             call = self._functions[f"fmi2Set{CONNECTABLE[variable.type]}"]
             status = call(self._component, self._this_one, 1, ctypes.byref(self._one_integer))
-        if status > _WARNING:
+        if status not in _FINE:
             raise self.error(f"setting {variable.name} = {value}", status)
 
     def value(self, variable: ModelVariable) -> Any:
@@ -146,7 +146,7 @@ class FmuSlave(Slave):
         place = self._one_real if real else self._one_integer
         call = self._functions[f"fmi2Get{CONNECTABLE[variable.type]}"]
         status = call(self._component, self._this_one, 1, ctypes.byref(place))
-        if status > _WARNING:
+        if status not in _FINE:
             raise self.error(f"getting {variable.name}", status)
         return bool(place.value) if variable.type == "Boolean" else place.value
 
@@ -174,7 +174,7 @@ class FmuSlave(Slave):
             call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
         else:
             call, status = "setReal", self._set_real(*self._set_arguments)
-        if status > _WARNING:
+        if status not in _FINE:
             raise self.error(call, status)
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
@@ -193,13 +193,13 @@ class FmuSlave(Slave):
             call, status = "getting outputs", self._typed[1].get(self._component, self.outputs)
         else:
             call, status = "getReal", self._get_real(*self._get_arguments)
-        if status > _WARNING:
+        if status not in _FINE:
             raise self.error(call, status)
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
         status = self._do_step(self._component, time, step, self._no_way_back)
-        if status > _WARNING:
+        if status not in _FINE:
             raise self.error(f"doStep at t = {time:.9g} s", status)
 
     def save(self, state: Any = None) -> Any:
@@ -293,7 +293,7 @@ class FmuSlave(Slave):
 
     def _call(self, name: str, *arguments: Any) -> None:
         status = self._functions[name](self._component, *arguments)
-        if status > _WARNING:
+        if status not in _FINE:
             raise self.error(name.removeprefix("fmi2"), status)
 
     def _checked(self, call: str, function: Any, *arguments: Any) -> None:

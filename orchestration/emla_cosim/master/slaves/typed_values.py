@@ -52,14 +52,14 @@ class TypedValues:
             given = vector[group.elements]
             exact = group.values.dtype == np.float64
             group.values[:] = given if exact else np.rint(given) != 0.0 if group.boolean else np.rint(given)
-            worst = max(worst, self._call(component, group))
+            worst = max(worst, self._call(component, group), key=abs)
         return worst
 
     def get(self, component: Any, vector: Vector) -> int:
         """Get all variables; returns the worst status."""
         worst = 0
         for group in self._groups:
-            worst = max(worst, self._call(component, group))
+            worst = max(worst, self._call(component, group), key=abs)
             vector[group.elements] = group.values
         return worst
 

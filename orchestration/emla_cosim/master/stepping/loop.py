@@ -101,6 +101,12 @@ def _point(clock, k):
 
 
 @_part
+def _is_bad(status):
+    """Whether a status is worse than a warning, or none of the standard's."""
+    return status > _WARNING or status < _OK
+
+
+@_part
 def _compute_inputs(slave, time, length):
     """See `Exchange.pass_inputs`."""
     inputs, derivatives = _doubles(slave.inputs), _doubles(slave.derivatives)
@@ -128,14 +134,14 @@ def _set(slave, time, length):
         return _NONE, _OK
     _compute_inputs(slave, time, length)
     status = _exchange(slave.set_real, (slave.component, references, count, slave.inputs))
-    if status > _WARNING:
+    if _is_bad(status):
         return _SET_REAL, status
     if slave.mode == _LINE:
         orders, values = slave.derivative_orders, slave.derivatives
         status = _derive(
             slave.set_real_input_derivatives, (slave.component, references, count, orders, values)
         )
-        if status > _WARNING:
+        if _is_bad(status):
             return _SET_DERIVATIVES, status
     return _NONE, _OK
 
@@ -144,7 +150,7 @@ def _set(slave, time, length):
 def _step(slave, time, length):
     """Let a slave do its step."""
     status = _do_step(slave.do_step, (slave.component, time, length, _NO_WAY_BACK))
-    return _DO_STEP if status > _WARNING else _NONE, status
+    return _DO_STEP if _is_bad(status) else _NONE, status
 
 
 @_part
@@ -159,7 +165,7 @@ def _get(slave, time):
     if count == 0:
         return _NONE, _OK
     status = _exchange(slave.get_real, (slave.component, slave.output_references, count, slave.outputs))
-    return _GET_REAL if status > _WARNING else _NONE, status
+    return _GET_REAL if _is_bad(status) else _NONE, status
 
 
 @_part

@@ -81,19 +81,21 @@ def timing(stop_time: float, step_size: float, start_time: float = 0.0) -> Timin
     Raises CommandError where times make no sense or the span is not a whole number of steps.
     """
     if not 0.0 < step_size < float("inf"):
-        raise CommandError(f"the step size {step_size:g} s must be a positive number of seconds.")
+        raise CommandError(f"the step size {step_size:.12g} s must be a positive number of seconds.")
     span = stop_time - start_time
     if not 0.0 < span < float("inf"):
         raise CommandError(
-            f"the stop time {stop_time:g} s must be a finite number of seconds after {start_time:g} s."
+            f"the stop time {stop_time:.12g} s must be a finite number of seconds after {start_time:.12g} s."
         )
     if span / step_size > MAXIMUM_STEPS:
-        raise CommandError(f"{span:g} s in steps of {step_size:g} s are more than {MAXIMUM_STEPS:g} steps.")
+        raise CommandError(
+            f"{span:.12g} s in steps of {step_size:.12g} s are more than {MAXIMUM_STEPS:g} steps."
+        )
     steps = round(span / step_size)
     if steps == 0 or abs(steps * step_size - span) > 1e-9 * span:
         whole = max(int(span / step_size), 1)
         raise CommandError(
-            f"the stop time {stop_time:g} s is not a whole number of steps of {step_size:g} s; "
-            f"{start_time + whole * step_size:g} s would be."
+            f"the stop time {stop_time:.12g} s is not a whole number of steps of {step_size:.12g} s; "
+            f"{start_time + whole * step_size:.12g} s would be."
         )
     return Timing(start_time, step_size, steps)
