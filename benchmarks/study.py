@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from emla_cosim.fmu.file import FmuFile, open_fmu
+from emla_cosim.loading import load
 from emla_cosim.models import build
-from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import System
 
 from .job import Component, Input, Job, Output, StartValue
@@ -18,7 +18,7 @@ EVERY = 10
 
 def study_job(fmus: Path, scratch: Path) -> Job:
     """Build the FMUs to `fmus`, unpack them to `scratch` and describe what to run; `steps` are still 0."""
-    system = load_scenario(SCENARIO).system
+    system = load(SCENARIO).system
     models = dict.fromkeys(c.model for c in system.components)
     files = {m: open_fmu(build(m, "native", [], fmus), scratch / m) for m in models}
     outputs = {m: _outputs(file) for m, file in files.items()}

@@ -15,9 +15,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.assembly import assembled
+from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Network
-from emla_cosim.master.simulation import ALGORITHMS
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.stepping import Stepping
@@ -59,7 +59,7 @@ class Joint:
     def fixed(self, name: str, extrapolation: str, step: float) -> Point:
         """A run in fixed steps."""
         times = timing(STOP, step)
-        with assembled(self.system, self.fmus) as assembly, counted(assembly.network) as calls:
+        with Assembly(self.system, self.fmus) as assembly, counted(assembly.network) as calls:
             algorithm = begun(assembly.network, ALGORITHMS[name](extrapolation), times)
             stepping = FixedSteps(algorithm, times)
             rows = recorded(stepping)[:: round(SAMPLE / step)]
@@ -69,7 +69,7 @@ class Joint:
     def controlled(self, name: str, tolerance: float) -> Point:
         """A run with error control and extrapolated inputs."""
         times = timing(STOP, FIRST_STEP)
-        with assembled(self.system, self.fmus) as assembly, counted(assembly.network) as calls:
+        with Assembly(self.system, self.fmus) as assembly, counted(assembly.network) as calls:
             algorithm: Algorithm = begun(assembly.network, ALGORITHMS[name]("fmu"), times)
             stepping: Stepping = ErrorControl(algorithm, times, tolerance, SAMPLE)
             return self._point(assembly.network, recorded(stepping), calls[0])

@@ -4,15 +4,15 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from emla_cosim.export import export
+from emla_cosim.run import Progress
+from emla_cosim.settings import Settings
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from emla_cosim.export import export
-from emla_cosim.run import Progress
-from emla_cosim.scenarios.reading import load_scenario
-from emla_cosim.settings import Settings
+from emla_cosim.loading import load
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
 from emla_cosim.ssp.documents.structure import Connection, Connector, Element, SystemElement
 from emla_cosim.ssp.reader.package import opened
@@ -35,7 +35,7 @@ def exported(scenario: str) -> SystemElement:
     """The root system of the package that `emla export SCENARIO` writes."""
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / f"{scenario}.ssp"
-        export(load_scenario(scenario), Settings(fmus=Path(folder)), package, False, Progress())
+        export(load(scenario), Settings(fmus=Path(folder)), package, False, Progress())
         with opened(package) as content:
             return parse_structure(content.ssd.read_bytes(), package.name).system
 

@@ -175,7 +175,7 @@ def reference() -> Solution:
     return Solution(step, [], rows)
 
 
-# ---- the disturbance: six load levels with ripple, (98) of the lift and (99) --------------------
+# ---- the disturbance: six load levels with ripple, (82) of the lift and (83) --------------------
 
 SURROUNDINGS = paper.Surroundings(
     levels=(7e3, 20e3, 40e3, 60e3, 70e3, -5e3),

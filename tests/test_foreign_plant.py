@@ -12,7 +12,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.ssp.ssd import read_ssm
 from fmpy.validation import validate_fmu
 
-from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.loading import load
 from tests.support.paths import FOREIGN_MAPPING
 from tests.support.sessions import DISCARD, Session, opened, refused
 
@@ -123,7 +123,7 @@ def ours(sessions: dict[str, Session]) -> Session:
 
 def study(joint: str) -> dict[str, Any]:
     """The start values of a joint's plant in the study."""
-    return dict(load_scenario("study").system.component(f"{joint}.plant").parameters)
+    return dict(load("study").system.component(f"{joint}.plant").parameters)
 
 
 def inputs(t: float, u_max: float) -> dict[str, float]:
@@ -323,7 +323,7 @@ def test_mapping_has_all_but_what_one_plant_alone_has(ours: Session, theirs: Ses
     visible = {v.name for v in ours.description.modelVariables if v.causality != "local"}
     assert visible - set(ALL) == ONLY_OURS
     assert set(theirs.variables) - {v.name for v in ALL.values()} == ONLY_THEIRS
-    used, system = set(study("lift")), load_scenario("study").system
+    used, system = set(study("lift")), load("study").system
     used |= {c.input for c in system.connections if c.target == "lift.plant"}
     used |= {c.output for c in system.connections if c.source == "lift.plant"}
     assert used <= set(ALL)

@@ -10,8 +10,8 @@ from fmpy.validation import validate_fmu
 from typer.testing import CliRunner
 
 from emla_cosim.cli import app
+from emla_cosim.loading import load
 from emla_cosim.models import MODELS
-from emla_cosim.scenarios.reading import load_scenario
 from fmublock import build
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
@@ -48,7 +48,7 @@ def test_the_commands_of_the_readme_exist(
 
 def test_every_model_and_scenario_named_exists() -> None:
     for name in re.findall(r"`emla run ([a-z-]+)`", README):
-        load_scenario(name)
+        load(name)
     for model in re.findall(r"\[(\w+)\]\(fmus/\w+/README.md\)", README):
         assert model in MODELS
     for target in re.findall(r"\]\(((?!http)[^)]+)\)", README):

@@ -3,14 +3,15 @@
 import time
 from pathlib import Path
 
-from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.assembly import assembled
-from emla_cosim.master.simulation import simulate
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.timing import timing
 from emla_cosim.results.csv_file import CsvFile
 from emla_cosim.results.recorder import Recorder
-from emla_cosim.scenarios.reading import load_scenario
+
+from emla_cosim.loading import load
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.assembly import Assembly
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stretches import simulate
 
 from ..job import Job
 from ..study import SCENARIO
@@ -19,10 +20,10 @@ from .worker import Measurement, main
 
 def measure(job: Job, to_disk: bool = False) -> Measurement:
     """Run the job; every 10th row goes to an array, or to a file with all its digits."""
-    system = load_scenario(SCENARIO).system
+    system = load(SCENARIO).system
     fmus = {c.name: Path(c.fmu) for c in job.components}
     times = timing(job.steps * job.step, job.step)
-    with assembled(system, fmus) as assembly:
+    with Assembly(system, fmus) as assembly:
         network, algorithm = assembly.network, Jacobi()
         algorithm.setup(network)
         stepping = FixedSteps(algorithm, times)

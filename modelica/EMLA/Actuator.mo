@@ -23,8 +23,7 @@ record Actuator "One EMLA: motor, gearbox, screw and inverter"
   Real B_eq(unit = "kg.m/s") = Functions.B_eq(alpha_RL, B_m, B_BS) "Equivalent friction";
   Real i_max(unit = "A") = tau_max / (1.5 * N_p * Phi_PM) "q-axis current that gives tau_max";
   annotation(Documentation(info = "<html>
-<p>The numbers are the lift's column of Table &quot;Technical data and characteristics of the selected EMLAs&quot;.
-d-q quantities are amplitude-invariant (peak). A joint gives them to the plant, and to observer and controller as what
-they know.</p>
+<p>The numbers are the lift's column of the paper's Table IV. d-q quantities are amplitude-invariant (peak). A joint gives
+them to the plant, and to observer and controller as what they know.</p>
 </html>"));
 end Actuator;

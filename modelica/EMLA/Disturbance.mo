@@ -11,7 +11,7 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
     Real ripple_omega(unit = "rad/s") = 2.0 * pi "Angular frequency of the ripple";
   end Load;
 
-  record D2 "(98); the FMU names these d_2"
+  record D2 "(82); the FMU names these d_2"
     Types.DisturbanceReading reading = Types.DisturbanceReading.acceleration "Whether d_2 is in m/s2 or in N";
     Real amplitude[2](each unit = "m/s2") = {0.0, 0.0} "Amplitudes of the sines (in N if a force)";
     Real omega[2](each unit = "rad/s") = {0.0, 0.0} "Their angular frequencies";
@@ -24,13 +24,13 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
     Integer seed(min = 1, max = 2147483646) = 1690412731 "Start of the random sequence";
   end D2;
 
-  record D3 "First line of (99); the FMU names these d_3"
+  record D3 "First line of (83); the FMU names these d_3"
     Real amplitude[2](each unit = "V") = {0.0, 0.0} "Amplitudes of the cosines in d_3";
     Real omega[2](each unit = "rad/s") = {0.0, 0.0} "Their angular frequencies";
     Real phase[2](each unit = "rad") = {0.0, 0.0} "Their phases";
   end D3;
 
-  record D4 "Second line of (99); the FMU names these d_4"
+  record D4 "Second line of (83); the FMU names these d_4"
     Real amplitude(unit = "V") = 0.0 "Amplitude of the cosine d_4";
     Real omega(unit = "rad/s") = 0.0 "Its angular frequency";
     Real phase(unit = "rad") = 0.0 "Its phase";
@@ -52,12 +52,12 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
   Interfaces.RealOutput d_4(unit = "V", nominal = 10.0) "Disturbance of the d-axis voltage"
     annotation(Placement(transformation(extent = {{100, -85}, {120, -65}})));
 protected
-  final parameter Boolean as_force = d_2_terms.reading == Types.DisturbanceReading.force "Whether (98) acts on the load";
+  final parameter Boolean as_force = d_2_terms.reading == Types.DisturbanceReading.force "Whether (82) acts on the load";
   final parameter Real interval(unit = "s") =
     if d_2_terms.high > d_2_terms.low then d_2_terms.sample_time else NEVER "No random part needs no events";
   Real risen[levels] "How far each level has come, between 0 and 1";
-  Real profile(unit = "N") "Load force without (98)";
-  Real d "(98) in m/s2, or in N if read as a force";
+  Real profile(unit = "N") "Load force without (82)";
+  Real d "(82) in m/s2, or in N if read as a force";
 equation
   risen[1] = 1.0;
   for i in 2:levels loop
@@ -79,10 +79,10 @@ equation
   annotation(
     Icon(graphics = {Line(points = {{-80, 0}, {-60, 40}, {-40, -30}, {-20, 50}, {0, -50}, {20, 30}, {40, -40}, {60, 20}, {80, 0}}, color = {0, 0, 127}, thickness = 0.5)}),
     Documentation(info = "<html>
-<p>Load force profile and the disturbances (98) and (99) of one joint. d_2 is a sum of sines, a decaying arctan of the
+<p>Load force profile and the disturbances (82) and (83) of one joint. d_2 is a sum of sines, a decaying arctan of the
 speed, and a uniform random value held for <code>d_2_terms.sample_time</code>: the same numbers as in the FMU when that is
 stepped by the sample time or less.</p>
-<p><code>d_2_terms.reading</code>: (98) is announced in newtons but enters (26) as an acceleration, the default here. Read
+<p><code>d_2_terms.reading</code>: (82) is announced in newtons but enters (26) as an acceleration, the default here. Read
 as a force, it is taken off F_L, so that positive values push the actuator out either way.</p>
 </html>"));
 end Disturbance;

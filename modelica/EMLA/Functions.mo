@@ -1,6 +1,6 @@
 within EMLA;
 package Functions "From rotary to linear motion, limits and pseudo-random numbers"
-  function alpha_RL "Motor angle per screw travel (equation:alpha)"
+  function alpha_RL "Motor angle per screw travel (4)"
     input Real rho "Screw turns per motor turn";
     input Real lead(unit = "m") "Screw travel per turn";
     output Real y(unit = "rad/m");
@@ -8,7 +8,7 @@ package Functions "From rotary to linear motion, limits and pseudo-random number
     y := 2.0 * pi / (rho * lead);
   end alpha_RL;
 
-  function A_eq "Motor torque per screw acceleration (equation:MotionLaw)"
+  function A_eq "Motor torque per screw acceleration (6)"
     input Real alpha_RL(unit = "rad/m");
     input Real J(unit = "kg.m2") "J_m + J_c + J_GB";
     input Real M_BS(unit = "kg") "Mass moved by the screw";
@@ -17,7 +17,7 @@ package Functions "From rotary to linear motion, limits and pseudo-random number
     y := alpha_RL * (J + M_BS / (alpha_RL * alpha_RL));
   end A_eq;
 
-  function B_eq "Motor torque per screw speed (equation:MotionLaw)"
+  function B_eq "Motor torque per screw speed (6)"
     input Real alpha_RL(unit = "rad/m");
     input Real B_m(unit = "N.m.s/rad") "Viscous friction of the rotor";
     input Real B_BS(unit = "N.s/m") "Viscous friction of the screw";
@@ -26,7 +26,7 @@ package Functions "From rotary to linear motion, limits and pseudo-random number
     y := alpha_RL * (B_m + B_BS / (alpha_RL * alpha_RL));
   end B_eq;
 
-  function C_eq "Stiffness of the drive train as printed (equation:MotionLaw)"
+  function C_eq "Stiffness of the drive train as printed (6)"
     input Real alpha_RL(unit = "rad/m");
     input Real rho "Screw turns per motor turn";
     input Real k_tau[3](each unit = "N.m/rad") "Torsional stiffnesses k_tau1 to k_tau3";
@@ -35,12 +35,12 @@ package Functions "From rotary to linear motion, limits and pseudo-random number
   algorithm
     y := alpha_RL * alpha_RL / (1.0 / k_tau[1] + 1.0 / k_tau[2] + 1.0 / (rho * rho * k_tau[3]) + alpha_RL * alpha_RL / k_L);
     annotation(Documentation(info = "<html>
-<p>The printed formula gives N/m where equation:motor_torque needs a torque per travel, N. Either way it ties the load
-to the ground: with realistic stiffnesses no motor could move it. The plant's default is a rigid screw, C_eq = 0.</p>
+<p>The printed formula gives N/m where (5) needs a torque per travel, N. Either way it ties the load to the ground: with
+realistic stiffnesses no motor could move it. The plant's default is a rigid screw, C_eq = 0.</p>
 </html>"));
   end C_eq;
 
-  function D_eq "Motor torque per load force (equation:MotionLaw)"
+  function D_eq "Motor torque per load force (6)"
     input Real alpha_RL(unit = "rad/m");
     input Real eta_GB "Efficiency of gearbox and screw";
     output Real y(unit = "m");
@@ -48,7 +48,7 @@ to the ground: with realistic stiffnesses no motor could move it. The plant's de
     y := 1.0 / (alpha_RL * eta_GB);
   end D_eq;
 
-  function k_L "Stiffness of bearing, screw, nut and tube in series (equation:linear_components_stiffness)"
+  function k_L "Stiffness of bearing, screw, nut and tube in series (7)"
     input Real bearing(unit = "N/m");
     input Real screw(unit = "N/m");
     input Real nut(unit = "N/m");

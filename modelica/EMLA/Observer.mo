@@ -24,7 +24,7 @@ block Observer "Adaptive robust observer of screw position and speed"
   parameter Real Q_11(min = 1e-9) = 0.7752 "Q of the Lyapunov equation (18), row 1";
   parameter Real Q_12 = -0.0775 "Q of the Lyapunov equation (18), off the diagonal";
   parameter Real Q_22(min = 1e-9) = 0.3949 "Q of the Lyapunov equation (18), row 2";
-  parameter Real H_0(min = 0.0) = 20.0 "H(y) = H_0 (cos(y)^4 + sin(y)^4), y in m (102)";
+  parameter Real H_0(min = 0.0) = 20.0 "H(y) = H_0 (cos(y)^4 + sin(y)^4), y in m (86)";
   parameter Real m_0(min = 1e-30) = 200.0 "m(t) = m_0 exp(-m_decay t) of (21) and (23) at t = 0";
   parameter Real m_decay(unit = "1/s", min = 1e-12) = 1e-3 "Decay of m(t), so that (22) holds";
   parameter Real ell(min = 0.0) = 1.0 "Adaptation gain of (23)";
@@ -48,7 +48,7 @@ protected
   final parameter Real p_11 = (Q_11 + alpha_2 * Q_22) / (2.0 * alpha_1);
   final parameter Real p_22 = (p_11 - alpha_1 * p_12 + Q_12) / alpha_2;
   final parameter Real determinant = p_11 * p_22 - p_12 * p_12;
-  Real H "Bound of the uncertainty by (102)";
+  Real H "Bound of the uncertainty by (86)";
   Real m "Decaying term of (21) and (23), whose integral is bounded (22)";
   Real y_bar_abs(unit = "m") "||y_bar|| of (21) and (23)";
   Real bound "Bound of the robust term, eta_hat H (25)";
@@ -79,7 +79,7 @@ equation
 modelled counts as K in (17); f and eta_hat work against it. p is the solution of the Lyapunov equation (18) for the
 given alpha and Q, where Algorithm 1 draws Q at random.</p>
 <ul>
-<li>Norms: the paper calls its norm the squared norm (after 19). Here ||y_bar|| is the absolute value in (21) and (23):
+<li>Norms: the paper calls its norm the squared norm (after (19)). Here ||y_bar|| is the absolute value in (21) and (23):
 only then is |f| &lt;= eta_hat H, as (25) and the stability proof need.</li>
 <li><code>use_model</code>: B u + g is the commanded torque and the viscous friction of the estimated speed; C_eq and the
 reluctance torque are left out, and the load is not in it.</li>

@@ -29,10 +29,10 @@ block Plant "PMSM-driven electromechanical linear actuator with inverter limit a
     Real C_eq(unit = "N", min = 0.0) = 0.0 "Torque per travel as printed; 0 is a rigid screw";
   end Screw;
 
-  record Uncertainty "(100)"
-    Real F_2 = 0.0 "Modelling error of g_2 as a fraction (100)";
-    Real F_3 = 0.0 "Modelling error of g_3 as a fraction (100)";
-    Real F_4 = 0.0 "Modelling error of g_4 as a fraction (100)";
+  record Uncertainty "(84)"
+    Real F_2 = 0.0 "Modelling error of g_2 as a fraction (84)";
+    Real F_3 = 0.0 "Modelling error of g_3 as a fraction (84)";
+    Real F_4 = 0.0 "Modelling error of g_4 as a fraction (84)";
   end Uncertainty;
 
   record Start "Where the motion begins"
@@ -124,12 +124,12 @@ equation
   u_q_motor = inverter.u_q + d_3;
   u_d_motor = inverter.u_d + d_4;
 
-  // torque (equation:PMSM)
+  // torque (3)
   magnet_torque = 1.5 * motor.N_p * motor.Phi_PM * (if torque_source == Types.TorqueSource.command then i_q_ref else i_q);
   reluctance_torque = 1.5 * motor.N_p * i_q * i_d * (motor.L_d - motor.L_q);
   tau_m = magnet_torque + reluctance_torque;
 
-  // equation:StateSpace3 with the disturbances of (26) and the uncertainties of (100)
+  // (9) with the disturbances of (26) and the uncertainties of (84)
   omega_m = alpha_RL * v_L;
   omega_e = motor.N_p * omega_m;
   g_2 = (reluctance_torque - B_eq * v_L - screw.C_eq * x_L) / A_eq;
@@ -144,7 +144,7 @@ equation
   P_el = 1.5 * (u_q_motor * i_q + u_d_motor * i_d);
   P_L = F_L * v_L;
 
-  // equation:Park_Transformation backwards, without zero sequence
+  // (1) backwards, without zero sequence
   theta_e = motor.N_p * alpha_RL * x_L;
   phase.i_a = i_d * cos(theta_e) - i_q * sin(theta_e);
   phase.i_b = i_d * cos(theta_e - 2.0 * pi / 3.0) - i_q * sin(theta_e - 2.0 * pi / 3.0);
@@ -155,12 +155,11 @@ equation
       Rectangle(extent = {{-5, 10}, {70, -10}}, lineColor = {60, 60, 60}, fillColor = {225, 225, 225}, fillPattern = FillPattern.Solid),
       Text(extent = {{-70, -50}, {70, -80}}, textString = "EMLA", lineColor = {60, 60, 60})}),
     Documentation(info = "<html>
-<p>Motor in d-q coordinates (equation:PMSM), gearbox and screw (equation:alpha, equation:motor_torque,
-equation:MotionLaw), together equation:StateSpace3; disturbances as in (26), uncertainties as in (100). The states are
-x_1 = x_L, x_2 = v_L, x_3 = i_q and x_4 = i_d; x_L grows as the actuator extends.</p>
+<p>Motor in d-q coordinates (3), gearbox and screw (4) to (6), together (9); disturbances as in (26), uncertainties as
+in (84). The states are x_1 = x_L, x_2 = v_L, x_3 = i_q and x_4 = i_d; x_L grows as the actuator extends.</p>
 <ul>
-<li><code>torque_source</code>: equation:StateSpace3 drives the screw with the commanded current i_q*, equation:PMSM with
-the actual i_q. The default is the actual current; <code>command</code> is the paper's idealisation.</li>
+<li><code>torque_source</code>: (9) drives the screw with the commanded current i_q*, (3) with the actual i_q. The
+default is the actual current; <code>command</code> is the paper's idealisation.</li>
 <li><code>screw.C_eq</code>: as printed, a spring from the load to ground. Its default 0 is a rigid screw.</li>
 <li>A_eq multiplies an acceleration into a torque, so its unit is kg.m, not kg as printed.</li>
 <li>Not in the paper: the values of J_c, J_GB, B_m, B_BS and eta_GB (the defaults are assumptions), and the sensor's noise

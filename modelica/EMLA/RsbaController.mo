@@ -69,7 +69,7 @@ block RsbaController "Robust subsystem-based adaptive (RSBA) control of one EMLA
   Interfaces.RealOutput P[4](unit = {"m", "m/s", "A", "A"}) "Tracking forms of position, speed and currents (30)"
     annotation(Placement(transformation(extent = {{100, -90}, {120, -70}})));
 protected
-  // Table "Actual physical meaning"; A_1 = 1 and g_1 = 0
+  // Table I; A_1 = 1 and g_1 = 0
   final parameter Real A_2 = 1.5 * known.N_p * known.Phi_PM / known.A_eq;
   final parameter Real A_3 = 1.0 / known.L_q;
   final parameter Real A_4 = 1.0 / known.L_d;
@@ -152,7 +152,7 @@ of its own:</p>
 <ul>
 <li><code>x_2d_in_a_1</code> (true as printed): (31) contains -x_2d, and P_2 = x_e2 - a_1 cancels the reference speed,
 so a moving reference is followed with an error of 2 |v_d| / beta_1. Without it x_2d cancels the derivative of x_1d
-instead (Omega_1 = 0 in 35) and the lag goes.</li>
+instead (Omega_1 = 0 in (35)) and the lag goes.</li>
 <li><code>feed_acceleration</code>: once P_2 counts the reference speed, (39) leaves its derivative to the robust gains;
 adding a_d / A_2 to u_2 supplies it (Omega_2 = 0).</li>
 <li><code>limit_acceleration</code>: the published start is millimetres from the reference and asks for 1e5 A. With limits

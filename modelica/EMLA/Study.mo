@@ -12,7 +12,7 @@ model Study "Three joints: repaired RSBA and observer, true torque, limits, all 
       Ellipse(extent = {{-100, 100}, {100, -100}}, lineColor = {75, 138, 73}, fillColor = {255, 255, 255}, fillPattern = FillPattern.Solid),
       Polygon(points = {{-36, 60}, {64, 0}, {-36, -60}}, lineColor = {75, 138, 73}, fillColor = {75, 138, 73}, fillPattern = FillPattern.Solid)}),
     Documentation(info = "<html>
-<p>The scenario <code>study</code> of EMLA-Cosim: initial conditions of Table &quot;gains&quot;, disturbances (98) read in
-m/s2 and (99), uncertainties (100), quintic references and constant loads. The joints do not act on each other.</p>
+<p>The scenario <code>study</code> of EMLA-Cosim: initial conditions of Table V, disturbances (82) read in
+m/s2 and (83), uncertainties (84), quintic references and constant loads. The joints do not act on each other.</p>
 </html>"));
 end Study;

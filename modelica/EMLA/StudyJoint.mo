@@ -27,7 +27,7 @@ model StudyJoint "What the joints of the study share: repaired laws and gains, u
   constant Real w(unit = "rad/s") = 4000.0 "Both poles of the observer are at -w";
   constant Real encoder_steps = 2.0 ^ 20 "Steps per motor turn of the position sensor (assumed)";
   annotation(Documentation(info = "<html>
-<p>The repaired (&quot;robust&quot;) gains of controller and observer, the uncertainties (100), the voltage disturbances
-(99) and a 20-bit encoder.</p>
+<p>The repaired (&quot;robust&quot;) gains of controller and observer, the uncertainties (84), the voltage disturbances
+(83) and a 20-bit encoder.</p>
 </html>"));
 end StudyJoint;

@@ -16,9 +16,9 @@ package EMLA "Electromechanical linear actuators with observer and RSBA controll
 (<a href=\"modelica://EMLA.RsbaController\">RsbaController</a>), connected to a joint
 (<a href=\"modelica://EMLA.Joint\">Joint</a>) and to the study of three joints
 (<a href=\"modelica://EMLA.Study\">Study</a>).</p>
-<p>Equation names and numbers are the labels of the paper by Heydari Shahna, Bahari and Mattila on robustness-guaranteed
-observer-based control of EMLA-driven heavy-duty manipulators. Parameters and variables have the names, units, start
-values and ranges of the FMUs. Other names were needed in two places: <code>known</code> is <code>model</code> in the
+<p>Numbers in parentheses are the equations of the paper, as printed: Mehdi Heydari Shahna, Mohammad Bahari and Jouni
+Mattila, <em>Robustness-Guaranteed Observer-Based Control Strategy with Modularity for Cleantech EMLA-Driven Heavy-Duty
+Robotic Manipulator</em>. Parameters and variables have the names, units, start values and ranges of the FMUs. Other names were needed in two places: <code>known</code> is <code>model</code> in the
 FMUs, which is a keyword here, and <code>d_2_terms</code>, <code>d_3_terms</code>, <code>d_4_terms</code> hold the
 parameters that the FMU names <code>d_2.</code>, <code>d_3.</code> and <code>d_4.</code>, because d_2, d_3 and d_4 are
 outputs.</p>

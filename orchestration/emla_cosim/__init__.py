@@ -1,1 +1,13 @@
-"""Systems of FMUs, the master that runs them, scenarios, metrics, plots and the `emla` command."""
+"""Systems of FMUs, the master that runs them, and what comes out.
+
+    simulation = emla_cosim.load("study").prepare()
+    result = simulation.run(stop_time=2.0, set={"lift.plant.motor.R_s": 0.2})
+    result["lift.plant.x_L"]
+
+The public names are those of `__init__.pyi`. Each is imported when it is first used, so that
+`import emla_cosim` costs next to nothing.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,12 +1,20 @@
-"""Errors that end a command with one sentence and an exit code."""
+"""Errors as the user meets them: one sentence, fields for programs, and an exit code."""
 
 from collections.abc import Iterable
+from typing import Any
 
 
 class CosimError(Exception):
-    """A sentence for the user: what was wrong, where, and what would be right."""
+    """A sentence for the user: what was wrong, where, and what would be right.
+
+    `fields` has the parts of the sentence that a program may want, by name.
+    """
 
     exit_code = 1
+
+    def __init__(self, sentence: str, **fields: Any) -> None:
+        super().__init__(sentence)
+        self.fields = fields
 
 
 class CommandError(CosimError):
@@ -16,14 +24,16 @@ class CommandError(CosimError):
 
 
 class RunError(CosimError):
-    """The run failed; what was computed before is on disk."""
+    """The run failed; what was computed before is kept."""
 
 
-def check_choice(kind: str, name: str, choices: Iterable[str]) -> None:
+def check_choice(kind: str, name: object, choices: Iterable[str]) -> None:
     """Raise CommandError unless `name` is one of the choices."""
     names = list(choices)
     if name not in names:
-        raise CommandError(f"there is no {kind} '{name}'; choose from {listed(names)}.")
+        raise CommandError(
+            f"there is no {kind} '{name}'; choose from {listed(names)}.", name=name, choices=names
+        )
 
 
 def listed(names: Iterable[str]) -> str:

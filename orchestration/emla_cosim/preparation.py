@@ -4,43 +4,45 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .errors import CommandError
+from .files import read_file
 from .fmu.interface import Interface, read_interface, read_interfaces
 from .models import build
+from .options import Options
 from .progress import Progress
-from .replacement import Replacement, fitted
-from .settings import Settings
+from .replacement import fitted
 from .ssp.documents.parameters import parse_parameter_set
-from .system.model import System, Value
+from .system.model import Replacement, System, Value
 from .units import conversion
 
 
-def prepared(system: System, settings: Settings, progress: Progress) -> tuple[System, dict[str, Path]]:
-    """The system with all that the settings change, and the FMU file of every component.
+def prepared(system: System, options: Options, progress: Progress) -> tuple[System, dict[str, Path]]:
+    """The system with all that the options change, and the FMU file of every component.
 
     Begins a task of preparing that has one unit more, for what follows. Raises CommandError for
     what does not fit, RunError where FMUs cannot be built.
     """
-    system.with_parameters(settings.values)  # unknown names are found before anything is built
-    for name in settings.replacements:
+    system.with_parameters(options.set)  # unknown names are found before anything is built
+    replacements = options.replacements()
+    for name in replacements:
         system.component(name)
-    fmus = _fmu_files(system, settings, progress)
-    interfaces = read_interfaces(fmus) if settings.parameter_sets or settings.replacements else {}
-    system = _with_parameter_sets(system, settings.parameter_sets, interfaces)
-    system = system.with_parameters(settings.values)
-    for name, replacement in settings.replacements.items():
+    fmus = _fmu_files(system, options, progress)
+    interfaces = read_interfaces(fmus) if options.parameters or replacements else {}
+    system = _with_parameter_sets(system, options.parameters, interfaces)
+    system = system.with_parameters(options.set)
+    for name, replacement in replacements.items():
         other = read_interface(replacement.fmu)
         system = _replaced(system, name, replacement, other, interfaces, progress)
         fmus[name], interfaces[name] = replacement.fmu, other
     return system, fmus
 
 
-def _fmu_files(system: System, settings: Settings, progress: Progress) -> dict[str, Path]:
+def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str, Path]:
     """The FMU file of every component, ours built where missing or out of date."""
     models = list(dict.fromkeys(c.model for c in system.components if c.fmu is None))
     progress.begin("preparing", len(models) + 1)
     built = {}
     for model in models:
-        built[model] = build(model, settings.flavour, settings.platforms, settings.fmus)
+        built[model] = build(model, options.flavour, options.platform, options.fmus)
         progress.advance(1)
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
 
@@ -51,10 +53,7 @@ def _with_parameter_sets(
     """The system with the values of SSV files, converted to the units of the variables."""
     values: dict[str, Value] = {}
     for file in files:
-        try:
-            content = file.read_bytes()
-        except OSError as error:
-            raise CommandError(f"the parameter set '{file}' cannot be read: {error.strerror}.") from error
+        content = read_file(file, "the parameter set")
         for parameter in parse_parameter_set(content, str(file)).parameters:
             component, name = system.split(parameter.name)
             interface = interfaces[component.name]
@@ -85,6 +84,8 @@ def _replaced(
         first, *others = fit.problems
         more = f", and {len(others)} more do not fit" if others else ""
         raise CommandError(
-            f"'{replacement.fmu}' does not fit in the place of {name}: {first}{more}; a mapping may help."
+            f"'{replacement.fmu}' does not fit in the place of {name}: {first}{more}; a mapping may help.",
+            component=name,
+            problems=[str(p) for p in fit.problems],
         )
     return changed

@@ -1,6 +1,9 @@
 """What a command tells while it goes on."""
 
-from .replacement import Fit
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .replacement import Fit
 
 
 class Progress:
@@ -12,5 +15,5 @@ class Progress:
     def advance(self, count: int) -> None:
         """So many units more are done."""
 
-    def replaced(self, fit: Fit) -> None:
+    def replaced(self, fit: "Fit") -> None:
         """A component is replaced; this is how the other FMU fits."""

@@ -7,20 +7,13 @@ from pathlib import Path
 from fmpy.model_description import ModelVariable
 
 from .errors import CommandError
+from .files import read_file
 from .fmu.interface import Interface
 from .ssp.documents.parameters import parse_mapping
 from .ssp.documents.structure import MappingEntry, TableTransformation
-from .system.model import Alias, Component, Connection, System
-from .system.resolution import plain, transformed
+from .system.model import Alias, Component, Connection, Replacement, System
+from .system.resolution import in_fmu_terms, transformed
 from .units import IDENTITY, LinearTransformation, Unit, conversion
-
-
-@dataclass(frozen=True)
-class Replacement:
-    """The FMU to use instead, and a file (SSM) that maps our names to its names, if they differ."""
-
-    fmu: Path
-    mapping: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -69,7 +62,7 @@ def fitted(
     their names and units, connections get those of the other FMU. Raises CommandError for a mapping
     that cannot be read, or that names what neither FMU has.
     """
-    component, original = plain(system.component(name)), interfaces[name]
+    component, original = in_fmu_terms(system.component(name)), interfaces[name]
     entries = _entries(replacement, original, other)
     matching = _Matching(system, component, original, other, entries)
     fit = Fit(name, replacement.fmu, matching.matches, matching.same)
@@ -103,10 +96,7 @@ def _entries(replacement: Replacement, original: Interface, other: Interface) ->
     path = replacement.mapping
     if path is None:
         return {}
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise CommandError(f"the mapping '{path}' cannot be read: {error.strerror}.") from error
+    content = read_file(path, "the mapping")
     entries: dict[str, MappingEntry] = {}
     for entry in parse_mapping(content, str(path)):
         for name, interface in ((entry.source, original), (entry.target, other)):

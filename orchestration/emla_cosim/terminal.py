@@ -1,7 +1,8 @@
 """What a person sees of a run in the terminal: progress bars and the table of results."""
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -10,10 +11,12 @@ from rich.progress import Progress as RichProgress
 from rich.table import Table
 
 from .progress import Progress
-from .replacement import Fit
-from .results.metrics import JointMetrics
-from .run import RunResult
-from .scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from .recorders.metrics import Figures, Shown
+    from .replacement import Fit
+    from .results.output_folder import OutputFolder
+    from .results.result import Result
 
 OUT, ERR = Console(), Console(stderr=True)
 """Results go to standard output, progress and errors to standard error."""
@@ -47,7 +50,7 @@ class BarProgress(Progress):
         """So many units more are done."""
         self._bars.advance(self._task, count)
 
-    def replaced(self, fit: Fit) -> None:
+    def replaced(self, fit: "Fit") -> None:
         """A component is replaced: what fits, what is converted and what is missing, as a table."""
         table = Table(title=f"{fit.fmu} as {fit.component}", title_justify="left")
         for column in ("", "here", "there", ""):
@@ -67,43 +70,47 @@ class BarProgress(Progress):
 
 _WORTH_A_LOOK = ("is left out", "keeps its start value", "is not used")
 
-_ROWS: tuple[tuple[str, Callable[[JointMetrics], float], str], ...] = (
-    ("position error", lambda m: 1e6 * m.position_error_m, "µm"),
-    ("speed error", lambda m: 1e3 * m.velocity_error_m_s, "mm/s"),
-    ("torque effort", lambda m: m.torque_effort_N_m, "N m"),
-    ("torque peak", lambda m: m.torque_peak_N_m, "N m"),
-    ("convergence time", lambda m: 1e3 * m.convergence_time_s, "ms"),
-    ("observer position error", lambda m: 1e6 * m.observer_position_error_m, "µm"),
-    ("time at a limit", lambda m: 100.0 * m.saturated_fraction, "%"),
-)
 
-
-def show_result(scenario: Scenario, result: RunResult) -> None:
-    """The results as a table, how the steps were made, and where everything is."""
-    end = result.end_s - result.times.start
-    if result.metrics:
-        table = Table(title=f"{scenario.name}, {end:g} s simulated", title_justify="left")
-        table.add_column("")
-        for joint in result.metrics:
-            table.add_column(joint, justify="right")
-        table.add_column("")
-        for label, value, unit in _ROWS:
-            table.add_row(label, *(_number(value(m)) for m in result.metrics.values()), unit)
-        OUT.print(table)
-        late = [j for j, m in result.metrics.items() if m.convergence_time_s > end - 0.5 * result.times.step]
-        if late:
-            OUT.print(f"Not converged by the end: {', '.join(late)}.", highlight=False)
-    for note in scenario.notes:
+def show_result(
+    result: "Result", notes: Sequence[str], output: "OutputFolder", pictures: Sequence[Path]
+) -> None:
+    """The metrics as tables, how the steps were made, and where everything is."""
+    span = result.end_s - result.times.start
+    for kind, figures in result.metrics.items():
+        if result.shown[kind]:
+            OUT.print(_figures(f"{result.name}, {span:g} s simulated", figures, result.shown[kind]))
+    late = [
+        name
+        for figures in result.metrics.values()
+        for name, f in figures.items()
+        if f.get("convergence_time_s", 0.0) > span - 0.5 * result.times.step
+    ]
+    if late:
+        OUT.print(f"Not converged by the end: {', '.join(late)}.", highlight=False)
+    for note in notes:
         OUT.print(f"Note: {note}.", highlight=False, soft_wrap=True)
     for line in _speed(result):
         OUT.print(line, highlight=False, soft_wrap=True)
-    OUT.print(f"Wrote {result.folder}/: results.csv, metrics.json, run.json", highlight=False, soft_wrap=True)
-    if result.pictures:
-        pictures = ", ".join(path.name for path in result.pictures)
-        OUT.print(f"Pictures: {pictures}", highlight=False, soft_wrap=True)
+    files = f"{output.results.name}, metrics.json, run.json"
+    OUT.print(f"Wrote {output.path}/: {files}", highlight=False, soft_wrap=True)
+    if pictures:
+        names = ", ".join(path.name for path in pictures)
+        OUT.print(f"Pictures: {names}", highlight=False, soft_wrap=True)
 
 
-def _speed(result: RunResult) -> Iterator[str]:
+def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
+    table = Table(title=title, title_justify="left")
+    table.add_column("")
+    for name in figures:
+        table.add_column(name, justify="right")
+    table.add_column("")
+    for figure in shown:
+        values = (_number(figure.factor * f[figure.name]) for f in figures.values())
+        table.add_row(figure.label, *values, figure.unit)
+    return table
+
+
+def _speed(result: "Result") -> Iterator[str]:
     if not (result.wall_s > 0 and result.steps):
         return
     rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
@@ -122,10 +129,10 @@ def _speed(result: RunResult) -> Iterator[str]:
     if late:
         yield f"{len(late)} connections come one step late; run.json names them"
     if result.pacing is not None:
-        pacing = result.pacing
+        kept = result.pacing
         yield (
-            f"{pacing.overruns} overruns at {pacing.points} points of {pacing.factor:g} x real time; "
-            f"the longest delay was {1e3 * pacing.worst:.2f} ms"
+            f"{kept['overruns']} overruns at {kept['points']} points of {kept['factor']:g} x real time; "
+            f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
         )
 
 

@@ -1,4 +1,9 @@
-"""The electromechanical linear actuator: plant with its sensor, observer, reference and disturbance."""
+"""The electromechanical linear actuator: plant with its sensor, observer, reference and disturbance.
+
+The paper is Mehdi Heydari Shahna, Mohammad Bahari and Jouni Mattila, "Robustness-Guaranteed Observer-Based
+Control Strategy with Modularity for Cleantech EMLA-Driven Heavy-Duty Robotic Manipulator". Numbers in
+parentheses are those of its equations as printed, Roman numbers those of its tables and sections.
+"""
 
 from .disturbance import Disturbance, DisturbanceReading
 from .observer import EmlaObserver

@@ -29,14 +29,14 @@ LEVELS = 6
 
 
 class DisturbanceReading(IntEnum):
-    """What (98) is: the paper announces newtons, but lets it enter (26) as an acceleration."""
+    """What (82) is: the paper announces newtons, but lets it enter (26) as an acceleration."""
 
     ACCELERATION = 1
     FORCE = 2
 
 
 class Disturbance(Block):
-    """Load force profile and the disturbances (98) and (99) of one joint.
+    """Load force profile and the disturbances (82) and (83) of one joint.
 
     d_2 is a sum of sines, a decaying arctan of the speed, and a uniform random value held for a
     sample time. Read as a force, it is taken off F_L instead, so that positive values push the
@@ -118,7 +118,7 @@ class Disturbance(Block):
         }
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """The load force and (98), (99) at the present time."""
+        """The load force and (82), (83) at the present time."""
         d_2 = self.acceleration_disturbance(v)
         as_force = where(v.reading == DisturbanceReading.FORCE, 1.0, 0.0)
         d_3 = 0.0
@@ -140,7 +140,7 @@ class Disturbance(Block):
         return force + 0.5 * v.ripple * sin(v.ripple_omega * v.time)
 
     def acceleration_disturbance(self, v: Any) -> Any:
-        """(98) in m/s2, or in N if read as a force."""
+        """(82) in m/s2, or in N if read as a force."""
         d_2 = v.arctan_2 * arctan(v.v_L) * exp(-v.decay_2 * v.time)
         for i in range(2):
             d_2 += v.amplitude_2[i] * sin(v.omega_2[i] * v.time + v.phase_2[i])

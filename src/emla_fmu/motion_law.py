@@ -1,8 +1,8 @@
-"""From rotary to linear motion: the paper's equivalent coefficients (equation:MotionLaw).
+"""From rotary to linear motion: the paper's equivalent coefficients (6).
 
 Each function takes anything with the parameters as attributes: a block's values or a
-parameter set. tau_m = A_eq a_L + B_eq v_L + C_eq x_L + D_eq F_L (equation:motor_torque), so
-A_eq is in kg m (the paper prints kg), B_eq in kg m/s, D_eq in m, and C_eq would be in N.
+parameter set. tau_m = A_eq a_L + B_eq v_L + C_eq x_L + D_eq F_L (5), so A_eq is in kg m (the paper
+prints kg), B_eq in kg m/s, D_eq in m, and C_eq would be in N.
 """
 
 import math
@@ -10,7 +10,7 @@ from typing import Any
 
 
 def alpha_RL(p: Any) -> Any:
-    """Motor angle per screw travel, 2 pi / (rho l), in rad/m (equation:alpha)."""
+    """Motor angle per screw travel, 2 pi / (rho l), in rad/m (4)."""
     return 2.0 * math.pi / (p.rho * p.lead)
 
 
@@ -35,9 +35,9 @@ def C_eq(alpha: float, rho: float, k_tau: tuple[float, float, float], k_L: float
     """Stiffness of the drive train as the paper prints it.
 
     `alpha` in rad/m, `k_tau` the torsional stiffnesses k_tau1 to k_tau3 in N m/rad, `k_L` the
-    linear stiffness in N/m. The printed formula gives N/m where equation:motor_torque needs a
-    torque per travel, N: a factor alpha_RL. Either way it ties the load to the ground: with
-    realistic stiffnesses no motor could move it. The plant's default is a rigid screw, C_eq = 0.
+    linear stiffness in N/m. The printed formula gives N/m where (5) needs a torque per travel, N: a
+    factor alpha_RL. Either way it ties the load to the ground: with realistic stiffnesses no motor
+    could move it. The plant's default is a rigid screw, C_eq = 0.
     """
     k_tau1, k_tau2, k_tau3 = k_tau
     compliance = 1.0 / k_tau1 + 1.0 / k_tau2 + 1.0 / (rho * rho * k_tau3) + alpha * alpha / k_L
@@ -45,8 +45,5 @@ def C_eq(alpha: float, rho: float, k_tau: tuple[float, float, float], k_L: float
 
 
 def k_L(bearing: float, screw: float, nut: float, tube: float) -> float:
-    """Linear stiffness of thrust bearing, screw, nut and tube in series, all in N/m.
-
-    Source: equation:linear_components_stiffness.
-    """
+    """Linear stiffness of thrust bearing, screw, nut and tube in series, all in N/m (7)."""
     return 1.0 / (1.0 / bearing + 1.0 / screw + 1.0 / nut + 1.0 / tube)

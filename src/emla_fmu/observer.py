@@ -6,7 +6,7 @@ from fmublock import Block, DefaultExperiment, Input, Output, Parameter, State, 
 
 
 class EmlaObserver(Block):
-    """Adaptive robust observer of screw position and speed (paper equations 17 to 25).
+    """Adaptive robust observer of screw position and speed, (17) to (25) of the paper.
 
     Everything that acts on the screw's acceleration and is not modelled counts as K in (17); f
     and eta_hat work against it. p is the solution of the Lyapunov equation (18) for the given
@@ -15,7 +15,7 @@ class EmlaObserver(Block):
     With `use_model` B u + g is the commanded torque and the viscous friction of the estimated
     speed; C_eq and the reluctance torque of g_2 are left out.
 
-    Norms: the paper calls ||.|| the squared norm (after 19). Here ||y_bar|| is the absolute
+    Norms: the paper calls ||.|| the squared norm (after (19)). Here ||y_bar|| is the absolute
     value in (21) and (23): only then is |f| <= eta_hat H, as (25) and the stability proof need.
     """
 
@@ -34,7 +34,7 @@ class EmlaObserver(Block):
     Q_11 = Parameter(0.7752, minimum=1e-9, description="Q of the Lyapunov equation (18), row 1")
     Q_12 = Parameter(-0.0775, description="Q of the Lyapunov equation (18), off the diagonal")
     Q_22 = Parameter(0.3949, minimum=1e-9, description="Q of the Lyapunov equation (18), row 2")
-    H_0 = Parameter(20.0, minimum=0.0, description="H(y) = H_0 (cos(y)^4 + sin(y)^4), y in m (102)")
+    H_0 = Parameter(20.0, minimum=0.0, description="H(y) = H_0 (cos(y)^4 + sin(y)^4), y in m (86)")
     m_0 = Parameter(200.0, minimum=1e-30, description="m(t) = m_0 exp(-m_decay t) of (21) and (23) at t = 0")
     m_decay = Parameter(1e-3, unit="1/s", minimum=1e-12, description="Decay of m(t), so that (22) holds")
     ell = Parameter(1.0, minimum=0.0, description="Adaptation gain of (23)")
@@ -103,7 +103,7 @@ class EmlaObserver(Block):
         return bound * bound * y_bar / (bound * abs(y_bar) + self.m(v))
 
     def H(self, v: Any) -> Any:
-        """Bound of the uncertainty by (102)."""
+        """Bound of the uncertainty by (86)."""
         c, s = cos(v.y), sin(v.y)
         return v.H_0 * (c * c * c * c + s * s * s * s)
 

@@ -22,7 +22,7 @@ class ObserverGains:
 
 
 def published(eta_hat_start: float) -> ObserverGains:
-    """(101) to (103) as printed.
+    """(85) to (87) as printed.
 
     The poles are at -0.16 +- 0.54j, and m also multiplies the leak in (23), so eta_hat decays
     within milliseconds and f does nothing.
@@ -66,7 +66,7 @@ def robust(w: float = 4000.0) -> ObserverGains:
 
 
 PUBLISHED = {"lift": published(1.0), "tilt": published(0.5), "telescope": published(0.2)}
-"""(101) to (103) by joint."""
+"""(85) to (87) by joint."""
 
 ROBUST = {"lift": robust(), "tilt": robust(), "telescope": robust()}
 """Repaired gains by joint."""

@@ -1,9 +1,8 @@
 """Parameter sets of the three joints of the manipulator and of the experimental prototype.
 
-Sources: "T" is the paper's Table "Technical data and characteristics of the selected EMLAs",
-"T7" its table of the experimental EMLA; "assumed" stands in neither the paper nor a public data
-sheet of the part. Fields carry the names of the blocks' variables, so that a block takes from a
-set what it declares.
+Sources: "T" is the paper's Table IV, "T7" its Table VII; "assumed" stands in neither the paper nor
+a public data sheet of the part. Fields carry the names of the blocks' variables, so that a block
+takes from a set what it declares.
 """
 
 import math
@@ -120,7 +119,7 @@ PROTOTYPE = EmlaParameters(
     rho=1.0 / 7.7,  # T7, gear ratio
     lead=0.016,  # T7
     M_BS=100.0,  # assumed, between tilt and lift
-    u_max=400.0 * math.sqrt(2.0 / 3.0),  # assumed: phase peak of a 400 V supply (Table: 380/480 V)
+    u_max=400.0 * math.sqrt(2.0 / 3.0),  # assumed: phase peak of a 400 V supply (T7: 380/480 V)
     v_max=3877.0 / 60.0 * 0.016 / 7.7,  # T7, maximum speed of the motor
     eta_GB=0.70,  # assumed: makes the measured 35 N m meet the 75 kN load
 )

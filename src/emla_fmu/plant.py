@@ -27,15 +27,15 @@ class TorqueSource(IntEnum):
     """Which q-axis current drives the screw."""
 
     CURRENT = 1
-    """The actual current (equation:PMSM): physics."""
+    """The actual current (3): physics."""
     COMMAND = 2
-    """The commanded current i_q* (equation:StateSpace3): the paper's idealisation."""
+    """The commanded current i_q* (9): the paper's idealisation."""
 
 
 class EmlaPlant(Block):
     """PMSM-driven electromechanical linear actuator with inverter limit and position sensor.
 
-    Paper equations PMSM to StateSpace3, disturbances as in (26), uncertainties as in (100).
+    Equations (3) to (9) of the paper, disturbances as in (26), uncertainties as in (84).
     Amplitude-invariant d-q quantities; x_L grows as the actuator extends.
     """
 
@@ -113,9 +113,9 @@ class EmlaPlant(Block):
         TorqueSource.CURRENT,
         description="Current that drives the screw: actual (physics) or commanded (paper)",
     )
-    F_2 = Parameter(0.0, name="uncertainty.F_2", description="Modelling error of g_2 as a fraction (100)")
-    F_3 = Parameter(0.0, name="uncertainty.F_3", description="Modelling error of g_3 as a fraction (100)")
-    F_4 = Parameter(0.0, name="uncertainty.F_4", description="Modelling error of g_4 as a fraction (100)")
+    F_2 = Parameter(0.0, name="uncertainty.F_2", description="Modelling error of g_2 as a fraction (84)")
+    F_3 = Parameter(0.0, name="uncertainty.F_3", description="Modelling error of g_3 as a fraction (84)")
+    F_4 = Parameter(0.0, name="uncertainty.F_4", description="Modelling error of g_4 as a fraction (84)")
     sigma = Parameter(
         0.0,
         unit="m",
@@ -165,7 +165,7 @@ class EmlaPlant(Block):
     i_c = Output(unit="A", name="phase.i_c", description="Current of phase c")
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """equation:StateSpace3 with the disturbances of (26) and the uncertainties of (100)."""
+        """(9) with the disturbances of (26) and the uncertainties of (84)."""
         u_q, u_d, _ = self.terminal_voltage(v)
         omega_e = v.N_p * motion_law.alpha_RL(v) * v.v_L
         g_3 = (-v.R_s * v.i_q - omega_e * (v.i_d * v.L_d + v.Phi_PM)) / v.L_q
@@ -208,7 +208,7 @@ class EmlaPlant(Block):
         return u_q + v.d_3, u_d + v.d_4, saturated
 
     def torque(self, v: Any) -> Any:
-        """tau_m of equation:PMSM in N m, with the magnet's current chosen by torque_source."""
+        """tau_m of (3) in N m, with the magnet's current chosen by torque_source."""
         return self.magnet_torque(v) + self.reluctance_torque(v)
 
     def magnet_torque(self, v: Any) -> Any:
@@ -220,13 +220,13 @@ class EmlaPlant(Block):
         return 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
 
     def acceleration(self, v: Any) -> Any:
-        """Second line of equation:StateSpace3 in m/s2, with the uncertainty F_2 and the disturbance d_2."""
+        """Second line of (9) in m/s2, with the uncertainty F_2 and the disturbance d_2."""
         A_eq = motion_law.A_eq(v)
         g_2 = (self.reluctance_torque(v) - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
         return self.magnet_torque(v) / A_eq + (1.0 + v.F_2) * g_2 + v.d_2 - motion_law.D_eq(v) * v.F_L / A_eq
 
     def phase_currents(self, v: Any) -> tuple[Any, Any, Any]:
-        """i_a, i_b, i_c in A: equation:Park_Transformation backwards, without zero sequence."""
+        """i_a, i_b, i_c in A: (1) backwards, without zero sequence."""
         angle = v.N_p * motion_law.alpha_RL(v) * v.x_L
         a, b, c = (
             v.i_d * cos(angle + shift) - v.i_q * sin(angle + shift)

@@ -21,14 +21,14 @@ from fmublock import (
 
 
 class RsbaController(Block):
-    """Robust subsystem-based adaptive control of one EMLA (paper equations 26 to 41).
+    """Robust subsystem-based adaptive control of one EMLA, (26) to (41) of the paper.
 
     Four subsystems: 1 position, 2 speed, 3 q-axis current, 4 d-axis current; arrays are indexed
     by them. The defaults are the laws as printed; every departure is a switch of its own:
 
     - `x_2d_in_a_1` (true as printed): (31) contains -x_2d, and P_2 = x_e2 - a_1 cancels the
       reference speed, so a moving reference is followed with an error of 2 |v_d| / beta_1.
-      Without it x_2d cancels the derivative of x_1d instead (Omega_1 = 0 in 35) and the lag goes.
+      Without it x_2d cancels the derivative of x_1d instead (Omega_1 = 0 in (35)) and the lag goes.
     - `feed_acceleration`: once P_2 counts the reference speed, (39) leaves its derivative to the
       robust gains; adding a_d / A_2 to u_2 supplies it (Omega_2 = 0).
     - `limit_acceleration`: the published start is millimetres from the reference and asks for
@@ -161,7 +161,7 @@ class RsbaController(Block):
         return i_q_ref, voltage, [P_1, P_2, P_3, P_4], current_limited, voltage_limited
 
     def model(self, v: Any) -> tuple[Any, Any, Any]:
-        """g_2, g_3, g_4 of Table "Actual physical meaning" (g_1 = 0)."""
+        """g_2, g_3, g_4 of Table I (g_1 = 0)."""
         omega_e = v.N_p * v.alpha_RL * v.v_hat
         reluctance = 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
         g_2 = (reluctance - v.B_eq * v.v_hat - v.C_eq * v.x_hat) / v.A_eq

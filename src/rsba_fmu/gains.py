@@ -48,7 +48,7 @@ PUBLISHED = {
         sigma=(0.001, 0.001, 0.001, 0.001),
     ),
 }
-"""Table "gains" by joint, and the gains of the experiments (Section V)."""
+"""Table V by joint, and the gains of the experiments (Section V)."""
 
 
 def robust(beta_1: float, beta_2: float, a_max: float) -> RsbaGains:
@@ -75,7 +75,7 @@ def robust(beta_1: float, beta_2: float, a_max: float) -> RsbaGains:
 
 ROBUST = {
     "lift": robust(800.0, 2000.0, a_max=1.2),
-    # the random part of tilt's disturbance (98) comes back as torque: less gain, less of it
+    # the random part of tilt's disturbance (82) comes back as torque: less gain, less of it
     "tilt": robust(600.0, 1200.0, a_max=1.2),
     "telescope": robust(1000.0, 2500.0, a_max=10.0),
 }

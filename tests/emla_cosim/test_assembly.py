@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.errors import CommandError
-from emla_cosim.master.assembly import assembled
+from emla_cosim.loading import load
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.slaves.slave import SlaveError
 from emla_cosim.models import fmu_path
-from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import Component, Connection, System
 
 
@@ -32,8 +32,8 @@ def pair(connections: list[tuple[str, str]], folder: Path) -> tuple[System, dict
 
 
 def test_signals_are_all_outputs_by_their_full_names(fmu_folder: Path) -> None:
-    system = load_scenario("study").system
-    with assembled(system, files(system, fmu_folder)) as assembly:
+    system = load("study").system
+    with Assembly(system, files(system, fmu_folder)) as assembly:
         names = assembly.network.names
         assert len(names) == len(set(names)) == len(assembly.network.signals)
         assert {"lift.plant.x_L", "tilt.controller.theta[3]", "telescope.plant.inverter.u_q"} <= set(names)
@@ -41,8 +41,8 @@ def test_signals_are_all_outputs_by_their_full_names(fmu_folder: Path) -> None:
 
 
 def test_a_joint_is_stepped_plant_before_controller(fmu_folder: Path) -> None:
-    system = load_scenario("lift").system
-    with assembled(system, files(system, fmu_folder)) as assembly:
+    system = load("lift").system
+    with Assembly(system, files(system, fmu_folder)) as assembly:
         order = [assembly.network.slaves[i].name.split(".")[1] for i in assembly.network.order]
     assert order == ["reference", "plant", "disturbance", "observer", "controller"]
 
@@ -63,14 +63,14 @@ def test_a_joint_is_stepped_plant_before_controller(fmu_folder: Path) -> None:
 def test_connections_that_make_no_sense(
     connections: list[tuple[str, str]], message: str, fmu_folder: Path
 ) -> None:
-    with pytest.raises(CommandError, match=message), assembled(*pair(connections, fmu_folder)):
+    with pytest.raises(CommandError, match=message), Assembly(*pair(connections, fmu_folder)):
         pass
 
 
 def test_a_value_that_the_fmu_itself_refuses_is_reported_with_its_words(fmu_folder: Path) -> None:
     """The plant says so when initialization ends; the master asks it to before it runs anything."""
     system, paths = pair([], fmu_folder)
-    with assembled(system, paths) as assembly:
+    with Assembly(system, paths) as assembly:
         plant = assembly.network.slaves[0]
         plant.enter_initialization(0.0, 1.0)
         plant._fmu.setReal([assembly.files["j.plant"].variables["motor.R_s"].valueReference], [-1.0])
@@ -83,7 +83,7 @@ def test_a_value_that_the_fmu_itself_refuses_is_reported_with_its_words(fmu_fold
 def test_logs_are_kept_per_instance(fmu_folder: Path) -> None:
     """fmpy knows one logger for the whole process; lines must still reach their own instance."""
     system, paths = pair([], fmu_folder)
-    with assembled(system, paths) as assembly:
+    with Assembly(system, paths) as assembly:
         plant, observer, _ = assembly.network.slaves
         for slave in (plant, observer):
             with pytest.raises(SlaveError) as failure:

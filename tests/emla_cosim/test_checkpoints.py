@@ -16,13 +16,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import emla_cosim.checkpoints
 import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from typer.testing import CliRunner, Result
 
-import emla_cosim.checkpoints
 from emla_cosim.cli import app
 from emla_cosim.errors import CommandError
 from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import polars
 import pytest
+from emla_cosim.results.plots import FIGURES
 from typer.testing import CliRunner
 
 from emla_cosim.cli import app
 from emla_cosim.models import PLATFORMS
-from emla_cosim.results.plots import FIGURES
 from emla_cosim.scenarios.reading import scenario_names
 from tests.support.commands import Emla, sentence
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from emla_cosim.errors import CommandError, RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.quasi_newton import NoAgreementError, QuasiNewton
+from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.algorithms.strong import HALVINGS, SWEEPS, Strong
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.simulation import ALGORITHMS
 from emla_cosim.master.slaves.slave import SlaveError, StepDiscardedError
 from emla_cosim.master.stepping.timing import timing
 from tests.support.linear import LinearSlave, Whole, connected

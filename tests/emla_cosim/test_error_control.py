@@ -12,9 +12,9 @@ from emla_cosim.errors import CommandError, RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.registry import ALGORITHMS, simulate
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.simulation import ALGORITHMS, simulate
 from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.error_control import SMALLEST, ErrorControl
 from emla_cosim.master.stepping.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, StepControl

@@ -15,23 +15,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import emla_cosim.run
 import numpy as np
 import polars
 import pytest
+from emla_cosim.results.csv_file import CsvFile
+from emla_cosim.results.recorder import Recorder
+from emla_cosim.run import RunResult
 from typer.testing import CliRunner, Result
 
 import emla_cosim.cli
-import emla_cosim.run
 from emla_cosim.errors import CommandError
 from emla_cosim.master.algorithms.strong import Strong
-from emla_cosim.master.assembly import Assembly, assembled
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.stepping import Rows, Stepping
 from emla_cosim.master.stepping.timing import timing
-from emla_cosim.results.csv_file import CsvFile
-from emla_cosim.results.recorder import Recorder
-from emla_cosim.run import RunResult
 from emla_cosim.scenarios.scenario import Scenario
 from emla_cosim.system.model import System
 from tests.support.faulty_fmu import Counts, Fault, build_faulty_fmu
@@ -64,7 +64,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> list[Counts]:
 
     @contextmanager
     def counting(system: System, fmus: dict[str, Path]) -> Iterator[Assembly]:
-        with assembled(system, fmus) as assembly:
+        with Assembly(system, fmus) as assembly:
             found.extend(counts_of(assembly))
             yield assembly
 

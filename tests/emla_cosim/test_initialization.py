@@ -13,13 +13,13 @@ import pytest
 from hypothesis import given
 
 from emla_cosim.errors import RunError
+from emla_cosim.loading import load
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.assembly import assembled
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.models import fmu_path
-from emla_cosim.scenarios.reading import load_scenario
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired
 from tests.support.simulated import begun
@@ -111,9 +111,9 @@ def test_a_loop_that_initial_values_do_not_go_round_is_not_repeated() -> None:
 
 
 def test_the_study_has_no_loops_of_initial_values(fmu_folder: Path) -> None:
-    system = load_scenario("study").system
+    system = load("study").system
     fmus = {c.name: fmu_path(c.model, "native", fmu_folder) for c in system.components}
-    with assembled(system, fmus) as assembly:
+    with Assembly(system, fmus) as assembly:
         groups = assembly.network.groups(lambda x: x.initial)
     assert [len(group) for group in groups] == [1] * 15
 

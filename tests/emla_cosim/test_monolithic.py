@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from emla_cosim.master.assembly import assembled
-from emla_cosim.master.simulation import ALGORITHMS
+from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import timing
 from emla_fmu import Disturbance, DisturbanceReading, EmlaObserver, EmlaPlant, TorqueSource
 from fmublock import Block, Output, Parameter
@@ -69,7 +69,7 @@ def co_simulated(algorithm: str, step: float, folder: Path) -> Run:
     system = lift()
     fmus = {c.name: folder / c.model / f"{c.model}.fmu" for c in system.components}
     watched = ["lift.plant.inverter.saturated", "lift.controller.saturated", "lift.controller.P[1]"]
-    with assembled(system, fmus) as assembly:
+    with Assembly(system, fmus) as assembly:
         columns = {name: 1 + i for i, name in enumerate(assembly.network.names)}
         rows = simulated(assembly.network, ALGORITHMS[algorithm](), timing(STOP, step))
     states = rows[:: round(SAMPLE / step), [columns[name] for name in STATE_SIGNALS]]
@@ -106,7 +106,7 @@ def test_limit_of_short_steps_is_the_solution_of_the_whole(runs: list[Run], solu
     extrapolated = (64.0 * d - 56.0 * c + 14.0 * b - a) / 21.0
     left = np.abs(extrapolated - solution).max(axis=0) / np.ptp(solution, axis=0)
     by_name = dict(zip(paper.JOINT_STATES, left, strict=True))
-    # the fourth term leaves 2e-6; without F_2 of (100), the smallest effect, 3e-5 would be left
+    # the fourth term leaves 2e-6; without F_2 of (84), the smallest effect, 3e-5 would be left
     assert {name: by_name[name] for name in FIRST_ORDER if by_name[name] > 5e-6} == {}
     # theta integrates squares, eta_hat |y_bar| with its kink: 3e-5 is left of both
     assert {name: value for name, value in by_name.items() if value > 1e-4} == {}

@@ -8,8 +8,8 @@ import pytest
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
-from emla_cosim.master.assembly import assembled
-from emla_cosim.master.simulation import ALGORITHMS
+from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.models import fmu_path
 from tests.support.linear import LinearSlave, Whole, Wire, connected
@@ -97,7 +97,7 @@ def test_the_lift_joint(name: str, extrapolation: str, order: int, fmu_folder: P
     fmus = {c.name: fmu_path(c.model, "native", fmu_folder) for c in system.components}
     errors = []
     for step in steps:
-        with assembled(system, fmus) as assembly:
+        with Assembly(system, fmus) as assembly:
             columns = [1 + assembly.network.names.index(n) for n in STATE_SIGNALS[:6]]
             algorithm = ALGORITHMS[name](extrapolation)
             rows = simulated(assembly.network, algorithm, timing(stop, step))[:: round(sample / step)]

@@ -5,11 +5,10 @@ from pathlib import Path
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given
-
-from emla_cosim.results.csv_file import CsvFile, read_results
+from emla_cosim.results.csv_file import CsvFile
 from emla_cosim.results.metrics import MetricsSink, as_json
 from emla_cosim.results.recorder import Recorder
+from hypothesis import given
 
 NAMES = [
     "j.plant.x_L",
@@ -48,7 +47,7 @@ def test_csv_has_every_nth_row_and_the_last_however_it_is_cut(
         file.write(block)
     file.close()
     expected = rows[sorted({*range(0, count, every), count - 1})]
-    found = read_results(path, ["time", "a.b", "c", "missing"])
+    found = read_csv(path, ["time", "a.b", "c", "missing"])
     assert list(found) == ["time", "a.b", "c"]
     assert np.array_equal(np.column_stack(list(found.values())), expected)  # every bit comes back
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import polars
 import pytest
+from emla_cosim.settings import Settings
 
 from emla_cosim.master.stepping.timing import Timing
-from emla_cosim.scenarios.reading import load_scenario, opened_scenario, scenario_names
+from emla_cosim.scenarios.reading import opened_scenario, scenario_names
 from emla_cosim.scenarios.scenario_file import parse_scenario
-from emla_cosim.settings import Settings
 from tests.support.commands import Emla, sentence
 
 SHORT = 'system = "lift"\nstop_time = 0.002\nplots = false\noutput = "out"\n'
@@ -109,7 +109,7 @@ def test_these_are_all_keys(emla: Emla) -> None:
 def test_the_gains_are_those_named(emla: Emla) -> None:
     write(f'{SHORT}controller = "published"\n')
     beta = {
-        name: load_scenario("lift", name).system.component("lift.controller").parameters["beta[1]"]
+        name: load("lift", name).system.component("lift.controller").parameters["beta[1]"]
         for name in ("published", "robust")
     }
     assert beta["published"] != beta["robust"]
@@ -121,7 +121,7 @@ def test_the_gains_are_those_named(emla: Emla) -> None:
 def test_a_file_with_a_system_alone_is_the_scenario_of_that_name(system: str, tmp_path: Path) -> None:
     path = tmp_path / "my.toml"
     path.write_text(f'system = "{system}"\n', encoding="utf-8")
-    expected = load_scenario(system)
+    expected = load(system)
     with opened_scenario(str(path)) as found:
         assert found.system == expected.system
         assert (found.start_time, found.stop_time) == (expected.start_time, expected.stop_time)
@@ -325,7 +325,7 @@ def test_built_in_scenarios_are_such_files(name: str, tmp_path: Path) -> None:
     copy = tmp_path / f"{name}.toml"
     copy.write_bytes(source.read_bytes())
     with opened_scenario(str(copy)) as found:
-        assert found == load_scenario(name)
+        assert found == load(name)
 
 
 def test_a_built_in_name_wins_over_a_folder_of_that_name(emla: Emla) -> None:

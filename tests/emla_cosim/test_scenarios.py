@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from emla_cosim.results.csv_file import read_results
 from emla_cosim.results.metrics import JointMetrics
 from emla_cosim.run import Progress, RunResult, Settings, run
-from emla_cosim.scenarios.reading import load_scenario, scenario_names
+
+from emla_cosim.recorders.csv_file import read_csv
+from emla_cosim.scenarios.reading import scenario_names
 from emla_fmu.parameters import EMLAS
 
 # Table VI, column RSBA: position error m, speed error m/s, torque effort N m, convergence s
@@ -22,7 +22,7 @@ JOINTS = tuple(TABLE_VI)
 
 def run_scenario(name: str, fmus: Path, folder: Path, **settings: object) -> RunResult:
     """Run a scenario quietly and without plots."""
-    return run(load_scenario(name), Settings(fmus=fmus, plots=False, **settings), folder, Progress())
+    return run(load(name), Settings(fmus=fmus, plots=False, **settings), folder, Progress())
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_study_beats_every_cell_of_table_vi(study: RunResult, joint: str) -> Non
 @pytest.mark.parametrize("joint", JOINTS)
 def test_study_runs_into_its_limits_and_respects_them(study: RunResult, joint: str) -> None:
     names = [f"{joint}.{x}" for x in ("plant.inverter.u_q", "plant.inverter.u_d", "plant.tau_m", "plant.i_q")]
-    u_q, u_d, tau_m, i_q = read_results(study.folder / "results.csv", names).values()
+    u_q, u_d, tau_m, i_q = read_csv(study.folder / "results.csv", names).values()
     emla = EMLAS[joint]
     assert study.metrics[joint].saturated_fraction > 0
     assert np.hypot(u_q, u_d).max() <= emla.u_max * (1 + 1e-12)
@@ -55,7 +55,7 @@ def test_study_runs_into_its_limits_and_respects_them(study: RunResult, joint: s
 
 
 def test_study_has_the_observer_in_the_loop_and_everything_that_disturbs() -> None:
-    system = load_scenario("study").system
+    system = load("study").system
     for joint in JOINTS:
         feeding = {
             x.input: (x.source, x.output) for x in system.connections if x.target == f"{joint}.controller"
@@ -77,8 +77,8 @@ def test_study_has_the_observer_in_the_loop_and_everything_that_disturbs() -> No
 def test_a_joint_alone_behaves_as_in_the_study(study: RunResult, fmu_folder: Path, tmp_path: Path) -> None:
     alone = run_scenario("telescope", fmu_folder, tmp_path, stop_time=1.0)
     name = ["telescope.plant.x_L"]
-    in_study = read_results(study.folder / "results.csv", name)[name[0]][:1001]
-    assert np.array_equal(read_results(tmp_path / "results.csv", name)[name[0]], in_study)
+    in_study = read_csv(study.folder / "results.csv", name)[name[0]][:1001]
+    assert np.array_equal(read_csv(tmp_path / "results.csv", name)[name[0]], in_study)
     assert list(alone.metrics) == ["telescope"]
 
 
@@ -112,6 +112,6 @@ def test_as_printed_with_its_observer_overflows_at_a_tenth_of_a_millisecond(
 def test_every_scenario_starts_with_every_controller(fmu_folder: Path, tmp_path: Path) -> None:
     for name in scenario_names():
         for controller in ("robust", "published"):
-            scenario = load_scenario(name, controller)
+            scenario = load(name, controller)
             settings = Settings(fmus=fmu_folder, plots=False, step_size=1e-6, stop_time=1e-5)
             assert run(scenario, settings, tmp_path, Progress()).problem is None

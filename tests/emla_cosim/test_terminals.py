@@ -9,8 +9,8 @@ import pytest
 from fmpy import read_model_description
 from lxml import etree
 
+from emla_cosim.loading import load
 from emla_cosim.models import MODELS, fmu_path
-from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import Connection
 
 FILE = "terminalsAndIcons/terminalsAndIcons.xml"
@@ -43,7 +43,7 @@ def test_the_file_follows_the_schema_and_has_its_icon(
 
 def test_connecting_terminals_of_the_same_name_wires_a_joint(fmu_folder: Path) -> None:
     """As in a tool that knows terminals: every input finds the one output of its terminal and member."""
-    system = load_scenario("lift").system
+    system = load("lift").system
     fmus = {c.name: fmu_path(c.model, "native", fmu_folder) for c in system.components}
     outputs: dict[tuple[str, str], tuple[str, str]] = {}
     inputs: list[tuple[tuple[str, str], str, str]] = []

@@ -13,9 +13,9 @@ from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.simulation import ALGORITHMS
 from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps

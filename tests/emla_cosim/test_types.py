@@ -9,7 +9,7 @@ import pytest
 
 from emla_cosim.errors import CommandError
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.assembly import assembled
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.units import LinearTransformation
 from fmublock import Block, DiscreteState, Input, Output, Parameter, build, where
@@ -64,7 +64,7 @@ def pair(*wires: tuple[str, str], **connection: Any) -> System:
 
 def rows(system: System, fmu: Path, steps: int) -> dict[str, np.ndarray]:
     """Signals by name, a value per communication point, with jacobi."""
-    with assembled(system, {"a": fmu, "b": fmu}) as assembly:
+    with Assembly(system, {"a": fmu, "b": fmu}) as assembly:
         network, master = assembly.network, Jacobi()
         master.setup(network)
         master.initialize(0.0, 1.0)
@@ -109,7 +109,7 @@ def test_what_arrives_moves_the_other(fmu: Path) -> None:
 )
 def test_other_types_are_not_joined(fmu: Path, wire: tuple[str, str], types: str) -> None:
     message = f"{wire[0]} -> {wire[1]} joins the types {types}"
-    with pytest.raises(CommandError, match=message), assembled(pair(wire), {"a": fmu, "b": fmu}):
+    with pytest.raises(CommandError, match=message), Assembly(pair(wire), {"a": fmu, "b": fmu}):
         pass
 
 
@@ -117,7 +117,7 @@ def test_only_reals_are_transformed(fmu: Path) -> None:
     system = pair(("a.count", "b.by"), transformation=LinearTransformation(2.0))
     with (
         pytest.raises(CommandError, match="transforms values of the type Integer"),
-        assembled(system, {"a": fmu, "b": fmu}),
+        Assembly(system, {"a": fmu, "b": fmu}),
     ):
         pass
 
@@ -125,7 +125,7 @@ def test_only_reals_are_transformed(fmu: Path) -> None:
 @pytest.mark.parametrize(("given", "reason"), [(2.5, "2.5 is not a whole number"), ("two", "two is not a")])
 def test_an_integer_is_a_whole_number(fmu: Path, given: object, reason: str) -> None:
     system = pair().with_parameters({"a.first": given})  # pyright: ignore[reportArgumentType]
-    with pytest.raises(CommandError, match=reason), assembled(system, {"a": fmu, "b": fmu}):
+    with pytest.raises(CommandError, match=reason), Assembly(system, {"a": fmu, "b": fmu}):
         pass
 
 

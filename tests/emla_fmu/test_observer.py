@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from emla_cosim.system.joint import start_values
+from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaObserver, observer_gains
 from tests.support.slaves import BlockSlave, interface
 
@@ -34,7 +34,7 @@ def test_p_solves_the_lyapunov_equation(
 
 
 def test_the_published_p_follows_from_the_published_alpha_and_Q() -> None:
-    """(101) prints p to four digits, and alpha and Q rounded."""
+    """(85) prints p to four digits, and alpha and Q rounded."""
     p = EmlaObserver().lyapunov_solution(observer_gains.PUBLISHED["lift"])
     assert p == pytest.approx((1.4078, -0.1975, 4.4535), rel=3e-4)
 

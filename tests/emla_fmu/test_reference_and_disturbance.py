@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from emla_cosim.system.joint import start_values
-from emla_cosim.system.study import STUDY, VOLTAGE_DISTURBANCES
+from emla_cosim.study.joint import start_values
+from emla_cosim.study.systems import STUDY, VOLTAGE_DISTURBANCES
 from emla_fmu import Disturbance, DisturbanceReading, Reference
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, rest_to_rest
@@ -105,7 +105,7 @@ def test_ripple_is_as_wide_as_given() -> None:
 
 
 def test_equation_98_and_99_as_printed() -> None:
-    """Lift and telescope of (98), both lines of (99)."""
+    """Lift and telescope of (82), both lines of (83)."""
     t, v_L = np.arange(0, 1.0, 0.05), 0.05
     lift = outputs_at(Disturbance(), t, 0.01, v_L, **STUDY["lift"].d_2, **VOLTAGE_DISTURBANCES)
     arctan = 1.2 * np.arctan(v_L) * np.exp(-3 * t)

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from emla_cosim.fmu.file import FmuFile
+from emla_cosim.loading import load
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.assembly import assembled
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import Timing, timing
-from emla_cosim.scenarios.reading import load_scenario
 from tests.support.c_programs import Build, host_plan, needs_cc, run_program
 from tests.support.simulated import simulated
 
 pytestmark = needs_cc
 
-LIFT = load_scenario("lift").system
+LIFT = load("lift").system
 """The lift joint of the study: all five models, with the study's start values."""
 SIGNALS = [f"{x.source}.{x.output}" for x in LIFT.connections]
 STEP = 1e-4
@@ -46,7 +46,7 @@ def test_the_closed_loop_has_the_bits_of_our_master(
 ) -> None:
     """All outputs of the lift joint over 0.2 s, by Jacobi."""
     times = timing(0.2, STEP)
-    with assembled(LIFT, {c.name: unpacked_fmus[c.model].path for c in LIFT.components}) as assembly:
+    with Assembly(LIFT, {c.name: unpacked_fmus[c.model].path for c in LIFT.components}) as assembly:
         names = assembly.network.names
         expected = simulated(assembly.network, Jacobi(), times)[:, 1:]
     plan = write_plan(tmp_path / "plan", unpacked_fmus, shipped, times, names)
@@ -74,7 +74,7 @@ def test_one_library_serves_two_components(
 ) -> None:
     """Two joints in one process, one of each library: the second does not see the first."""
     names = ["lift", "telescope"]
-    systems = [load_scenario(name).system for name in names]
+    systems = [load(name).system for name in names]
     printed = [[f"{x.source}.{x.output}" for x in system.connections] for system in systems]
     alone = []
     for name, system, signals in zip(names, systems, printed, strict=True):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.assembly import assembled
+from emla_cosim.master.assembly import Assembly
 from tests.support.joint_run import STEP, Case, differences, our_run, study_joint
 
 
@@ -30,7 +30,7 @@ def test_the_order_of_exchange_shows(case: Case) -> None:
 
 
 def test_the_moving_joint_begins_within_the_limits_and_the_study_at_them(case: Case) -> None:
-    with assembled(case.system, case.fmus) as assembly:
+    with Assembly(case.system, case.fmus) as assembly:
         master = Jacobi()
         master.setup(assembly.network)
         master.initialize(0.0, STEP)

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emla_cosim.run import Progress, run
+from emla_cosim.settings import Settings
 from libcosimpy.CosimEnums import CosimVariableType
 from libcosimpy.CosimExecution import CosimExecution
 from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
 from libcosimpy.CosimObserver import CosimObserver
 from libcosimpy.CosimSlave import CosimLocalSlave
 
-from emla_cosim.run import Progress, run
-from emla_cosim.scenarios.reading import load_scenario
-from emla_cosim.settings import Settings
+from emla_cosim.loading import load
 from tests.support.joint_run import STEP, Array, Case, differences, our_run
 
 
@@ -63,7 +63,7 @@ def test_closed_loop_is_bit_for_bit_that_of_our_master(case: Case) -> None:
 
 def test_the_study_is_bit_for_bit_what_our_command_writes(fmu_folder: Path, tmp_path: Path) -> None:
     """Three joints, 15 FMUs, as `emla run study --algorithm jacobi` leaves them in results.csv."""
-    study = load_scenario("study")
+    study = load("study")
     case = Case(study.system, fmu_folder, "native", 2000, STEP)
     settings = Settings(
         algorithm="jacobi", stop_time=case.times.stop, output_interval=STEP, fmus=fmu_folder, plots=False

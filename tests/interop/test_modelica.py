@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import pytest
 import rumoca
 
+from emla_cosim.loading import load
 from emla_cosim.models import MODELS
-from emla_cosim.scenarios.reading import load_scenario
 from emla_fmu import motion_law
 from fmublock.variables import DiscreteState, Parameter, State
 from tests.support.modelica_package import (
@@ -104,7 +104,7 @@ def test_defaults_are_those_of_the_fmu(model: str) -> None:
 
 def test_study_has_the_values_of_the_scenario() -> None:
     """Every parameter and start value, those that the scenario leaves at their defaults included."""
-    system = load_scenario("study").system
+    system = load("study").system
     expected, wanted = {}, {}
     for c in system.components:
         scalars = SCALARS[c.model]

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from emla_cosim.loading import load
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.strong import Strong
-from emla_cosim.master.assembly import assembled
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.models import fmu_path
-from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import System
 from fmublock.variables import DiscreteState, Output, State
 from tests.support import smooth_lift
@@ -289,7 +289,7 @@ def native_run(
     system: System, folder: Path, algorithm: Algorithm, step: float, times: Array
 ) -> dict[str, Array]:
     """All outputs of our FMUs at these times, by the names that they have in Modelica."""
-    with assembled(
+    with Assembly(
         system, {c.name: fmu_path(c.model, "native", folder) for c in system.components}
     ) as assembly:
         rows = simulated(assembly.network, algorithm, timing(times[-1], step), round(times[1] / step))
@@ -331,7 +331,7 @@ STUDY_TOLERANCES = {
 
 def test_the_study_moves_as_its_fmus(fmu_folder: Path) -> None:
     """From its start millimetres away from the reference, with all limits and disturbances."""
-    times, system = np.arange(101) * 1e-3, load_scenario("study").system
+    times, system = np.arange(101) * 1e-3, load("study").system
     source = "model Three\n  EMLA.Study study;\nend Three;"
     found = simulated_by_rumoca(compiled(source, "Three"), times, 1e-6)
     expected = native_run(system, fmu_folder, GaussSeidel("fmu"), 1e-5, times)

@@ -2,7 +2,6 @@
 
 import re
 import zipfile
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +15,8 @@ from lxml import etree
 from typer.testing import CliRunner
 
 from emla_cosim.cli import app
-from emla_cosim.fmu.interface import read_interface
-from emla_cosim.models import fmu_path
-from emla_cosim.results.csv_file import read_results
-from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.loading import load
+from emla_cosim.recorders.csv_file import read_csv
 from tests.support.joint_run import Array
 
 TOLERANCE = 1e-12
@@ -28,7 +25,7 @@ TOLERANCE = 1e-12
 STEP, STEPS = 1e-4, 2000
 """The file's own step size, and 0.2 s of it."""
 
-SYSTEM = load_scenario("study").system
+SYSTEM = load("study").system
 Signal = tuple[str, str]
 """Component and output."""
 
@@ -73,7 +70,7 @@ def our_run(package: Path, folder: Path, step: float, count: int) -> Array:
     )
     assert result.exit_code == 0, result.output
     names = [f"{component}.{output}" for component, output in SIGNALS]
-    return np.array(list(read_results(folder / "results.csv", names).values())).T
+    return np.array(list(read_csv(folder / "results.csv", names).values())).T
 
 
 def libcosim_run(package: Path, count: int) -> Array:
@@ -136,48 +133,21 @@ def test_ecos_does_what_we_do(package: Path, tmp_path: Path) -> None:
 # ---- what they complain of -------------------------------------------------------------------------
 
 
-def foreign_parameters(fmu_folder: Path) -> set[tuple[str, str]]:
-    """Values of a joint's file and the components of the joint that have no such variable."""
-    variables: Mapping[str, Sequence[str]] = {
-        c.name: list(read_interface(fmu_path(c.model, "native", fmu_folder)).variables)
-        for c in SYSTEM.components
-    }
-    return {
-        (element(reader.name), name)
-        for reader in SYSTEM.components
-        for owner in SYSTEM.components
-        if reader.name.split(".")[0] == owner.name.split(".")[0]
-        for name in owner.parameters
-        if name not in variables[reader.name]
-    }
-
-
-def test_libcosim_warns_of_what_it_leaves_out(
-    package: Path, fmu_folder: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """Of parameters that are for others, and of enumerations."""
+def test_libcosim_warns_of_enumerations_only(package: Path, capfd: pytest.CaptureFixture[str]) -> None:
     log_output_level(CosimLogLevel.WARNING)
     CosimExecution.from_ssp_file(str(package)).step(1)
     log_output_level(CosimLogLevel.ERROR)
     text = "".join(capfd.readouterr())
-    others = re.findall(r"No such variable: (\w+):(\S+)$", text, re.MULTILINE)
-    assert set(others) == foreign_parameters(fmu_folder)
     ignored = re.findall(r"with name (\S+) will be ignored$", text, re.MULTILINE)
     assert set(ignored) == {"torque_source", "d_2.reading"}
-    assert len(text.splitlines()) == len(others) + len(ignored)
+    assert len(text.splitlines()) == len(ignored)
 
 
-def test_ecos_warns_of_parameters_of_others_only(
-    package: Path, fmu_folder: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_ecos_warns_of_nothing(package: Path, capfd: pytest.CaptureFixture[str]) -> None:
     EcosLib.set_log_level("warn")
     ecos_run(package, STEP, 1)
     EcosLib.set_log_level("err")
-    lines = "".join(capfd.readouterr()).splitlines()
-    found = [re.search(r"No variable named '(.+)' of type .* for instance '(\w+)'", line) for line in lines]
-    assert {(m[2], m[1]) if m else line for line, m in zip(lines, found, strict=True)} == foreign_parameters(
-        fmu_folder
-    )
+    assert "".join(capfd.readouterr()) == ""
 
 
 # ---- what the package tells them -------------------------------------------------------------------

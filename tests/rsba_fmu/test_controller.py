@@ -9,7 +9,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from emla_cosim.system.joint import start_values
+from emla_cosim.study.joint import start_values
 from emla_fmu.parameters import LIFT
 from fmublock.instance import Instance
 from rsba_fmu import RsbaController, gains
@@ -54,7 +54,7 @@ signals = st.fixed_dictionaries(
 
 @given(signals)
 def test_the_published_laws_are_those_printed(s: dict[str, float]) -> None:
-    """(30), (31), (39) and Table "Actual physical meaning", with L_d = L_q and C_eq = 0."""
+    """(30), (31), (39) and Table I, with L_d = L_q and C_eq = 0."""
     g = gains.PUBLISHED["lift"]
     found = outputs(g, **s)
     theta = [s[f"theta[{i}]"] for i in range(1, 5)]

@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from emla_cosim.master.assembly import Assembly, assembled
-from emla_cosim.run import Progress, RunResult, run
-from emla_cosim.scenarios.scenario import Scenario
-from emla_cosim.settings import Settings
+from emla_cosim.loading import load
+from emla_cosim.master.assembly import Assembly
+from emla_cosim.results.result import Result
 from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.units import LinearTransformation
 from tests.support.faulty_fmu import Counts, Fault
+from tests.support.scenario_runs import run_scenario
 
 
 def faulty(name: str, fmu: Path, **parameters: float) -> Component:
@@ -70,7 +70,7 @@ def open_system(system: System, transformations: Sequence[tuple[float, float]] =
             for x, t in zip(system.connections, transformations, strict=True)
         )
         system = replace(system, connections=tuple(transformed))
-    with assembled(system, {c.name: c.fmu for c in system.components if c.fmu}) as assembly:
+    with Assembly(system, {c.name: c.fmu for c in system.components if c.fmu}) as assembly:
         yield assembly
 
 
@@ -80,11 +80,11 @@ def run_system(
     algorithm: str = "jacobi",
     stop_time: float = 1.0,
     step_size: float = 0.1,
-    **settings: Any,
-) -> RunResult:
+    **options: Any,
+) -> Result:
     """Run a system quietly, with its results in the folder."""
-    scenario = Scenario("test", "A test.", system, stop_time, step_size, algorithm)
-    return run(scenario, Settings(plots=False, **settings), folder, Progress())
+    scenario = load(system, algorithm=algorithm, stop_time=stop_time, step_size=step_size)
+    return run_scenario(scenario, folder, **options)
 
 
 def counts_of(assembly: Assembly) -> list[Counts]:

@@ -8,11 +8,11 @@ from fmpy import read_model_description
 from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
-from emla_cosim.master.assembly import assembled
-from emla_cosim.master.simulation import ALGORITHMS
+from emla_cosim.loading import load
+from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import Timing, timing
 from emla_cosim.models import fmu_path
-from emla_cosim.scenarios.reading import load_scenario
 from emla_cosim.system.model import System
 from tests.support.simulated import simulated
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 def study_joint() -> System:
     """The lift joint of the study with all its start values."""
-    return load_scenario("lift").system
+    return load("lift").system
 
 
 def moving_joint() -> System:
@@ -79,7 +79,7 @@ class Case:
 
 def our_run(case: Case, algorithm: str) -> Array:
     """Our master's run: a column per signal, a row per communication point, the initial one included."""
-    with assembled(case.system, case.fmus) as assembly:
+    with Assembly(case.system, case.fmus) as assembly:
         columns = [1 + assembly.network.names.index(f"{c}.{output}") for c, output in case.signals]
         return simulated(assembly.network, ALGORITHMS[algorithm](), case.times)[:, columns]
 

@@ -3,7 +3,7 @@
 Numbers in parentheses are the paper's equations, names its labels. Nothing here is taken from the
 blocks; where both agree, two readings of the paper agree. A state of the plant is the vector
 x = (x_1, x_2, x_3, x_4) = (x_L, v_L, i_q, i_d); all quantities are in SI units. Only what is
-deterministic is here: no sensor, no random part of (98).
+deterministic is here: no sensor, no random part of (82).
 """
 
 import math
@@ -25,7 +25,7 @@ Wave = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Subsystems:
-    """A_i and g_i of (26) by Table "Actual physical meaning", with the numbers they need."""
+    """A_i and g_i of (26) by Table I, with the numbers they need."""
 
     R_s: float
     L_d: float
@@ -60,7 +60,7 @@ class Subsystems:
 
 @dataclass(frozen=True)
 class Actuator:
-    """The EMLA of Table "Technical data", lift column; B_m and eta_GB are assumptions."""
+    """The EMLA of Table IV, lift column; B_m and eta_GB are assumptions."""
 
     R_s: float = 0.14
     L_d: float = 2.4e-3
@@ -79,13 +79,13 @@ class Actuator:
     C_eq: float = 0.0
     u_max: float = 445.0
     F: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """F_2, F_3, F_4 as fractions of g_2, g_3, g_4 (100)."""
+    """F_2, F_3, F_4 as fractions of g_2, g_3, g_4 (84)."""
     torque_from_command: bool = False
-    """Whether i_q* drives the screw (equation:StateSpace3) instead of i_q (equation:PMSM)."""
+    """Whether i_q* drives the screw (9) instead of i_q (3)."""
 
     @cached_property
     def known(self) -> Subsystems:
-        """A_i and g_i that follow from the part's data (equation:alpha, equation:MotionLaw)."""
+        """A_i and g_i that follow from the part's data ((4), (6))."""
         alpha_RL = 2.0 * math.pi / (self.rho * self.lead)
         A_eq = alpha_RL * (self.J_m + self.J_c + self.J_GB + self.M_BS / alpha_RL**2)
         B_eq = alpha_RL * (self.B_m + self.B_BS / alpha_RL**2)
@@ -120,7 +120,7 @@ def shortened(u_q: float, u_d: float, u_max: float) -> tuple[float, float, bool]
 
 
 def plant_rates(p: Actuator, x: Vector, u: PlantInputs) -> Vector:
-    """(26) with d_1 = 0, the load of Table "Actual physical meaning" and the uncertainties (100)."""
+    """(26) with d_1 = 0, the load of Table I and the uncertainties (84)."""
     u_q, u_d, _ = shortened(u.u_q, u.u_d, p.u_max)
     A, g = p.known.A, p.known.g(x)
     F = np.array([0.0, *p.F]) * g
@@ -153,7 +153,7 @@ def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
 
 
 def phase_currents(p: Actuator, x: Vector) -> list[float]:
-    """The currents that equation:abc_to_dq turns into i_d, i_q and 0."""
+    """The currents that (2) turns into i_d, i_q and 0."""
     angle, third = p.N_p * p.known.alpha_RL * float(x[0]), 2.0 * math.pi / 3.0
     shifted = np.array([angle, angle - third, angle + third])
     T = np.array([np.cos(shifted), -np.sin(shifted), np.full(3, 0.5)])
@@ -165,7 +165,7 @@ def phase_currents(p: Actuator, x: Vector) -> list[float]:
 
 @dataclass(frozen=True)
 class Observer:
-    """Observer (17) to (25) with the numbers of (101) to (103) for the lift.
+    """Observer (17) to (25) with the numbers of (85) to (87) for the lift.
 
     ||y_bar|| is read as the absolute value, which (25) needs.
     """
@@ -204,7 +204,7 @@ class Observer:
         return np.linalg.solve(self.p, [1.0, 0.0])
 
     def H(self, y: float) -> float:
-        """(102)."""
+        """(86)."""
         return self.H_0 * (math.cos(y) ** 4 + math.sin(y) ** 4)
 
     def m(self, t: float) -> float:
@@ -242,7 +242,7 @@ def observer_outputs(o: Observer, t: float, s: Vector, y: float) -> dict[str, fl
 
 @dataclass(frozen=True)
 class Controller:
-    """RSBA (27) to (41) with the lift's gains of Table "gains"; the switches are the repairs."""
+    """RSBA (27) to (41) with the lift's gains of Table V; the switches are the repairs."""
 
     known: Subsystems = Subsystems(0.14, 2.4e-3, 2.4e-3, 0.15, 8, 2199.0, 35.26, 3.67, 0.0)
     beta: Four = (3000.0, 3000.0, 1000.0, 1000.0)
@@ -365,7 +365,7 @@ def reference(motion: Motion, t: float) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Load, (98) without its random part, and (99)."""
+    """Load, (82) without its random part, and (83)."""
 
     levels: tuple[float, ...] = (0.0,)
     level_starts: tuple[float, ...] = ()
@@ -378,7 +378,7 @@ class Surroundings:
     cosines_3: tuple[Wave, ...] = ()
     cosine_4: Wave = (0.0, 0.0, 0.0)
     d_2_is_force: bool = False
-    """Read (98) in N: it then acts against the load force."""
+    """Read (82) in N: it then acts against the load force."""
 
 
 def disturbance(s: Surroundings, t: float, v_L: float) -> dict[str, float]:

@@ -6,10 +6,10 @@ import numpy as np
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.network import Network
-from emla_cosim.master.simulation import simulate
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.stepping import Stepping
 from emla_cosim.master.stepping.timing import Timing
+from emla_cosim.master.stretches import simulate
 
 
 class Table:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.scenarios.reading import load_scenario
+from emla_cosim.loading import load
 from emla_cosim.system.model import System
 from tests.support import reference_model as paper
 
@@ -22,14 +22,14 @@ PLANT = paper.Actuator(
     B_BS=50.0,
     C_eq=2.0,
     u_max=math.sqrt(2.0) * 315.0,
-    F=(0.01, 0.002, 0.001),  # (100)
+    F=(0.01, 0.002, 0.001),  # (84)
 )
 SURROUNDINGS = paper.Surroundings(
     levels=(57e3,),
-    sines_2=((0.8, 8.0, 0.0), (0.7, 20.0, 0.0)),  # (98)
+    sines_2=((0.8, 8.0, 0.0), (0.7, 20.0, 0.0)),  # (82)
     arctan_2=1.2,
     decay_2=3.0,
-    cosines_3=((0.42, 8.0, math.pi / 3.0), (0.032, 5.0, -math.pi / 2.0)),  # (99)
+    cosines_3=((0.42, 8.0, math.pi / 3.0), (0.032, 5.0, -math.pi / 2.0)),  # (83)
     cosine_4=(-0.15, 12.0, math.pi / 6.0),
 )
 M_0 = 1e-4
@@ -68,7 +68,7 @@ def lift() -> System:
         "observer.start.eta_hat": START["eta_hat"],
         "observer.v_hat": START["v_hat"],
     }
-    system = load_scenario("lift", "robust").system
+    system = load("lift", gains="robust").system
     return system.with_parameters({f"lift.{name}": value for name, value in given.items()})
 
 
@@ -90,7 +90,7 @@ def joint(system: System) -> paper.Joint:
         x_2d_in_a_1=False,
         feed_acceleration=True,
         a_max=c["limit.a_max"],
-        i_max=190.0 / (1.5 * 8 * 0.15),  # tau_max of Table "Technical data"
+        i_max=190.0 / (1.5 * 8 * 0.15),  # tau_max of Table IV
         u_max=PLANT.u_max,
         theta_max=1e6,
         freeze=True,

@@ -10,7 +10,6 @@ from typing import Any
 
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..errors import CommandError
 from ..units import BASE_UNITS, Unit
@@ -107,6 +106,8 @@ def _check_size(path: Path) -> None:
 
 def _mark_differences(description: ModelDescription, path: Path) -> None:
     """Note which variables are differences; fmpy (0.3.32) overlooks that but for types."""
+    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to load, and not always needed
+
     with zipfile.ZipFile(path) as archive:
         root = etree.fromstring(archive.read(_DESCRIPTION), etree.XMLParser(resolve_entities=False))
     variables = {v.name: v for v in description.modelVariables}

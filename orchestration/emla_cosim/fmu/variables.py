@@ -10,6 +10,18 @@ from fmpy.model_description import ModelVariable
 from ..errors import CommandError
 from .interface import Interface
 
+TypedValue = tuple[ModelVariable, Any]
+"""A variable, and a value of its type."""
+
+
+def typed_values(component: str, interface: Interface, values: Mapping[str, Any]) -> list[TypedValue]:
+    """Start values by name as those of their variables; CommandError for what cannot be set to them."""
+    found = []
+    for name, value in values.items():
+        variable = find_variable(component, interface.variables, name)
+        found.append((variable, start_value(component, interface, variable, value)))
+    return found
+
 
 def find_variable(component: str, variables: Mapping[str, ModelVariable], name: str) -> ModelVariable:
     """The variable of this name; CommandError suggests what may have been meant."""
@@ -17,7 +29,9 @@ def find_variable(component: str, variables: Mapping[str, ModelVariable], name: 
         return variables[name]
     near = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
     meant = f"; did you mean {' or '.join(near)}?" if near else "."
-    raise CommandError(f"{component} has no variable '{name}'{meant}")
+    raise CommandError(
+        f"{component} has no variable '{name}'{meant}", component=component, variable=name, near=near
+    )
 
 
 def start_value(component: str, interface: Interface, variable: ModelVariable, value: Any) -> Any:
@@ -49,7 +63,13 @@ def start_value(component: str, interface: Interface, variable: ModelVariable, v
         limits = [f"at least {low:g}"] if low > -np.inf else []
         limits += [f"at most {high:g}"] if high < np.inf else []
         right = " and ".join(limits) or "a finite number"
-        raise CommandError(f"{name} = {number:g}{unit} is out of range: it must be {right}{unit}.")
+        raise CommandError(
+            f"{name} = {number:g}{unit} is out of range: it must be {right}{unit}.",
+            variable=name,
+            value=number,
+            minimum=low,
+            maximum=high,
+        )
     return number
 
 

@@ -1,59 +1,103 @@
 """From a system description to a network of FMU instances."""
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from fmpy.model_description import Unknown
 
 from ..fmu.file import FmuFile, open_fmu
-from ..system.model import Alias, System
-from ..system.resolution import resolved
+from ..fmu.variables import TypedValue, typed_values
+from ..system.model import Alias, Component, System
+from ..system.resolution import in_fmu_terms, refuse_driven, resolved
 from ..units import IDENTITY, LinearTransformation
 from .network import Link, Network
 from .slaves.fmu_log import FmuLog
 from .slaves.fmu_slave import FmuSlave
 
 
-@dataclass(frozen=True)
 class Assembly:
     """A network of FMU instances, and the FMU file of every component.
 
     Signals have the names that the system knows them by. Where it has them in other units than
-    the FMU, `shown` says what makes the system's value, by position.
+    the FMU, `shown` says what makes the system's value, by position. `close` frees all of it.
     """
 
-    network: Network
-    files: Mapping[str, FmuFile]
-    shown: Mapping[int, LinearTransformation]
+    def __init__(self, system: System, fmus: Mapping[str, Path]) -> None:
+        """Open the files and wire the system.
 
+        `fmus` gives the FMU file of every component by name. Raises CommandError for anything in
+        the system or its files that does not fit.
+        """
+        with contextlib.ExitStack() as held:
+            folder = Path(held.enter_context(TemporaryDirectory(prefix="emla-", ignore_cleanup_errors=True)))
+            self.files: Mapping[str, FmuFile] = _open_files(fmus, folder)
+            self.system = system
+            self._wired = resolved(system, {name: file.interface for name, file in self.files.items()})
+            self._instances = held.enter_context(contextlib.ExitStack())
+            self._used = False
+            self._instantiate()
+            self.start(system)
+            self._used = False  # nothing was initialized, and start values can be set again
+            self._held = held.pop_all()
 
-@contextlib.contextmanager
-def assembled(system: System, fmus: Mapping[str, Path]) -> Iterator[Assembly]:
-    """Instantiate and wire the system, and free it afterwards.
+    def __enter__(self) -> "Assembly":
+        return self
 
-    `fmus` gives the FMU file of every component by name. Raises CommandError for anything in
-    the system or its files that does not fit, SlaveError where an FMU refuses a start value.
-    """
-    with TemporaryDirectory(prefix="emla-") as folder, contextlib.ExitStack() as instances:
-        files = _open_files(fmus, Path(folder))
-        plain = resolved(system, {name: file.interface for name, file in files.items()})
-        inputs = {
-            c.name: [x.input for x in plain.connections if x.target == c.name] for c in plain.components
-        }
-        outputs = {c.name: _outputs(files[c.name], plain, c.name) for c in plain.components}
-        slaves, log = [], FmuLog()
-        for component in plain.components:
-            name = component.name
-            slave = FmuSlave(name, files[name], inputs[name], outputs[name], log)
-            instances.callback(slave.close)
-            slave.set_start_values(component.parameters)
-            slaves.append(slave)
-        links = _links(plain, files, inputs, outputs)
-        names, shown = _signals(system, outputs)
-        yield Assembly(Network(slaves, links, names), files, shown)
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the instances, and remove what was unpacked."""
+        self._held.close()
+
+    def _instantiate(self) -> None:
+        """Make instances of all components, and the network of them."""
+        components, connections = self._wired.components, self._wired.connections
+        inputs = {c.name: [x.input for x in connections if x.target == c.name] for c in components}
+        outputs = {c.name: _outputs(self.files[c.name], self._wired, c.name) for c in components}
+        self.slaves: dict[str, FmuSlave] = {}
+        log = FmuLog()
+        for name in (c.name for c in components):
+            slave = FmuSlave(name, self.files[name], inputs[name], outputs[name], log)
+            self._instances.callback(slave.close)
+            self.slaves[name] = slave
+        links = _links(self._wired, self.files, inputs, outputs)
+        names, self.shown = _signals(self.system, outputs)
+        self.network = Network(list(self.slaves.values()), links, names)
+        self._order = [self.network.slaves[i].name for i in self.network.order]
+        self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
+
+    def start(self, system: System, fresh: bool = False) -> None:
+        """Bring all instances to where initialization begins, with the start values of this system.
+
+        It is the same system but for these values. Instances that have run are reset, or made anew
+        where `fresh` says so. Raises CommandError for a value that does not fit, SlaveError where an
+        FMU refuses one.
+        """
+        for component in system.components:
+            if self._values.get(component.name, (None,))[0] is not component:
+                self._values[component.name] = component, self._typed(component)
+        if self._used and fresh:
+            values = self._values
+            self._instances.close()
+            self._instantiate()
+            self._values = values
+        elif self._used:
+            for slave in self.slaves.values():
+                slave.reset()
+            self.network.signals[:] = 0.0
+        self.network.reorder(self._order)
+        self._used = True
+        for name, slave in self.slaves.items():
+            slave.set_start_values(self._values[name][1])
+
+    def _typed(self, component: Component) -> list[TypedValue]:
+        """The start values of a component as its FMU has them."""
+        given = in_fmu_terms(component)
+        refuse_driven(given, self._wired.connections)
+        return typed_values(component.name, self.files[component.name].interface, given.parameters)
 
 
 def _open_files(fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
@@ -101,6 +145,7 @@ def _links(
             initial=_depends(used[x.target], files[x.target].description.initialUnknowns, x.input),
             factor=(x.transformation or IDENTITY).factor,
             offset=(x.transformation or IDENTITY).offset,
+            name=str(x),
         )
         for x in system.connections
     ]

@@ -2,16 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from heapq import heapify, heappop, heappush
 from itertools import pairwise
 
-import networkx
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Indices, Vector
 from ..errors import CommandError, RunError, listed
-from .slaves.slave import Slave, Vector
-
-Indices = NDArray[np.intp]
+from .slaves.slave import Slave
 
 
 @dataclass(frozen=True)
@@ -20,7 +18,7 @@ class Link:
 
     `direct` says whether an output of the target that is connected itself depends on this input
     without delay; `initial` says the same of the initial values. The input is `factor` times the
-    output plus `offset`, which is in the unit of the input.
+    output plus `offset`, which is in the unit of the input. `name` is what people call it.
     """
 
     source: int
@@ -31,6 +29,7 @@ class Link:
     initial: bool = True
     factor: float = 1.0
     offset: float = 0.0
+    name: str = ""
 
 
 class Network:
@@ -67,7 +66,14 @@ class Network:
             bool((f != 1.0).any() or o.any()) for f, o in zip(self.factors, self.offsets, strict=True)
         ]
         self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *self.sources]))
-        self.order = stepping_order(len(slaves), links)
+        self._use_order(stepping_order(len(slaves), links))
+
+    def _use_order(self, order: list[int]) -> None:
+        self.order = order
+        self._place = {i: k for k, i in enumerate(order)}
+        self._against: list[list[Link]] = [[] for _ in order]  # the order, by target
+        for link in self.feedback():
+            self._against[link.target].append(link)
 
     def signal(self, link: Link) -> int:
         """Position in `signals` of the output that drives a link."""
@@ -109,11 +115,11 @@ class Network:
             raise CommandError(
                 f"the order of stepping must name every component once; it {', '.join(problems)}."
             )
-        self.order = [position[n] for n in names]
+        self._use_order([position[n] for n in names])
 
     def feedback(self) -> list[Link]:
         """Links that run against `order`: stepping one after the other, they are late by a step."""
-        place = {i: k for k, i in enumerate(self.order)}
+        place = self._place
         return [link for link in self.links if place[link.source] >= place[link.target]]
 
     def groups(self, counts: Callable[[Link], bool] = lambda link: True) -> list[list[int]]:
@@ -122,20 +128,23 @@ class Network:
         A loop of links makes a group of several slaves, or of one that reads itself; only links
         that `counts` says yes to are seen. Within a group the network's order holds.
         """
-        graph = networkx.DiGraph([(x.source, x.target) for x in self.links if counts(x)])
-        graph.add_nodes_from(range(len(self.slaves)))
+        links, place = [x for x in self.links if counts(x)], self._place
+        if all(place[x.source] <= place[x.target] for x in links):
+            return [[i] for i in self.order]
+        import networkx  # takes longer than a short run, which mostly does without
+
+        graph = networkx.DiGraph([(x.source, x.target) for x in links])
+        graph.add_nodes_from(self.order)
         condensed = networkx.condensation(graph)
-        members = {c: sorted(condensed.nodes[c]["members"], key=self.order.index) for c in condensed}
-        order = networkx.lexicographical_topological_sort(
-            condensed, lambda c: self.order.index(members[c][0])
-        )
+        members = {c: sorted(condensed.nodes[c]["members"], key=place.__getitem__) for c in condensed}
+        order = networkx.lexicographical_topological_sort(condensed, lambda c: place[members[c][0]])
         return [members[c] for c in order]
 
     def cut(self, group: Sequence[int], counts: Callable[[Link], bool] = lambda link: True) -> Indices:
         """The signals within a group that are read before they are written: what makes it a loop."""
         inside = set(group)
-        links = [x for x in self.feedback() if {x.source, x.target} <= inside and counts(x)]
-        return np.unique(np.array([self.signal(x) for x in links], dtype=np.intp))
+        links = [x for i in inside for x in self._against[i] if x.source in inside and counts(x)]
+        return np.array(sorted({self.signal(x) for x in links}), dtype=np.intp)
 
     def loop_name(self, group: Sequence[int]) -> str:
         """The slaves of a group as a loop: a -> b -> a."""
@@ -166,21 +175,29 @@ def stepping_order(count: int, links: Sequence[Link]) -> list[int]:
     the other links decide between what is left, then the order of declaration. In a loop of
     direct links the slave that waits for the fewest comes first.
     """
+    readers: list[dict[int, bool]] = [{} for _ in range(count)]  # of each source: whether directly
+    for link in links:
+        if link.source != link.target:
+            known = readers[link.source].get(link.target, False)
+            readers[link.source][link.target] = known or link.direct
+    direct, every = [0] * count, [0] * count  # sources that each still waits for
+    for targets in readers:
+        for i, is_direct in targets.items():
+            direct[i] += is_direct
+            every[i] += 1
     waiting = set(range(count))
+    queue = [(direct[i], every[i], i) for i in waiting]
+    heapify(queue)
     order: list[int] = []
-    while waiting:
-        open_links = {
-            (link.source, link.target, link.direct)
-            for link in links
-            if link.source in waiting and link.source != link.target
-        }
-
-        def cost(i: int, open_links: set[tuple[int, int, bool]] = open_links) -> tuple[int, int, int]:
-            direct = sum(1 for _, target, is_direct in open_links if target == i and is_direct)
-            every = len({source for source, target, _ in open_links if target == i})
-            return direct, every, i
-
-        chosen = min(waiting, key=cost)
+    while queue:
+        chosen = heappop(queue)[2]
+        if chosen not in waiting:  # what it waits for gets less, so this entry is an older one
+            continue
         waiting.remove(chosen)
         order.append(chosen)
+        for i, is_direct in readers[chosen].items():
+            direct[i] -= is_direct
+            every[i] -= 1
+            if i in waiting:
+                heappush(queue, (direct[i], every[i], i))
     return order

@@ -1,1 +1,1 @@
-"""What a run leaves behind: rows on disk, metrics, plots, and a record of how it was made."""
+"""What came out of a run: signals and figures, pictures, files."""

@@ -1,28 +1,44 @@
-"""The output folder of a run: its files by name, the sinks that fill them, and their state."""
+"""The output folder of a run: its files by name."""
 
+import contextlib
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-from ..errors import CommandError
-from ..units import LinearTransformation
-from .csv_file import CsvFile, Position
-from .metrics import JointMetrics, MetricsSink
-from .plots import FIGURES, plot_run
-from .recorder import Recorder, Selection
+import numpy as np
 
-RESULTS, METRICS, RECORD = "results.csv", "metrics.json", "run.json"
+from ..arrays import Vector
+from ..errors import CommandError, RunError
+from ..progress import Progress
+from ..recorders.recorder import Outline, Recorder, recording
+from ..recorders.registry import TABLES
+from .plotting import FIGURES, draw
+from .result import Result
+
+METRICS, RECORD = "metrics.json", "run.json"
+
+
+def results_folder(name: str) -> Path:
+    """Where the results of a scenario go unless told otherwise; a name cannot lead elsewhere."""
+    return Path("results") / (re.sub(r"[^\w.-]+", "_", name).strip("._") or "run")
 
 
 class OutputFolder:
-    """A folder for the results of one run; an earlier run's files stay until a `Recording` begins."""
+    """A folder for the results of one run; an earlier run's files stay until `clear`."""
 
-    def __init__(self, path: Path) -> None:
-        """Make the folder and see that it can be written; CommandError if not."""
+    def __init__(self, path: Path, form: str = "csv") -> None:
+        """Make the folder and see that it can be written; CommandError if not.
+
+        `form` is that of the table of results, a name of `TABLES`.
+        """
         self.path = path
+        self.results = path / f"results.{form}"
+        self._make = TABLES[form]
         try:
             path.mkdir(parents=True, exist_ok=True)
             with TemporaryFile(dir=path):
@@ -30,59 +46,90 @@ class OutputFolder:
         except OSError as error:
             raise CommandError(f"the output folder '{path}' cannot be written: {error.strerror}.") from error
 
-    @property
-    def results(self) -> Path:
-        """The file of recorded rows."""
-        return self.path / RESULTS
+    def recorders(self, continued: bool) -> list[Recorder]:
+        """What writes the table of results while a run goes on, which may continue one in this folder."""
+        return [_Clearing(self, continued), self._make(self.results)]
 
-    def clear(self, keep_results: bool) -> None:
+    def clear(self, keep_results: bool = False) -> None:
         """Remove what an earlier run left under the same names. May raise OSError."""
-        removed = [METRICS, RECORD, *(f"{figure}.png" for figure in FIGURES)]
-        for name in removed if keep_results else [RESULTS, *removed]:
+        for name in (METRICS, RECORD, *(f"{figure}.png" for figure in FIGURES)):
             (self.path / name).unlink(missing_ok=True)
+        for form in TABLES if not keep_results else ():
+            (self.path / f"results.{form}").unlink(missing_ok=True)
 
-    def write_json(self, name: str, content: object) -> None:
-        """Write one of the JSON files. May raise OSError."""
+    def write_table(self, result: Result) -> None:
+        """Write the table of a result that has it in memory. Raises RunError."""
+        kept = result.read(["time", *result.names])
+        columns = list(kept)[1:]
+        units = [result.units[name] for name in columns]
+        table = self._make(self.results)
+        with recording(table):
+            self.clear()
+            table.begin(Outline(columns, units, result.times, range(len(columns))))
+            try:
+                table.write(_rows(kept))
+            finally:
+                table.end()
+
+    def keep(self, result: Result, plots: bool, progress: Progress) -> tuple[Result, list[Path]]:
+        """`write`, with a failure as the problem of the result, unless that has one already."""
+        try:
+            return result, self.write(result, plots, progress)
+        except RunError as error:
+            return replace(result, problem=result.problem or str(error)), []
+
+    def write(self, result: Result, plots: bool, progress: Progress | None = None) -> list[Path]:
+        """Write metrics.json, run.json and, if wanted, pictures, which are returned. Raises RunError."""
+        told = progress or Progress()
+        with self._written():
+            self._write_json(METRICS, {**_without_nan(result.metrics), "run": _run_metrics(result)})
+            self._write_json(RECORD, result.record)
+            if not plots or result.steps == 0 or result.table is None:
+                return []
+            told.begin("drawing plots", len(FIGURES))
+            return draw(result, self.path, lambda _: told.advance(1))
+
+    def _write_json(self, name: str, content: object) -> None:
         (self.path / name).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
-    def draw(self, joints: Sequence[str], done: Callable[[str], None]) -> list[Path]:
-        """Draw the pictures of these joints; returns their files. May raise OSError."""
-        return plot_run(self.results, joints, self.path, done)
+    @contextlib.contextmanager
+    def _written(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise RunError(
+                f"the output folder '{self.path}' cannot be written: {error.strerror or error}."
+            ) from error
 
 
-class Recording:
-    """Everything that takes rows while a run goes on: results.csv with every n-th row, and the metrics.
+class _Clearing(Recorder):
+    """Removes what an earlier run left when a run begins, and not before: a wrong command leaves it alone."""
 
-    `selected` are the positions of the signals that results.csv holds, `shown` what is recorded in
-    another unit, see `Recorder`. `after` is the memory of an earlier recording that this one continues.
-    """
+    def __init__(self, folder: OutputFolder, continued: bool) -> None:
+        self._folder, self._continued = folder, continued
 
-    def __init__(
-        self,
-        folder: OutputFolder,
-        joints: Sequence[str],
-        names: Sequence[str],
-        every: int,
-        after: Mapping[str, Any] | None = None,
-        selected: Sequence[int] | None = None,
-        shown: Mapping[int, LinearTransformation] | None = None,
-    ) -> None:
-        """Begin the files; raises OSError."""
-        folder.clear(keep_results=after is not None)
-        position = Position(**after["results"]) if after is not None else None
-        chosen = range(len(names)) if selected is None else selected
-        self._csv_file = CsvFile(folder.results, [names[i] for i in chosen], every, position)
-        self._metrics = MetricsSink(joints, names)
-        if after is not None:
-            self._metrics.remember(after["metrics"])
-        table = self._csv_file if selected is None else Selection(self._csv_file, selected)
-        self.recorder = Recorder(1 + len(names), [table, self._metrics], shown=shown)
+    def __str__(self) -> str:
+        return str(self._folder.results)
 
-    def memory(self) -> dict[str, Any]:
-        """Plain data from which another recording can continue. May raise OSError."""
-        self.recorder.flush()
-        return {"results": asdict(self._csv_file.position), "metrics": self._metrics.memory()}
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Remove it, but for a table of results that is continued."""
+        self._folder.clear(keep_results=self._continued)
 
-    def metrics(self) -> dict[str, JointMetrics]:
-        """Metrics by joint of all that was recorded."""
-        return self._metrics.results()
+
+def _rows(columns: Mapping[str, Vector]) -> Vector:
+    return np.column_stack(list(columns.values()))
+
+
+def _run_metrics(result: Result) -> dict[str, Any]:
+    rate = result.steps / result.wall_s if result.wall_s > 0 else 0.0
+    found: dict[str, Any] = {"steps": result.steps, "wall_s": result.wall_s, "steps_per_s": rate}
+    if result.pacing is not None:
+        found["real_time"] = result.pacing
+    return found
+
+
+def _without_nan(value: Any) -> Any:
+    """Figures with null where one does not exist: JSON has no NaN."""
+    if isinstance(value, Mapping):
+        return {name: _without_nan(inner) for name, inner in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,28 +1,56 @@
-"""What a scenario is."""
+"""What a scenario is: a system, and how it is run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..experiment import run_times
+from ..options import Options
+from ..preparation import prepared
+from ..progress import Progress
+from ..simulation import Simulation
+from ..ssp.writer.writing import Experiment, write_ssp
 from ..system.model import System
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A system and how it is run: times in s, the algorithm by name; None where nobody said.
+    """A system and how it is run.
 
-    `settings` are further ones by the names of `Settings`; `notes` are sentences for the user on
-    what was read but means nothing. FMUs of a package are in the folder `unpacked` meanwhile.
+    `notes` are sentences for the user on what was read but means nothing. FMUs of a package are in the
+    folder `unpacked` as long as the scenario, or a simulation of it, lives.
     """
 
     name: str
     description: str
     system: System
-    stop_time: float | None
-    step_size: float | None
-    algorithm: str = "gauss-seidel"
-    start_time: float = 0.0
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    options: Options = field(default_factory=Options)
     notes: Sequence[str] = ()
-    unpacked: Path | None = None
+    unpacked: Path | None = field(default=None, compare=False)
+    holds: object = field(default=None, compare=False, repr=False)
+
+    def prepare(self, progress: Progress | None = None, **options: Any) -> Simulation:
+        """Build and load all FMUs and compile the loop, so that it can be run many times.
+
+        `options` are those of `Options`, by name. Raises CommandError for what does not fit,
+        RunError where FMUs cannot be built.
+        """
+        chosen = self.options.updated(options)
+        return Simulation(self.system, chosen, self.name, progress, self.unpacked, self.holds)
+
+    def export(
+        self, file: str | Path, nested: bool = False, progress: Progress | None = None, **options: Any
+    ) -> Path:
+        """Write the system, with all that the options change, and its FMUs as an SSP package.
+
+        `nested` makes one system of all components with the same first part of their names. Raises
+        CommandError for what does not fit, RunError where something cannot be built or written.
+        """
+        chosen, told = self.options.updated(options), progress or Progress()
+        times = run_times(chosen, self.name)
+        system, fmus = prepared(self.system, chosen, told)
+        experiment = Experiment(times.start, times.stop, times.step)
+        write_ssp(Path(file), self.name, self.description, system, fmus, experiment, nested)
+        told.advance(1)
+        return Path(file)

@@ -1,6 +1,6 @@
 """A system of components that are FMUs, and the connections between them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -26,20 +26,34 @@ class Alias:
 class Component:
     """One FMU instance in a system, and the start values it gets.
 
-    `name` is a path with dots, such as joint.component. `model` is the name of one of our FMUs,
-    or `fmu` a file. `parameters` maps variable names to values; enumerations by number or by the
-    literal's name. `aliases` has those variables that the FMU knows by another name or unit.
+    `name` is a path with dots, such as joint.component. `model` is the name of one of our FMUs or a
+    block of `fmublock`, which is built as one; or `fmu` is a file. `parameters` maps variable names to
+    values; enumerations by number or by the literal's name. `aliases` has those variables that the FMU
+    knows by another name or unit.
     """
 
     name: str
-    model: str = ""
+    model: str | type = ""
     parameters: Mapping[str, Value] = field(default_factory=dict)
     fmu: Path | None = None
     aliases: Mapping[str, Alias] = field(default_factory=dict)
 
+    @property
+    def branch(self) -> str:
+        """What stands before the first dot of the name."""
+        return self.name.partition(".")[0]
+
     def alias(self, name: str) -> Alias:
         """What the FMU calls a variable that has a start value here."""
         return self.aliases.get(name) or Alias(name)
+
+
+@dataclass(frozen=True)
+class Replacement:
+    """The FMU to use in the place of a component, and a file (SSM) that maps our names to its names."""
+
+    fmu: Path
+    mapping: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -72,10 +86,27 @@ class System:
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
 
+    @classmethod
+    def of(
+        cls,
+        components: Mapping[str, str | Path | type],
+        connections: Iterable[str] = (),
+        set: Mapping[str, Value] | None = None,
+    ) -> "System":
+        """A system from names: what each component is, and which output drives which input.
+
+        A component is an FMU file, a block of `fmublock`, or the name of one of our models; a connection is
+        written as "lift.plant.x_L -> lift.observer.y". `set` has start values by full name. Raises
+        CommandError for names that are not there; units and types are checked when it is prepared.
+        """
+        made = cls(tuple(_component(name, what) for name, what in components.items()), ())
+        wired = replace(made, connections=tuple(made._connection(text) for text in connections))
+        return wired.with_parameters(set or {})
+
     @property
-    def joints(self) -> list[str]:
-        """Names of the joints, in order: what stands before the first dot of a component's name."""
-        return list(dict.fromkeys(c.name.split(".")[0] for c in self.components))
+    def branches(self) -> list[str]:
+        """What stands before the first dot of the components' names, in order."""
+        return list(dict.fromkeys(c.branch for c in self.components))
 
     def __add__(self, other: "System") -> "System":
         """Both systems side by side."""
@@ -86,28 +117,31 @@ class System:
         for component in self.components:
             if component.name == name:
                 return component
-        raise CommandError(self._unknown(name))
+        raise self._unknown(name)
 
     def split(self, path: str) -> tuple[Component, str]:
-        """joint.component.variable as component and variable name (which may hold dots itself)."""
+        """component.variable as component and variable name, both of which may hold dots."""
         inside = [c for c in self.components if path.startswith(f"{c.name}.") and path != f"{c.name}."]
         if not inside:
+            longest = max(c.name.count(".") for c in self.components) + 1 if self.components else 1
             names = path.split(".")
-            if len(names) < 3 or not names[-1]:
-                raise CommandError(f"'{path}' is not a variable; write joint.component.variable.")
-            raise CommandError(self._unknown(".".join(names[:2])))
+            if len(names) <= longest or not names[-1]:
+                example = f"{self.components[0].name}.VARIABLE" if self.components else "COMPONENT.VARIABLE"
+                raise CommandError(f"'{path}' is not a variable; write it as {example}.", name=path)
+            raise self._unknown(".".join(names[:longest]))
         component = max(inside, key=lambda c: len(c.name))
         return component, path.removeprefix(f"{component.name}.")
 
     def with_parameters(self, values: Mapping[str, Value]) -> "System":
-        """The system with further start values, given as joint.component.variable."""
-        changed = {c.name: dict(c.parameters) for c in self.components}
+        """The system with further start values, by full name."""
+        changed: dict[str, dict[str, Value]] = {}
         for path, value in values.items():
             component, variable = self.split(path)
-            changed[component.name][variable] = value
-        return replace(
-            self, components=tuple(replace(c, parameters=changed[c.name]) for c in self.components)
+            changed.setdefault(component.name, dict(component.parameters))[variable] = value
+        components = (
+            replace(c, parameters=changed[c.name]) if c.name in changed else c for c in self.components
         )
+        return replace(self, components=tuple(components)) if changed else self
 
     def with_component(self, changed: Component) -> "System":
         """The system with the component of this name changed."""
@@ -116,9 +150,33 @@ class System:
             self, components=tuple(changed if c.name == changed.name else c for c in self.components)
         )
 
-    def _unknown(self, name: str) -> str:
-        joint = name.split(".")[0]
-        if joint not in self.joints:
-            return f"there is no joint '{joint}'; the system has {listed(self.joints)}."
-        inside = [c.name for c in self.components if c.name.startswith(f"{joint}.")] or [joint]
-        return f"there is no component '{name}'; the joint has {listed(inside)}."
+    def with_connections(self, *connections: str) -> "System":
+        """The system with further connections, written as in `of`; what drove their inputs goes."""
+        added = {x.ends[1]: x for x in map(self._connection, connections)}
+        kept = (x for x in self.connections if x.ends[1] not in added)
+        return replace(self, connections=(*kept, *added.values()))
+
+    def _connection(self, text: str) -> Connection:
+        source, arrow, target = (part.strip() for part in text.partition("->"))
+        if not (source and arrow and target):
+            raise CommandError(f"'{text}' is not a connection; write a.output -> b.input.", name=text)
+        (source, output), (target, input_) = self.split(source), self.split(target)
+        return Connection(source.name, output, target.name, input_)
+
+    def _unknown(self, name: str) -> CommandError:
+        branch = name.partition(".")[0]
+        inside = [c.name for c in self.components if c.branch == branch]
+        known = inside or [c.name for c in self.components] or ["none"]
+        more = f", and {len(known) - 8} more" if len(known) > 8 else ""
+        return CommandError(
+            f"there is no component '{name}'; there are {listed(known[:8])}{more}.", name=name, choices=known
+        )
+
+
+def _component(name: str, what: str | Path | type) -> Component:
+    """A component that is a file, a block, or one of our models by its name."""
+    if isinstance(what, type):
+        return Component(name, model=what)
+    if isinstance(what, Path) or what.lower().endswith(".fmu"):
+        return Component(name, fmu=Path(what))
+    return Component(name, model=what)

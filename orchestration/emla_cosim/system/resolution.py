@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from ..errors import CommandError
@@ -17,21 +17,27 @@ def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
 
     `interfaces` has that of every component. Raises CommandError for whatever does not fit.
     """
-    components = tuple(plain(c) for c in system.components)
-    given = {c.name: c.parameters for c in components}
+    components = tuple(in_fmu_terms(c) for c in system.components)
     driven: dict[tuple[str, str], Connection] = {}
     for x in system.connections:
         if driven.setdefault((x.target, x.input), x) is not x:
             raise CommandError(f"{x.target}.{x.input} is driven by two outputs.")
-        if x.input in given.get(x.target, ()):
-            raise CommandError(f"{x.target}.{x.input} cannot be set: it is driven by {x.source}.{x.output}.")
+    for component in components:
+        refuse_driven(component, system.connections)
     connections = (
         replace(x, transformation=_transformation(x, system, interfaces)) for x in system.connections
     )
     return System(components, tuple(connections))
 
 
-def plain(component: Component) -> Component:
+def refuse_driven(component: Component, connections: Iterable[Connection]) -> None:
+    """Raise CommandError where a start value is given to an input that is connected."""
+    for x in connections:
+        if x.target == component.name and x.input in component.parameters:
+            raise CommandError(f"{x.target}.{x.input} cannot be set: it is driven by {x.source}.{x.output}.")
+
+
+def in_fmu_terms(component: Component) -> Component:
     """The component with start values as its FMU has them."""
     values: dict[str, Value] = {}
     for name, value in component.parameters.items():

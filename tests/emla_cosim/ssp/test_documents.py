@@ -1,6 +1,8 @@
 """Documents of an SSP: inside each other, as packages and folders, of both versions; names and times."""
 
 import shutil
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -217,3 +219,17 @@ def test_names_of_components(names: tuple, ids: tuple, expected: list, tmp_path:
     parts = [component(n, "a.fmu", id=i) for n, i in zip(names, ids, strict=True)]
     found = understood(folder(tmp_path / "ssp", root=ssd(system("root", *parts)), a__fmu=fmu))
     assert [c.name for c in found.system.components] == expected
+
+
+def test_the_xml_library_is_loaded_with_the_first_document() -> None:
+    """Commands that read and write none do not wait for it."""
+    code = (
+        "import sys\n"
+        "import emla_cosim.ssp.reader.reading, emla_cosim.ssp.writer.writing, emla_cosim.fmu.file\n"
+        "from emla_cosim.ssp.documents.parameters import format_mapping\n"
+        "before = 'lxml' in sys.modules\n"
+        "format_mapping(())\n"
+        "print(before, 'lxml' in sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]

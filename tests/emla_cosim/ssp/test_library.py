@@ -4,23 +4,27 @@ import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from pyssp_standard.ssd import SSD
 from pyssp_standard.ssd import System as TheirSystem
 from pyssp_standard.ssm import SSM
 from pyssp_standard.ssv import SSV
+from pyssp_standard.standard import ModelicaStandard
 from typer.testing import CliRunner
 
+import emla_cosim.ssp.documents
 from emla_cosim.cli import app
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.ssp.documents.parameters import parse_mapping, parse_parameter_set
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
-from emla_cosim.ssp.documents.structure import Component, Reference, SystemElement
+from emla_cosim.ssp.documents.structure import ComponentElement, Reference, SystemElement
 from emla_cosim.ssp.reader.reading import read_ssp
 from tests.support.paths import FOREIGN_MAPPING
 
 MAPPING = FOREIGN_MAPPING
+SCHEMAS = Path(emla_cosim.ssp.documents.__file__).parent / "schemas"
 
 
 @pytest.fixture(scope="module", params=["flat", "nested"])
@@ -44,12 +48,28 @@ def unpacked(exported: Path, tmp_path: Path) -> Path:
 
 
 def test_all_files_are_valid(unpacked: Path) -> None:
-    for kind, reader, least in (("ssd", SSD, 1), ("ssv", SSV, 3), ("ssm", SSM, 1)):
+    for kind, reader, least in (("ssd", SSD, 1), ("ssv", SSV, 15), ("ssm", SSM, 1)):
         files = list(unpacked.rglob(f"*.{kind}"))
         assert len(files) >= least
         for file in files:
             with reader(file) as document:
                 document.__check_compliance__()
+
+
+def test_our_schemas_are_the_ones_it_has() -> None:
+    """But for line breaks inside tags."""
+    compared = 0
+    for version, suffix in (("1.0", ""), ("2.0", "2")):
+        for kind in ("ssc", "ssd", "ssm", "ssv"):
+            theirs = Path(ModelicaStandard.schemas[f"{kind}{suffix}"])
+            ours = SCHEMAS / version / theirs.name
+            assert canonical(ours) == canonical(theirs), ours
+            compared += 1
+    assert len(list(SCHEMAS.rglob("*.xsd"))) == compared
+
+
+def canonical(file: Path) -> str:
+    return ElementTree.canonicalize(from_file=file)
 
 
 CONVERTED: dict[str, Callable[[str], Any]] = {"Real": float, "Integer": int, "Boolean": "true".__eq__}
@@ -80,7 +100,7 @@ def theirs(system: TheirSystem) -> dict[str, Any]:
     }
 
 
-def connectors(element: Component | SystemElement) -> list[tuple[str, str, str | None]]:
+def connectors(element: ComponentElement | SystemElement) -> list[tuple[str, str, str | None]]:
     return [(c.name, c.kind, c.unit.name if c.unit else None) for c in element.connectors]
 
 
@@ -102,7 +122,7 @@ def ours(system: SystemElement) -> dict[str, Any]:
                 [(source(b.values), source(b.mapping)) for b in e.bindings],
             )
             for e in system.elements
-            if isinstance(e, (SystemElement, Component))
+            if isinstance(e, (SystemElement, ComponentElement))
         ],
     }
 
@@ -127,11 +147,11 @@ def units(element: Any) -> set[str]:
     return {c.unit.name for c in element.connectors if c.unit is not None}.union(*inside)
 
 
-def leaves(system: SystemElement) -> Iterator[Component]:
+def leaves(system: SystemElement) -> Iterator[ComponentElement]:
     for element in system.elements:
         if isinstance(element, SystemElement):
             yield from leaves(element)
-        elif isinstance(element, Component):
+        elif isinstance(element, ComponentElement):
             yield element
 
 

@@ -5,9 +5,8 @@ from typing import Any
 
 import polars
 import pytest
-
 from emla_cosim.run import Progress, Settings, results_folder, run
-from emla_cosim.scenarios.reading import opened_scenario
+
 from tests.support.ssp_documents import (
     binding,
     component,

@@ -34,18 +34,17 @@ def pair(folder: Path, first: list[str], second: list[str], *components: Compone
     return exported(folder, System(components, ()), dict(zip(names, paths, strict=True)))
 
 
-def test_a_default_in_another_unit_is_another_value(tmp_path: Path) -> None:
-    """The first has 0 degC, which the 0 K of the second are not: they cannot read the same set."""
-    components = Component("j.a", parameters={"b": 1.0}), Component("j.b", parameters={"k": 0.0})
-    found = pair(tmp_path, ["k:parameter:degC", "b:parameter"], ["k:parameter:K"], *components)
-    assert (found.values("j.a"), found.values("j.b")) == ({"b": 1.0}, {"k": 0.0})
-
-
-def test_what_cannot_be_set_gets_no_value(tmp_path: Path) -> None:
+def test_a_parameter_of_the_same_name_in_another_component(tmp_path: Path) -> None:
+    """It stays with the component that it was set for."""
     components = Component("j.a", parameters={"b": 1.0}), Component("j.b", parameters={"k": 3.0})
-    found = pair(tmp_path, ["k:output", "b:parameter"], ["k:parameter"], *components)
+    found = pair(tmp_path, ["k:parameter", "b:parameter"], ["k:parameter"], *components)
     assert (found.values("j.a"), found.values("j.b")) == ({"b": 1.0}, {"k": 3.0})
-    assert {name for name in files(tmp_path) if name.endswith(".ssv")} == {"resources/j.ssv"}
+
+
+def test_a_component_without_values_has_no_set(tmp_path: Path) -> None:
+    components = Component("j.a"), Component("j.b", parameters={"k": 3.0})
+    pair(tmp_path, ["k:parameter"], ["k:parameter"], *components)
+    assert {name for name in files(tmp_path) if name.endswith(".ssv")} == {"resources/j_b.ssv"}
 
 
 def twice(folder: Path, system: System, fmus: dict[str, Path]) -> tuple[bytes, bytes]:
@@ -66,19 +65,6 @@ def test_components_that_are_not_in_the_order_of_their_systems(tmp_path: Path) -
     assert first == second
 
 
-def test_values_that_a_set_gives_to_others_as_well(tmp_path: Path) -> None:
-    """For which they are the defaults."""
-    fmus = {
-        "j.a": fake_fmu(tmp_path / "a.fmu", "k:parameter", "b:parameter"),
-        "j.b": fake_fmu(tmp_path / "b.fmu", "n:parameter", "k:parameter"),
-    }
-    parameters: dict[str, dict[str, float]] = {"j.a": {"b": 1.0}, "j.b": {"n": 2.0, "k": 0.0}}
-    system = System(tuple(Component(n, parameters=p) for n, p in parameters.items()), ())
-    first, second = twice(tmp_path, system, fmus)
-    assert first == second
-    assert understood(tmp_path / "x.ssp").values("j.a") == {"k": 0.0, "b": 1.0}
-
-
 def test_another_name_for_what_has_no_value(tmp_path: Path) -> None:
     """The mapping must not find a value that is meant for somebody else."""
     aliases = {"k": Alias("theirs", LinearTransformation(2.0))}
@@ -88,13 +74,13 @@ def test_another_name_for_what_has_no_value(tmp_path: Path) -> None:
     assert found.system.component("j.a").aliases == aliases
 
 
-def test_files_of_joints_and_components_that_would_be_called_the_same(tmp_path: Path) -> None:
+def test_files_of_components_that_would_be_called_the_same(tmp_path: Path) -> None:
     fmu = fake_fmu(tmp_path / "a.fmu", "k:parameter")
-    values = {"a.b": 1.0, "a.c": 2.0, "a_c.x": 3.0, "/x.y": 4.0}
+    values = {"a.b": 1.0, "a.c.x": 2.0, "a_c.x": 3.0, "/x.y": 4.0}
     system = System(tuple(Component(n, parameters={"k": v}) for n, v in values.items()), ())
     found = exported(tmp_path, system, dict.fromkeys(values, fmu), nested=True)
     assert {n: found.values(n)["k"] for n in values} == values
-    assert "resources/_x.ssv" in files(tmp_path)
+    assert {"resources/a_c_x.ssv", "resources/a_c_x_2.ssv", "resources/_x_y.ssv"} < files(tmp_path)
 
 
 def test_units_of_one_name_that_are_not_the_same(tmp_path: Path) -> None:

@@ -2,41 +2,56 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from ...arrays import Vector
 from ...errors import CommandError
+from ...option import option, options_of
 from ..network import Link, Network
-from ..slaves.slave import Slave, Vector
-from .extrapolation import Exchange
+from ..slaves.slave import Slave
+from .extrapolation import EXTRAPOLATIONS, Exchange
 from .initialization import initialize
 
 Span = Callable[[int], float]
 """The length in s of so many communication steps from where the simulation is."""
 
 
+@dataclass(eq=False)
 class Algorithm(ABC):
     """Advances a network by communication steps.
+
+    Its fields are its options; `setup` begins everything else anew, so that one can serve many runs.
 
     The calling order is `setup` once, `initialize` once, then `step` for each step. All may
     raise SlaveError; after that the algorithm is not used again, except that a step which raised
     StepDiscardedError may be tried anew from a snapshot.
     """
 
-    network: Network
-    exchange: Exchange
+    extrapolation: str = option(
+        "none",
+        help="Inputs during a step.",
+        choices=lambda: EXTRAPOLATIONS,
+        identity="extrapolation",
+    )
 
-    def __init__(self, extrapolation: str = "none") -> None:
-        self.extrapolation = extrapolation
-        self.steps = 0
+    network: Network = field(init=False, repr=False)
+    exchange: Exchange = field(init=False, repr=False)
+    steps: int = field(init=False, repr=False)
+    """Steps done since `setup`."""
 
     def setup(self, network: Network) -> None:
         """Take the network to work on; nothing has been called on its slaves yet.
 
         Raises CommandError where a slave lacks an ability that the algorithm needs.
         """
+        for own in options_of(type(self)):
+            own.check(getattr(self, own.name))
         self.network = network
         self.exchange = Exchange(network, self.extrapolation)
+        self.steps = 0
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
         """Bring all slaves through initialization mode; signals then hold the initial outputs.
@@ -59,6 +74,10 @@ class Algorithm(ABC):
     def late(self) -> list[Link]:
         """Links whose target sees its source one step late, or extrapolated."""
 
+    def report(self) -> dict[str, Any]:
+        """How the steps are made, as plain data for run.json."""
+        return {"late_connections": [link.name for link in self.late()]}
+
     def memory(self) -> dict[str, Vector]:
         """What the algorithm remembers besides the signals, as arrays by name; see `remember`."""
         return self.kept | {"steps": np.array([float(self.steps)])}
@@ -77,9 +96,9 @@ class Algorithm(ABC):
         """One step."""
 
     @property
-    def order(self) -> int:
+    def accuracy(self) -> int:
         """Order of accuracy in the step size, of states in smooth motion."""
-        return self.exchange.order
+        return self.exchange.accuracy
 
     @property
     def kept(self) -> dict[str, Vector]:

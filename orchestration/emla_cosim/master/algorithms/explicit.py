@@ -2,12 +2,13 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
 
 from ...errors import CommandError
+from ...option import option
 from ..network import Network
 from .algorithm import Algorithm, Span
 
@@ -31,30 +32,35 @@ class Operation:
     slave: int
 
 
+@dataclass(eq=False)
 class Explicit(Algorithm):
     """Works through a table of operations in every step.
 
-    `multiples` gives, by name, slaves that step more rarely: one with the multiple m gets its
+    `step_multiples` gives, by name, slaves that step more rarely: one with the multiple m gets its
     inputs and does a step of m communication steps at every m-th of them; the others see its new
     outputs when they have reached the same time.
     """
 
-    operations: list[Operation]
+    step_multiples: Mapping[str, int] = option(
+        {},
+        help="Step a component at every N-th step (repeatable).",
+        flag="--step-multiple",
+        metavar="COMPONENT=N",
+        identity="step multiples",
+    )
 
-    def __init__(self, extrapolation: str = "none", multiples: Mapping[str, int] | None = None) -> None:
-        super().__init__(extrapolation)
-        self._given_multiples = dict(multiples or {})
+    operations: list[Operation] = field(init=False, repr=False)
 
     def setup(self, network: Network) -> None:
         """Take the network; CommandError where multiples make no sense."""
         super().setup(network)
         names = [s.name for s in network.slaves]
-        for name, multiple in self._given_multiples.items():
+        for name, multiple in self.step_multiples.items():
             if name not in names:
                 raise CommandError(f"there is no component '{name}' to step more rarely.")
             if multiple < 1:
                 raise CommandError(f"the step multiple {multiple} of {name} must be at least 1.")
-        self.multiples = np.array([self._given_multiples.get(n, 1) for n in names], dtype=np.int64)
+        self.multiples = np.array([self.step_multiples.get(n, 1) for n in names], dtype=np.int64)
         self.operations = self.table(network)
         self._calls = [(int(o.call), o.slave, int(self.multiples[o.slave])) for o in self.operations]
 

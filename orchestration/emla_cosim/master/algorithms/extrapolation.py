@@ -21,9 +21,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from ...errors import check_choice
-from ..network import Indices, Network
-from ..slaves.slave import Vector
+from ...arrays import Indices, Vector
+from ..network import Network
 
 EXTRAPOLATIONS = ("none", "master", "fmu")
 """Names of the ways to treat inputs during a step."""
@@ -61,7 +60,6 @@ class Exchange:
     """
 
     def __init__(self, network: Network, extrapolation: str = "none") -> None:
-        check_choice("extrapolation", extrapolation, EXTRAPOLATIONS)
         self.network = network
         count, size = len(network.slaves), len(network.signals)
         self.owners: Indices = np.zeros(size, dtype=np.intp)
@@ -73,7 +71,7 @@ class Exchange:
         self.history = History(np.zeros(size), np.zeros(count), np.zeros(count))
 
     @property
-    def order(self) -> int:
+    def accuracy(self) -> int:
         """Order in the step of what is exchanged, in smooth motion."""
         behind = any(link.direct and self.modes[link.target] == _MIDDLE for link in self.network.links)
         return 1 if behind or _HOLD in self.modes else 2

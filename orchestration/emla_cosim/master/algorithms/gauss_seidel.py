@@ -1,10 +1,14 @@
 """Gauss-Seidel: one after the other, each with the newest values there are."""
 
+from dataclasses import dataclass
+
 from ..network import Link, Network
 from .explicit import Call, Explicit, Operation
+from .in_order import InOrder
 
 
-class GaussSeidel(Explicit):
+@dataclass(eq=False)
+class GaussSeidel(InOrder, Explicit):
     """Slaves step in the network's order; who comes later reads what earlier ones just computed.
 
     Only connections against the order are late by one step; see `Network.feedback`.

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from ...arrays import Vector
 from ...errors import RunError, listed
 from ..network import Link, Network
-from ..slaves.slave import Vector
 from .quasi_newton import NoAgreementError, QuasiNewton
 from .scale import Scale
 

@@ -1,9 +1,12 @@
 """Jacobi: everyone steps with the values of the last communication point."""
 
+from dataclasses import dataclass
+
 from ..network import Link, Network
 from .explicit import Call, Explicit, Operation
 
 
+@dataclass(eq=False)
 class Jacobi(Explicit):
     """All slaves get their inputs, all step, then all outputs are read.
 

@@ -20,7 +20,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..slaves.slave import Vector
+from ...arrays import Vector
 
 RELAXATION = 0.1
 """How much of the first residual is followed while nothing is known of the Jacobian."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..network import Indices, Network
-from ..slaves.slave import Vector
+from ...arrays import Indices, Vector
+from ..network import Network
 
 NOMINAL_SHARE = 0.01
 """Part of a variable's nominal value that counts where the signal itself is smaller."""

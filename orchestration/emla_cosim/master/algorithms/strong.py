@@ -1,14 +1,18 @@
 """Strong coupling: a step is repeated until the exchanged values agree with themselves."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from ...arrays import Indices, Vector
 from ...errors import RunError
-from ..network import Indices, Link, Network
-from ..slaves.slave import StepDiscardedError, Vector
-from .algorithm import Algorithm, Span, require
+from ...option import option
+from ..network import Link, Network
+from ..slaves.slave import StepDiscardedError
+from .algorithm import Span, require
+from .in_order import InOrder
 from .quasi_newton import NoAgreementError, QuasiNewton
 from .scale import Scale
 from .snapshot import Snapshot
@@ -34,24 +38,31 @@ class _Group:
     halves: bool
 
 
-class Strong(Algorithm):
+@dataclass(eq=False)
+class Strong(InOrder):
     """Every slave steps with the values of its sources at the *end* of the step.
 
     Slaves outside loops are stepped once, in the order of the graph. Each loop of slaves goes back
     and repeats its step, with quasi-Newton acceleration, until no value that closes the loop
-    changes by more than `tolerance` of its size. A step that a slave discards, or on which the
+    changes by more than `coupling_tolerance` of its size. A step that a slave discards, or on which the
     loop finds no agreement, is done in halves.
     """
 
-    def __init__(self, extrapolation: str = "none", tolerance: float = 1e-8) -> None:
-        super().__init__(extrapolation)
-        self.tolerance = tolerance
-        self.sweeps = 0
-        """Times that a loop was stepped so far."""
+    coupling_tolerance: float = option(
+        1e-8,
+        help="What the values of a loop agree to, relative to each signal's size.",
+        above=0.0,
+        below=1.0,
+        identity="coupling tolerance",
+    )
+
+    sweeps: int = field(init=False, repr=False)
+    """Times that a loop was stepped so far."""
 
     def setup(self, network: Network) -> None:
         """Take the network; CommandError where a slave of a loop cannot go back."""
         super().setup(network)
+        self.sweeps = 0
         self._scale = Scale(network)
         self._groups = [self._group(members) for members in network.groups()]
 
@@ -71,6 +82,11 @@ class Strong(Algorithm):
     def loops(self) -> list[list[int]]:
         """The loops found, each as the positions of its slaves."""
         return [group.members for group in self._groups if len(group.cut)]
+
+    def report(self) -> dict[str, Any]:
+        """Also the loops, and how often they were stepped."""
+        names = [[self.network.slaves[i].name for i in loop] for loop in self.loops]
+        return {**super().report(), "sweeps_over_loops": self.sweeps, "loops": names}
 
     @property
     def kept(self) -> dict[str, Vector]:
@@ -135,7 +151,7 @@ class Strong(Algorithm):
             return self.network.signals[group.cut]
 
         def agreed(difference: Vector) -> bool:
-            return bool((self._scale.relative(difference, group.cut) <= self.tolerance).all())
+            return bool((self._scale.relative(difference, group.cut) <= self.coupling_tolerance).all())
 
         group.newton.solve(guess, answer, agreed, SWEEPS, self._scale.sizes(group.cut))
 

@@ -2,7 +2,7 @@
 
 import contextlib
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,13 @@ from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelVariable
 
-from ...errors import CommandError
+from ...arrays import Vector
+from ...errors import CommandError, RunError
 from ...fmu.file import FmuFile
-from ...fmu.variables import find_variable, start_value
+from ...fmu.variables import TypedValue
 from .fmu_log import FmuLog
-from .slave import EndRequestedError, EntryPoints, Slave, SlaveError, StepDiscardedError, Vector
-from .typed_values import TypedValues
+from .slave import EndRequestedError, EntryPoints, Slave, SlaveError, StepDiscardedError
+from .typed_values import CONNECTABLE, TypedValues
 
 _STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
@@ -31,6 +32,8 @@ _PROTOTYPES = {
     "fmi2GetInteger": (_POINTER, _POINTER, _SIZE, _POINTER),
     "fmi2SetBoolean": (_POINTER, _POINTER, _SIZE, _POINTER),
     "fmi2GetBoolean": (_POINTER, _POINTER, _SIZE, _POINTER),
+    "fmi2SetString": (_POINTER, _POINTER, _SIZE, _POINTER),
+    "fmi2Reset": (_POINTER,),
     "fmi2SetRealInputDerivatives": (_POINTER, _POINTER, _SIZE, _POINTER, _POINTER),
     "fmi2DoStep": (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int),
     "fmi2GetBooleanStatus": (_POINTER, ctypes.c_int, _POINTER),
@@ -55,6 +58,8 @@ class FmuSlave(Slave):
         self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str], log: FmuLog
     ) -> None:
         """Instantiate the FMU; raises CommandError where its library cannot be loaded."""
+        if file.library in _DEAD_LIBRARIES:
+            raise RunError(f"the FMU '{file.path}' of {name} answered fmi2Fatal; load it anew.")
         self.name = name
         self.file = file
         self.varies_step = file.can("canHandleVariableCommunicationStepSize")
@@ -80,6 +85,12 @@ class FmuSlave(Slave):
         self._component = self._fmu.component
         self._do_step = self._functions["fmi2DoStep"]
         self._set_real, self._get_real = self._functions["fmi2SetReal"], self._functions["fmi2GetReal"]
+        self._one_reference, self._one_real, self._one_integer = (
+            ctypes.c_uint32(),
+            ctypes.c_double(),
+            ctypes.c_int32(),
+        )
+        self._this_one = ctypes.byref(self._one_reference)
         self._describe_vectors(inputs, outputs)
 
     def _describe_vectors(self, inputs: Sequence[str], outputs: Sequence[str]) -> None:
@@ -90,7 +101,8 @@ class FmuSlave(Slave):
         self.continuous_inputs = np.array([v.variability == "continuous" for v in read], dtype=bool)
         self.continuous_outputs = np.array([v.variability == "continuous" for v in written], dtype=bool)
         self.nominals = np.array([abs(float(v.nominal or 1.0)) for v in written])
-        self.inputs = np.array([_start(v) for v in read])
+        self._input_starts = np.array([_start(v) for v in read])
+        self.inputs = self._input_starts.copy()
         self._typed = None
         if any(v.type != "Real" for v in (*read, *written)):
             self._typed = (
@@ -106,25 +118,43 @@ class FmuSlave(Slave):
         self._set_arguments = _arguments(self._component, self._input_references, inputs)
         self._get_arguments = _arguments(self._component, self._output_references, outputs)
 
-    def set_start_values(self, values: Mapping[str, Any]) -> None:
-        """Set variables by name before initialization.
+    def set_start_values(self, values: Iterable[TypedValue]) -> None:
+        """Set variables before initialization; SlaveError where the FMU refuses."""
+        for variable, value in values:
+            self.set_value(variable, value)
 
-        Raises CommandError for what cannot be set, SlaveError where the FMU itself refuses.
-        """
-        interface = self.file.interface
-        for name, value in values.items():
-            variable = find_variable(self.name, interface.variables, name)
-            reference, start = [variable.valueReference], [start_value(self.name, interface, variable, value)]
-            match variable.type:
-                case "Real":
-                    call = self._fmu.setReal
-                case "Boolean":
-                    call = self._fmu.setBoolean
-                case "String":
-                    call = self._fmu.setString
-                case _:
-                    call = self._fmu.setInteger
-            self._checked(f"setting {name} = {value}", call, reference, start)
+    def set_value(self, variable: ModelVariable, value: Any) -> None:
+        """Set one variable to a value of its type; SlaveError where the FMU refuses."""
+        self._one_reference.value = variable.valueReference
+        if variable.type == "String":
+            given = (ctypes.c_char_p * 1)(str(value).encode())
+            status = self._functions["fmi2SetString"](self._component, self._this_one, 1, given)
+        elif variable.type == "Real":
+            self._one_real.value = value
+            status = self._set_real(self._component, self._this_one, 1, ctypes.byref(self._one_real))
+        else:
+            self._one_integer.value = value
+            call = self._functions[f"fmi2Set{CONNECTABLE[variable.type]}"]
+            status = call(self._component, self._this_one, 1, ctypes.byref(self._one_integer))
+        if status > _WARNING:
+            raise self.error(f"setting {variable.name} = {value}", status)
+
+    def value(self, variable: ModelVariable) -> Any:
+        """The present value of a variable that is no String: a number, or true or false."""
+        self._one_reference.value = variable.valueReference
+        real = variable.type == "Real"
+        place = self._one_real if real else self._one_integer
+        call = self._functions[f"fmi2Get{CONNECTABLE[variable.type]}"]
+        status = call(self._component, self._this_one, 1, ctypes.byref(place))
+        if status > _WARNING:
+            raise self.error(f"getting {variable.name}", status)
+        return bool(place.value) if variable.type == "Boolean" else place.value
+
+    def reset(self) -> None:
+        """Become as it was when it was new."""
+        self._call("fmi2Reset")
+        self._stepping, self._no_way_back = False, 1
+        self.inputs[:] = self._input_starts
 
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
         """Enter initialization mode; times in s, no stop time where none is known yet."""

@@ -7,24 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Vector
 from ...errors import RunError
-
-Vector = NDArray[np.float64]
 
 
 class SlaveError(RunError):
     """A call that the slave refused or failed: which one, and what the slave said."""
 
-    def __init__(self, slave: str, call: str, status: str, log: list[str]) -> None:
-        super().__init__(slave, call, status, log)
-        self.slave = slave
-        self.call = call
-        self.status = status
-        self.log = log
+    did = "answered {call} with {status}"
 
-    def __str__(self) -> str:
-        said = f" It said: {' '.join(self.log)}" if self.log else ""
-        return f"{self.slave} answered {self.call} with {self.status}.{said}"
+    def __init__(self, slave: str, call: str, status: str, log: list[str]) -> None:
+        did = self.did.format(call=call, status=status)
+        said = f" It said: {' '.join(log)}" if log else ""
+        super().__init__(f"{slave} {did}.{said}", component=slave, call=call, status=status, log=log)
 
 
 class StepDiscardedError(SlaveError):
@@ -34,9 +29,7 @@ class StepDiscardedError(SlaveError):
 class EndRequestedError(SlaveError):
     """A slave that wants the simulation to end here."""
 
-    def __str__(self) -> str:
-        said = f" It said: {' '.join(self.log)}" if self.log else ""
-        return f"{self.slave} asked to end the simulation during {self.call}.{said}"
+    did = "asked to end the simulation during {call}"
 
 
 @dataclass(frozen=True)
@@ -80,6 +73,10 @@ class Slave(ABC):
     rolls_back = False
     serializes = False
     interpolates = False
+
+    def reset(self) -> None:
+        """Become as it was when it was new; needs nothing to be set or stepped before."""
+        raise NotImplementedError
 
     @abstractmethod
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Vector
 from ...errors import CommandError
 from ..algorithms.algorithm import require
 from ..network import Network
-from ..slaves.slave import Vector
 from .stepping import Stepping
 
 FORMAT = 1

@@ -10,7 +10,10 @@ if TYPE_CHECKING:
 
 
 def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
-    """The compiled loop for an algorithm; None where it or a slave cannot be compiled, or without numba."""
+    """The compiled loop for an algorithm; None where it or a slave cannot be compiled, or without numba.
+
+    A host that has compiled the loop before needs no numba.
+    """
     if not isinstance(algorithm, Explicit):
         return None
     points = [slave.entry_points() for slave in algorithm.network.slaves]
@@ -19,6 +22,7 @@ def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
         return None
     try:
         from .kernel import Kernel
+
+        return Kernel(algorithm, known)
     except ImportError:
         return None
-    return Kernel(algorithm, known)

@@ -1,19 +1,21 @@
 """Steps as long as the error allows, found by doing every step twice: whole, and in halves."""
 
+import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Indices, Vector
 from ...errors import CommandError, RunError
 from ..algorithms.algorithm import Algorithm, require
 from ..algorithms.explicit import Explicit
 from ..algorithms.scale import Scale
 from ..algorithms.snapshot import Snapshot
-from ..network import Indices
-from ..slaves.slave import StepDiscardedError, Vector
+from ..slaves.slave import StepDiscardedError
 from .step_control import StepControl
-from .stepping import Rows, Stepping
+from .stepping import ROUNDING, Rows, Stepping
 from .timing import Timing, clock
 
 SMALLEST = 1e-6
@@ -38,15 +40,13 @@ class ErrorControl(Stepping):
     ) -> None:
         """Take an algorithm that is set up; CommandError where its slaves cannot go back."""
         super().__init__(algorithm, times)
-        if not 0.0 < tolerance < 1.0:
-            raise CommandError(f"the error tolerance {tolerance:g} must be between 0 and 1.")
         if isinstance(algorithm, Explicit) and (algorithm.multiples != 1).any():
             raise CommandError("step multiples need fixed steps; leave out the error tolerance or them.")
         slaves = algorithm.network.slaves
         require(slaves, "rolls_back", "canGetAndSetFMUstate", "error control")
         require(slaves, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
         self.tolerance = tolerance
-        self.control = StepControl(times.step, algorithm.order, SMALLEST * times.step)
+        self.control = StepControl(times.step, algorithm.accuracy, SMALLEST * times.step)
         self._output = None if interval is None else clock(times.start, interval)
         self._end = _last_point(times, interval)
         self._time = times.start
@@ -75,12 +75,12 @@ class ErrorControl(Stepping):
         """Whether the stop time is reached."""
         return self._time >= self._end
 
-    def advance(self, rows: Rows, most: int) -> None:
-        """Do at most so many steps and record them."""
+    def advance(self, rows: Rows, most: int, until: float = math.inf) -> None:
+        """Do at most so many steps, none beyond `until` in s, and record them."""
         for _ in range(most):
-            if self.finished:
+            if self.reached(until):
                 return
-            point = self._next_point()
+            point, output = self._next_point(until)
             step = self.control.propose(point - self._time)
             met = step == point - self._time
             end = point if met else self._time + step
@@ -88,9 +88,13 @@ class ErrorControl(Stepping):
                 continue
             self.algorithm.network.check_finite(end)
             self._time = end
-            self._points += met
-            if met or self._output is None:
+            self._points += met and output
+            if (met and output) or self._output is None:
                 self.record(rows)
+
+    def report(self) -> dict[str, Any]:
+        """Also how many steps were rejected."""
+        return {**super().report(), "rejected_steps": self.control.rejected}
 
     def memory(self) -> dict[str, Vector]:
         """Also where the simulation is, and what the step control knows."""
@@ -122,10 +126,13 @@ class ErrorControl(Stepping):
         """Free the saved states."""
         self._start.close()
 
-    def _next_point(self) -> float:
-        if self._output is None:
-            return self._end
-        return min(self._output.point(self._points + 1), self._end)
+    def _next_point(self, until: float) -> tuple[float, bool]:
+        """The next time in s to be met exactly, and whether it is one to be recorded."""
+        following = math.inf if self._output is None else self._output.point(self._points + 1)
+        recorded = min(following, self._end)
+        if until < recorded - ROUNDING * self.times.step:
+            return until, False
+        return recorded, True
 
     def _tried(self, step: float, end: float) -> bool:
         """Whether the step to `end` was done and is good enough; if not, everything is as before."""
@@ -165,7 +172,7 @@ class ErrorControl(Stepping):
         algorithm.step(time, middle - time)
         algorithm.step(middle, end - middle)
         with np.errstate(invalid="ignore"):  # infinity less infinity
-            difference = (signals[self._judged] - whole) / (2.0**algorithm.order - 1.0)
+            difference = (signals[self._judged] - whole) / (2.0**algorithm.accuracy - 1.0)
         errors = self._scale.relative(difference, self._judged)
         errors[self._unread & ~np.isfinite(errors)] = 0.0  # what nobody reads may be infinite
         return errors

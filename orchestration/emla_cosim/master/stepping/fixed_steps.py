@@ -1,11 +1,14 @@
 """Steps of one length."""
 
+import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from ...errors import CommandError
 from ..algorithms.algorithm import Algorithm
+from ..algorithms.explicit import Explicit
 from .compilation import compile_kernel
-from .stepping import Rows, Stepping
+from .stepping import ROUNDING, Rows, Stepping
 from .timing import Timing
 
 if TYPE_CHECKING:
@@ -19,7 +22,15 @@ class FixedSteps(Stepping):
     """
 
     def __init__(self, algorithm: Algorithm, times: Timing, compiled: bool = True) -> None:
+        """Take an algorithm that is set up; CommandError where the run ends between steps of a slave."""
         super().__init__(algorithm, times)
+        multiples = algorithm.step_multiples if isinstance(algorithm, Explicit) else {}
+        for name, multiple in multiples.items():
+            if times.steps % multiple:
+                raise CommandError(
+                    f"{times.steps} steps are no multiple of {multiple}, the steps that {name} does "
+                    "at once; choose another stop time."
+                )
         self._kernel = compile_kernel(algorithm) if compiled else None
 
     @property
@@ -42,16 +53,31 @@ class FixedSteps(Stepping):
         """Whether the stop time is reached."""
         return self.algorithm.steps >= self.times.steps
 
-    def advance(self, rows: Rows, most: int) -> None:
-        """Do at most so many steps and record them."""
+    def advance(self, rows: Rows, most: int, until: float = math.inf) -> None:
+        """Do at most so many steps, none beyond `until` in s, and record them."""
+        last = min(self.algorithm.steps + most, self._last(until))
         if self._kernel is None:
-            self._advance_here(rows, most)
+            self._advance_here(rows, last)
         else:
-            self._advance_compiled(self._kernel, rows, most)
+            self._advance_compiled(self._kernel, rows, last)
 
-    def _advance_here(self, rows: Rows, most: int) -> None:
+    def reached(self, until: float) -> bool:
+        """Whether no step is left before a time in s."""
+        return self.algorithm.steps >= self._last(until)
+
+    def report(self) -> dict[str, Any]:
+        """Also whether compiled code did the steps, where that can be."""
+        compiled = {"compiled": self.compiled} if isinstance(self.algorithm, Explicit) else {}
+        return {**super().report(), **compiled}
+
+    def _last(self, until: float) -> int:
+        """The last communication point that is not beyond a time in s, but for rounding."""
+        ahead = (min(until, self.times.stop) - self.times.start) / self.times.step
+        return min(self.times.steps, math.floor(ahead + ROUNDING))
+
+    def _advance_here(self, rows: Rows, last: int) -> None:
         algorithm, times = self.algorithm, self.times
-        for k in range(algorithm.steps, min(algorithm.steps + most, times.steps)):
+        for k in range(algorithm.steps, last):
             algorithm.step(times.point(k), times.span(k, 1), partial(times.span, k))
             if (failure := algorithm.network.not_finite(times.point(k + 1))) is not None:
                 algorithm.steps = k  # as in compiled code: the step does not count
@@ -59,9 +85,8 @@ class FixedSteps(Stepping):
             if (k + 1) % rows.every == 0:
                 self.record(rows)
 
-    def _advance_compiled(self, kernel: "Kernel", rows: Rows, most: int) -> None:
+    def _advance_compiled(self, kernel: "Kernel", rows: Rows, last: int) -> None:
         first, times, every = self.algorithm.steps, self.times, rows.every
-        last = min(first + most, times.steps)
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
         count = min(last, fitting) - first

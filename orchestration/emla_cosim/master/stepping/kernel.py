@@ -1,85 +1,48 @@
 """The compiled stepping loop: many steps of an explicit algorithm per call.
 
-It works through the same table of operations as `Explicit`, on the same memory, and calls the
-FMI functions of the slaves by address. The machine code is cached on disk.
+It works on the memory of the algorithm and its network, and calls the FMI functions of the slaves by
+address. `loop.py` says what it does.
 """
 
-from typing import Any, NamedTuple
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
 
+from ...arrays import Vector
 from ...errors import RunError
-from ..algorithms.explicit import Call, Explicit
-from ..algorithms.extrapolation import Mode
-from ..slaves.slave import EntryPoints, Vector
+from ..algorithms import explicit, extrapolation
+from ..algorithms.explicit import Explicit
+from ..slaves.slave import EntryPoints
+from . import layout, machine_code
+from .layout import INPUT, LOOP, OPERATION, SLAVE, Failure
 from .timing import Clock
 
-_SET, _STEP, _GET = int(Call.SET), int(Call.STEP), int(Call.GET)
-_HOLD, _MIDDLE, _LINE = int(Mode.HOLD), int(Mode.MIDDLE), int(Mode.LINE)
-_DONE, _SET_REAL, _SET_DERIVATIVES, _DO_STEP, _GET_REAL, _NOT_FINITE = range(6)
-_CALL_NAMES = {_SET_REAL: "setReal", _SET_DERIVATIVES: "setRealInputDerivatives", _GET_REAL: "getReal"}
-_WARNING = 1
-_NO_WAY_BACK = 1
-
-
-class Tables(NamedTuple):
-    """All that the loop needs, as arrays.
-
-    One element per operation: `calls`, `targets`. One per slave: `multiples`, `modes`, the
-    addresses, and where its inputs and outputs begin and end. One per input: `sources`,
-    `factors`, `offsets`, `movable`, `inputs`, `derivatives`. One per signal: `owners`, `smooth`,
-    `signals`, `previous`. `read` lists the signals that have to be finite.
-
-    Indices are unsigned, because every access with a signed one would be checked for its sign.
-    """
-
-    calls: Any
-    targets: Any
-    multiples: Any
-    modes: Any
-    components: Any
-    set_real: Any
-    get_real: Any
-    do_step: Any
-    set_derivatives: Any
-    input_references: Any
-    output_references: Any
-    derivative_orders: Any
-    input_addresses: Any
-    derivative_addresses: Any
-    output_addresses: Any
-    input_begins: Any
-    input_ends: Any
-    output_begins: Any
-    output_ends: Any
-    sources: Any
-    factors: Any
-    offsets: Any
-    movable: Any
-    inputs: Any
-    derivatives: Any
-    owners: Any
-    smooth: Any
-    signals: Any
-    previous: Any
-    at: Any
-    before: Any
-    read: Any
+_CALL_NAMES = {
+    Failure.SET_REAL: "setReal",
+    Failure.SET_DERIVATIVES: "setRealInputDerivatives",
+    Failure.GET_REAL: "getReal",
+}
 
 
 class Kernel:
     """The compiled loop for one algorithm, set up and initialized or not."""
 
-    def __init__(self, algorithm: Explicit, entry_points: list[EntryPoints]) -> None:
-        """Collect the tables; compiles, or loads what an earlier process compiled."""
+    def __init__(self, algorithm: Explicit, entry_points: Sequence[EntryPoints]) -> None:
+        """Collect the records; compiles the loop, or loads what an earlier process compiled.
+
+        Raises ImportError where the loop has to be compiled and numba is not there.
+        """
+        self._advance = _advance()
         self._algorithm = algorithm
-        self._entry_points = entry_points  # owns the arrays whose addresses are in the tables
-        self._tables = _tables(algorithm, entry_points)
-        rows = np.empty((1, 1 + len(algorithm.network.signals)))
-        _run(self._tables, 0, 0, Clock(0.0, 1.0, 1.0), 1, rows)
+        self._entry_points = entry_points  # owns arrays whose addresses are in the records
+        self._operations = np.array([(o.call, o.slave) for o in algorithm.operations], dtype=OPERATION)
+        self._inputs = _inputs(algorithm)
+        self._slaves = _slaves(algorithm, entry_points, self._inputs)
+        self._loop = self._whole()
 
     def run(
         self, first: int, count: int, clock: Clock, every: int, rows: Vector
@@ -90,209 +53,97 @@ class Kernel:
         `rows`, time first. Returns how many rows were recorded, and what ended the run in step
         `algorithm.steps`, if anything did.
         """
-        reached, recorded, code, detail = _run(self._tables, first, count, clock, every, rows)
+        self._check_room(rows, (first + count) // every - first // every)
+        loop = self._loop
+        loop["clock"] = tuple(clock)
+        failure = Failure(self._advance(loop.ctypes.data, first, count, every, rows.ctypes.data))
+        reached = int(loop["reached"])
         self._algorithm.steps += reached - first
-        return recorded, self._error(code, detail, clock.point(reached), clock.point(reached + 1))
+        error = self._error(failure, clock.point(reached), clock.point(reached + 1))
+        return int(loop["recorded"]), error
 
-    def _error(self, code: int, detail: tuple[int, int], time: float, end: float) -> RunError | None:
-        if code == _DONE:
-            return None
+    def _check_room(self, rows: Vector, needed: int) -> None:
+        """Raise ValueError where the loop would write past the end of the rows, or into gaps."""
+        width = 1 + len(self._algorithm.network.signals)
+        fits = rows.ndim == 2 and len(rows) >= needed and rows.shape[1] == width
+        if not fits or rows.dtype != np.float64 or not rows.flags.c_contiguous:
+            raise ValueError(f"the rows have to be {needed} times {width} doubles without gaps")
+
+    def _whole(self) -> Any:
+        network, loop = self._algorithm.network, np.zeros((), LOOP)
+        loop["operations"], loop["operation_count"] = self._operations.ctypes.data, len(self._operations)
+        loop["slaves"] = self._slaves.ctypes.data
+        loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
+        loop["read"], loop["read_count"] = network.read.ctypes.data, len(network.read)
+        return loop
+
+    def _error(self, failure: Failure, time: float, end: float) -> RunError | None:
         network = self._algorithm.network
-        if code == _NOT_FINITE:
+        if failure == Failure.NONE:
+            return None
+        if failure == Failure.NOT_FINITE:
             return network.not_finite(end)
-        i, status = detail
-        slave = network.slaves[i]
-        if code == _DO_STEP:
-            return slave.error(f"doStep at t = {time:.9g} s", status)
-        return slave.error(_CALL_NAMES[code], status)
+        slave, status = network.slaves[int(self._loop["slave"])], int(self._loop["status"])
+        call = f"doStep at t = {time:.9g} s" if failure == Failure.DO_STEP else _CALL_NAMES[failure]
+        return slave.error(call, status)
 
 
-def _tables(algorithm: Explicit, points: list[EntryPoints]) -> Tables:
-    network, exchange = algorithm.network, algorithm.exchange
+@cache
+def _advance() -> Any:
+    """The loop as a function that releases the interpreter's lock."""
 
-    def addresses(values: list[int]) -> Any:
-        return np.array(values, dtype=np.intp)
+    def generate() -> str:
+        from .loop import text
 
-    def indices(values: Any) -> Any:
-        return np.array(values, dtype=np.uintp)
+        return text()
 
-    def elements(values: Vector, parts: list[slice]) -> Any:
-        return addresses([values.ctypes.data + values.itemsize * part.start for part in parts])
-
-    movable = [np.empty(0, dtype=bool), *(slave.continuous_inputs for slave in network.slaves)]
-    return Tables(
-        calls=np.array([o.call for o in algorithm.operations], dtype=np.int64),
-        targets=indices([o.slave for o in algorithm.operations]),
-        multiples=algorithm.multiples,
-        modes=np.array(exchange.modes, dtype=np.int64),
-        components=addresses([p.component for p in points]),
-        set_real=addresses([p.set_real for p in points]),
-        get_real=addresses([p.get_real for p in points]),
-        do_step=addresses([p.do_step for p in points]),
-        set_derivatives=addresses([p.set_real_input_derivatives for p in points]),
-        input_references=addresses([p.input_references.ctypes.data for p in points]),
-        output_references=addresses([p.output_references.ctypes.data for p in points]),
-        derivative_orders=addresses([p.derivative_orders.ctypes.data for p in points]),
-        input_addresses=elements(network.inputs, network.input_parts),
-        derivative_addresses=elements(exchange.derivatives, network.input_parts),
-        output_addresses=elements(network.signals, network.parts),
-        input_begins=indices([part.start for part in network.input_parts]),
-        input_ends=indices([part.stop for part in network.input_parts]),
-        output_begins=indices([part.start for part in network.parts]),
-        output_ends=indices([part.stop for part in network.parts]),
-        sources=indices([s for sources in network.sources for s in sources]),
-        factors=np.concatenate([np.empty(0), *network.factors]),
-        offsets=np.concatenate([np.empty(0), *network.offsets]),
-        movable=np.concatenate(movable),
-        inputs=network.inputs,
-        derivatives=exchange.derivatives,
-        owners=indices(exchange.owners),
-        smooth=exchange.smooth,
-        signals=network.signals,
-        previous=exchange.history.previous,
-        at=exchange.history.at,
-        before=exchange.history.before,
-        read=indices(network.read),
-    )
+    modules = (layout, explicit, extrapolation)
+    files = [Path(str(m.__file__)) for m in modules] + [Path(__file__).with_name("loop.py")]
+    address = machine_code.load("advance", b"".join(f.read_bytes() for f in files), generate)
+    address_type, number = ctypes.c_ssize_t, ctypes.c_int64
+    return ctypes.CFUNCTYPE(number, address_type, number, number, number, address_type)(address)
 
 
-def _caller(*argument_types: types.Type) -> Any:
-    """A function that calls the address of a C function with these arguments and an int result."""
-
-    @intrinsic
-    def call(typing_context: Any, address: Any, arguments: Any) -> Any:
-        signature = types.int32(types.intp, arguments)
-
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            function, packed = values
-            prototype = ir.FunctionType(
-                context.get_value_type(types.int32), [context.get_value_type(t) for t in argument_types]
-            )
-            given = [
-                context.cast(builder, builder.extract_value(packed, i), signature.args[1].types[i], t)
-                for i, t in enumerate(argument_types)
-            ]
-            return builder.call(builder.inttoptr(function, prototype.as_pointer()), given)
-
-        return signature, generate
-
-    return call
+def _inputs(algorithm: Explicit) -> Any:
+    """INPUT records of all inputs, slave by slave."""
+    network, exchange, history = algorithm.network, algorithm.exchange, algorithm.exchange.history
+    sources = np.concatenate([np.empty(0, dtype=np.intp), *network.sources])
+    movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.slaves)])
+    owners = exchange.owners[sources]
+    records = np.zeros(len(sources), INPUT)
+    records["signal"] = _addresses(network.signals, sources)
+    records["previous"] = _addresses(history.previous, sources)
+    records["at"] = _addresses(history.at, owners)
+    records["before"] = _addresses(history.before, owners)
+    records["factor"] = np.concatenate([np.empty(0), *network.factors])
+    records["offset"] = np.concatenate([np.empty(0), *network.offsets])
+    records["moves"] = movable & exchange.smooth[sources]
+    return records
 
 
-_exchange = _caller(types.intp, types.intp, types.uintp, types.intp)
-_derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)
-_step = _caller(types.intp, types.float64, types.float64, types.int32)
+def _slaves(algorithm: Explicit, points: Sequence[EntryPoints], sources: Any) -> Any:
+    """SLAVE records; `sources` are the records of their inputs."""
+    network, exchange, history = algorithm.network, algorithm.exchange, algorithm.exchange.history
+    every = np.arange(len(points))
+    first_inputs = np.array([part.start for part in network.input_parts], dtype=np.intp)
+    first_outputs = np.array([part.start for part in network.parts], dtype=np.intp)
+    records = np.zeros(len(points), SLAVE)
+    for name in ("component", "set_real", "set_real_input_derivatives", "do_step", "get_real"):
+        records[name] = [getattr(p, name) for p in points]
+    for name in ("input_references", "derivative_orders", "output_references"):
+        records[name] = [getattr(p, name).ctypes.data for p in points]
+    records["input_count"] = [len(s.inputs) for s in network.slaves]
+    records["output_count"] = [len(s.outputs) for s in network.slaves]
+    records["sources"] = _addresses(sources, first_inputs)
+    records["inputs"] = _addresses(network.inputs, first_inputs)
+    records["derivatives"] = _addresses(exchange.derivatives, first_inputs)
+    records["outputs"] = _addresses(network.signals, first_outputs)
+    records["previous"] = _addresses(history.previous, first_outputs)
+    records["at"], records["before"] = _addresses(history.at, every), _addresses(history.before, every)
+    records["multiple"], records["mode"] = algorithm.multiples, exchange.modes
+    return records
 
 
-def _compiled(function: Any, **options: Any) -> Any:
-    options |= {"nogil": True, "error_model": "numpy"}
-    try:
-        return njit(cache=True, **options)(function)
-    except RuntimeError:  # no folder to keep the machine code in
-        return njit(**options)(function)
-
-
-def _inlined(function: Any) -> Any:
-    """A part of the loop: as a call of its own it would count references to all tables every time."""
-    return _compiled(function, inline="always")
-
-
-@_inlined
-def _divides(multiple, k):
-    """Whether k is a multiple; a division would take as long as a call of an FMU."""
-    return multiple == 1 or k % multiple == 0
-
-
-@_inlined
-def _point(clock, k):
-    """See `Clock.point`."""
-    return (clock.first + k * clock.per_step) / clock.denominator
-
-
-@_compiled
-def _run(tables, first, count, clock, every, rows):
-    """The loop; returns steps reached, rows filled, and what failed: code and (slave, status).
-
-    All tables are taken out first: each access to a table within the loop would count references.
-    """
-    (
-        calls, targets, multiples, modes,
-        components, set_real, get_real, do_step, set_derivatives,
-        input_references, output_references, derivative_orders,
-        input_addresses, derivative_addresses, output_addresses,
-        input_begins, input_ends, output_begins, output_ends,
-        sources, factors, offsets, movable, inputs, derivatives,
-        owners, smooth, signals, previous, at, before, read,
-    ) = tables  # fmt: skip
-    row = 0
-    next_time = _point(clock, first)
-    for k in range(first, first + count):
-        time, next_time = next_time, _point(clock, k + 1)
-        step = next_time - time
-        for o in range(len(calls)):
-            call, i = calls[o], targets[o]
-            multiple = multiples[i]
-            if not _divides(multiple, k + 1 if call == _GET else k):
-                continue
-            component = components[i]
-            length = step if multiple == 1 else _point(clock, k + multiple) - time
-            if call == _STEP:
-                status = _step(do_step[i], (component, time, length, _NO_WAY_BACK))
-                if status > _WARNING:
-                    return k, row, _DO_STEP, (np.intp(i), status)
-                continue
-            if call == _SET:  # see Exchange.pass_inputs
-                begin, end, mode = input_begins[i], input_ends[i], modes[i]
-                if begin == end:
-                    continue
-                middle = 0.5 * length if mode == _MIDDLE else 0.0
-                for j in range(begin, end):
-                    s = sources[j]
-                    if mode == _HOLD:
-                        inputs[j] = factors[j] * signals[s] + offsets[j]
-                        continue
-                    newest = at[owners[s]]
-                    span = newest - before[owners[s]]
-                    slope = 0.0
-                    if movable[j] and smooth[s] and span > 0.0:
-                        slope = (signals[s] - previous[s]) / span
-                    inputs[j] = factors[j] * (signals[s] + (time - newest + middle) * slope) + offsets[j]
-                    derivatives[j] = factors[j] * slope
-                status = _exchange(
-                    set_real[i], (component, input_references[i], end - begin, input_addresses[i])
-                )
-                if status > _WARNING:
-                    return k, row, _SET_REAL, (np.intp(i), status)
-                if mode == _LINE:
-                    status = _derive(
-                        set_derivatives[i],
-                        (
-                            component,
-                            input_references[i],
-                            end - begin,
-                            derivative_orders[i],
-                            derivative_addresses[i],
-                        ),
-                    )
-                    if status > _WARNING:
-                        return k, row, _SET_DERIVATIVES, (np.intp(i), status)
-                continue
-            begin, end = output_begins[i], output_ends[i]
-            for s in range(begin, end):  # see Exchange.shift
-                previous[s] = signals[s]
-            before[i] = at[i]
-            at[i] = time + step
-            if begin < end:
-                status = _exchange(
-                    get_real[i], (component, output_references[i], end - begin, output_addresses[i])
-                )
-                if status > _WARNING:
-                    return k, row, _GET_REAL, (np.intp(i), status)
-        for s in read:
-            if not np.isfinite(signals[s]):
-                return k, row, _NOT_FINITE, (0, 0)
-        if _divides(every, k + 1):
-            rows[row, 0] = next_time
-            rows[row, 1:] = signals
-            row += 1
-    return first + count, row, _DONE, (0, 0)
+def _addresses(values: Any, positions: Any) -> Any:
+    """Where the elements at these positions are in memory."""
+    return values.ctypes.data + values.itemsize * positions

@@ -1,12 +1,16 @@
 """How a run gets from one communication point to the next: in fixed steps, or as the error allows."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
+from ...arrays import Vector
 from ..algorithms.algorithm import Algorithm
-from ..slaves.slave import Vector
 from .timing import Timing
+
+ROUNDING = 1e-6
+"""The part of a step by which times that mean the same may differ."""
 
 
 class Rows(Protocol):
@@ -22,7 +26,7 @@ class Rows(Protocol):
         ...
 
     def commit(self, count: int) -> None:
-        """So many of them are filled. May raise OSError."""
+        """So many of them are filled. May raise RunError."""
         ...
 
 
@@ -48,12 +52,20 @@ class Stepping(ABC):
     def finished(self) -> bool:
         """Whether the stop time is reached."""
 
-    @abstractmethod
-    def advance(self, rows: Rows, most: int) -> None:
-        """Do at most so many steps and record them.
+    def reached(self, until: float) -> bool:
+        """Whether the simulation is at a time in s, but for rounding, or at its end."""
+        return self.finished or self.time >= until - ROUNDING * self.times.step
 
-        What was recorded before an error (SlaveError, RunError, OSError) stays recorded.
+    @abstractmethod
+    def advance(self, rows: Rows, most: int, until: float = math.inf) -> None:
+        """Do at most so many steps, none beyond `until` in s, and record them.
+
+        What was recorded before an error (RunError) stays recorded.
         """
+
+    def report(self) -> dict[str, Any]:
+        """How the steps were made, as plain data for run.json."""
+        return {"steps": self.steps, **self.algorithm.report()}
 
     def memory(self) -> dict[str, Vector]:
         """What the stepping and its algorithm remember besides the signals, as arrays by name."""

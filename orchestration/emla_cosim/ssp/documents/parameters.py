@@ -10,13 +10,13 @@ from .xml import (
     add,
     add_transformation,
     add_units,
+    as_text,
     boolean,
     children,
     document,
     local_name,
     number,
     parse,
-    plain,
     read_transformation,
     read_unit,
     read_units,
@@ -78,7 +78,7 @@ def add_parameter_set(root: XmlElement, parameter_set: ParameterSet) -> None:
 def _text(parameter: Parameter) -> str:
     if parameter.type in _FLOATS:
         return number(float(parameter.value))
-    return plain(parameter.value)
+    return as_text(parameter.value)
 
 
 def format_parameter_set(parameter_set: ParameterSet) -> bytes:

@@ -8,7 +8,7 @@ from ...units import Unit
 from .parameters import read_mapping, read_parameter_set
 from .structure import (
     FMU,
-    Component,
+    ComponentElement,
     Connection,
     Connector,
     DictionaryReference,
@@ -93,7 +93,6 @@ class _Reader:
             dictionaries=tuple(
                 d.get("name") for d in children(element, "ssd:SignalDictionaries", "ssd:SignalDictionary")
             ),
-            canvas=_corners(child(element, "ssd:SystemGeometry")),
         )
 
     def _elements(self, system: XmlElement) -> Iterator[Element]:
@@ -112,7 +111,7 @@ class _Reader:
             case "SignalDictionaryReference":
                 return DictionaryReference(**self._common(element), dictionary=element.get("dictionary"))
             case _:
-                return Component(
+                return ComponentElement(
                     **self._common(element),
                     source=element.get("source", ""),
                     type=element.get("type", FMU),

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from ...units import Unit
 from .parameters import add_mapping, add_parameter_set
 from .structure import (
-    Component,
+    ComponentElement,
     Connection,
     Connector,
     DictionaryReference,
@@ -35,24 +35,13 @@ _OPEN_SIMULATION_PLATFORM = "com.opensimulationplatform"
 def format_structure(structure: Structure) -> bytes:
     """A structure as an SSD file.
 
-    The step size is told to OMSimulator and to libcosim, each in its own annotation.
+    The step size is told to OMSimulator, in an annotation of every system, and to libcosim, in one of
+    the experiment.
     """
     root = document(
         "ssd", ANNOTATION_NAMESPACES, name=structure.name, description=structure.description or None
     )
-    system = _add_system(root, structure.system)
-    if structure.step_size is not None:
-        step = number(structure.step_size)
-        inside = add(_annotation(system, _OPENMODELICA), "oms:Annotations")
-        master = add(inside, "oms:SimulationInformation")
-        add(
-            master,
-            "oms:FixedStepMaster",
-            description="oms-ma",
-            stepSize=step,
-            absoluteTolerance="1e-4",
-            relativeTolerance="1e-4",
-        )
+    _add_system(root, structure.system, structure.step_size)
     add_units(root, "ssd", _units(structure.system))
     start, stop = (None if t is None else number(t) for t in (structure.start_time, structure.stop_time))
     experiment = add(root, "ssd:DefaultExperiment", startTime=start, stopTime=stop)
@@ -73,14 +62,27 @@ def _units(element: Element) -> Iterator[Unit | None]:
             yield from _units(inside)
 
 
-def _add_system(parent: XmlElement, system: SystemElement) -> XmlElement:
+def _add_fixed_steps(system: XmlElement, step_size: float) -> None:
+    """Tell OMSimulator how to run a system; it does not read one that does not say so."""
+    inside = add(_annotation(system, _OPENMODELICA), "oms:Annotations")
+    add(
+        add(inside, "oms:SimulationInformation"),
+        "oms:FixedStepMaster",
+        description="oms-ma",
+        stepSize=number(step_size),
+        absoluteTolerance="1e-4",
+        relativeTolerance="1e-4",
+    )
+
+
+def _add_system(parent: XmlElement, system: SystemElement, step_size: float | None) -> None:
     element = _add_common(parent, "ssd:System", system)
     if system.elements:
         group = add(element, "ssd:Elements")
         for inside in system.elements:
             if isinstance(inside, SystemElement):
-                _add_system(group, inside)
-            elif isinstance(inside, Component):
+                _add_system(group, inside, step_size)
+            elif isinstance(inside, ComponentElement):
                 how = None if inside.implementation == "any" else inside.implementation
                 _add_common(
                     group, "ssd:Component", inside, type=inside.type, source=inside.source, implementation=how
@@ -89,9 +91,8 @@ def _add_system(parent: XmlElement, system: SystemElement) -> XmlElement:
                 _add_common(group, "ssd:SignalDictionaryReference", inside, dictionary=inside.dictionary)
     if system.connections:
         _add_connections(add(element, "ssd:Connections"), system.connections)
-    if system.canvas is not None:
-        add(element, "ssd:SystemGeometry", **_geometry(system.canvas))
-    return element
+    if step_size is not None:
+        _add_fixed_steps(element, step_size)
 
 
 def _add_common(parent: XmlElement, tag: str, element: Element, /, **attributes: str | None) -> XmlElement:

@@ -116,7 +116,7 @@ class Element:
 
 
 @dataclass(frozen=True)
-class Component(Element):
+class ComponentElement(Element):
     """An element that is a file: an FMU, or another system (see the MIME types above)."""
 
     source: str = ""
@@ -138,7 +138,6 @@ class SystemElement(Element):
     elements: tuple[Element, ...] = ()
     connections: tuple[Connection, ...] = ()
     dictionaries: tuple[str, ...] = ()
-    canvas: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,8 @@ import math
 import re
 from collections.abc import Iterable
 from functools import cache
+from pathlib import Path
 from typing import Any
-
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ...errors import CommandError
 from ...units import BASE_UNITS, LinearTransformation, Unit
@@ -38,7 +37,18 @@ _KINDS = {
     "ssv": "ParameterSet",
     "ssm": "ParameterMapping",
 }
+_SCHEMAS = Path(__file__).parent / "schemas"
+"""The standard's own schemas, by version and by namespace."""
+
 _TABLES = ("Boolean", "Integer", "Enumeration")
+
+
+@cache
+def _etree() -> Any:
+    """The XML library, loaded with the first document: commands without one start faster."""
+    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+    return etree
 
 
 def parse(content: bytes, where: str, kind: str) -> XmlElement:
@@ -47,6 +57,7 @@ def parse(content: bytes, where: str, kind: str) -> XmlElement:
     Nothing is fetched. Raises CommandError, with `where`, for what is no such document by the
     standard's schema, and for a document type, which may hold entities.
     """
+    etree = _etree()
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
         root = etree.fromstring(content, parser)
@@ -66,17 +77,17 @@ def check(root: XmlElement, where: str, kind: str) -> None:
             f"'{where}' is not a {_KINDS[kind]} of SSP, but has the root '{_short(root.tag)}'."
         )
     version = root.get("version", "")
-    schema = _schema(f"{kind}2" if version.startswith("2.") else kind)
+    schema = _schema("2.0" if version.startswith("2.") else "1.0", kind)
     if not schema.validate(root):
         first = schema.error_log[0]
         raise CommandError(f"'{where}' line {first.line} is not valid SSP: {_short(first.message)}")
 
 
 @cache
-def _schema(key: str) -> Any:
-    from pyssp_standard.standard import ModelicaStandard  # takes a while
-
-    return etree.XMLSchema(etree.parse(str(ModelicaStandard.schemas[key])))
+def _schema(version: str, kind: str) -> Any:
+    etree = _etree()
+    name = NAMESPACES[kind].rpartition("/")[2]
+    return etree.XMLSchema(etree.parse(str(_SCHEMAS / version / f"{name}.xsd")))
 
 
 def _short(text: str) -> str:
@@ -96,7 +107,7 @@ def children(element: XmlElement, *path: str) -> Iterable[XmlElement]:
 
 def local_name(element: XmlElement) -> str:
     """A tag without its namespace."""
-    return etree.QName(element).localname
+    return _etree().QName(element).localname
 
 
 def read_units(root: XmlElement, owner: str, where: str) -> dict[str, Unit]:
@@ -161,7 +172,7 @@ def boolean(text: str | None) -> bool:
 def document(kind: str, more: dict[str, str] | None = None, /, **attributes: str | None) -> XmlElement:
     """The root of a new document, with all namespaces that it may need."""
     namespaces = {p: NAMESPACES[p] for p in ("ssd", "ssc", "ssv", "ssm")} | (more or {})
-    root = etree.Element(f"{{{NAMESPACES[kind]}}}{_KINDS[kind]}", nsmap=namespaces)
+    root = _etree().Element(f"{{{NAMESPACES[kind]}}}{_KINDS[kind]}", nsmap=namespaces)
     _set(root, {"version": "1.0", **attributes})
     return root
 
@@ -170,7 +181,7 @@ def add(parent: XmlElement, tag: str, /, **attributes: str | None) -> XmlElement
     """A new child with a tag such as ssd:Elements; attributes that are None are left out."""
     prefix, local = tag.split(":")
     namespace = parent.nsmap[prefix]
-    element = etree.SubElement(parent, f"{{{namespace}}}{local}")
+    element = _etree().SubElement(parent, f"{{{namespace}}}{local}")
     _set(element, attributes)
     return element
 
@@ -209,10 +220,10 @@ def add_transformation(parent: XmlElement, transformation: Transformation | None
     elif transformation is not None:
         table = add(parent, f"ssc:{transformation.kind}MappingTransformation")
         for source, target in transformation.entries:
-            add(table, "ssc:MapEntry", source=plain(source), target=plain(target))
+            add(table, "ssc:MapEntry", source=as_text(source), target=as_text(target))
 
 
-def plain(value: object) -> str:
+def as_text(value: object) -> str:
     """A Boolean, a whole number or a text as XML has it."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
@@ -224,6 +235,7 @@ def number(value: float) -> str:
 
 def to_bytes(root: XmlElement) -> bytes:
     """A document as a file."""
+    etree = _etree()
     etree.cleanup_namespaces(root)
     etree.indent(root, space="  ")
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ...system.model import Value
 from ...units import IDENTITY, LinearTransformation, conversion
 from ..documents.structure import (
-    Component,
+    ComponentElement,
     Element,
     MappingEntry,
     Parameter,
@@ -106,7 +106,7 @@ class _Collected:
 
     def _node(self, element: Element, path: Path_, name: str) -> Node | None:
         """What a hierarchical name means, seen from an element."""
-        if isinstance(element, Component):
+        if isinstance(element, ComponentElement):
             interface = self._wiring.fmus[path].interface
             return (path, name) if name in interface.variables and interface.settable(name) else None
         if (path, name) in self._wiring.connectors:

@@ -7,7 +7,7 @@ from pathlib import Path
 from ...errors import CommandError, listed
 from ...fmu.interface import Interface, read_interface
 from ..documents.structure import (
-    Component,
+    ComponentElement,
     Connection,
     Connector,
     DictionaryReference,
@@ -43,14 +43,14 @@ class _Elements:
     def add(self, element: Element, path: Path_) -> None:
         """Add an element and all inside."""
         wiring = self._wiring
-        if isinstance(element, Component):
+        if isinstance(element, ComponentElement):
             wiring.fmus[path] = Fmu(path, element, self._interface(element.source))
         for connector in element.connectors:
             node = (path, connector.name)
             if node in wiring.connectors:
                 raise wiring.fault(f"there is a second connector {node_name(node)}.")
             wiring.connectors[node] = connector
-            if isinstance(element, Component):
+            if isinstance(element, ComponentElement):
                 self._check(connector, wiring.fmus[path])
         if isinstance(element, SystemElement):
             for inside in element.elements:

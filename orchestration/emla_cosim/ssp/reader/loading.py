@@ -14,7 +14,7 @@ from ..documents.structure import (
     FMU,
     SSD,
     SSP,
-    Component,
+    ComponentElement,
     Connector,
     Element,
     ParameterBinding,
@@ -79,7 +79,7 @@ class _Loader:
     def _element(self, element: Element) -> Element:
         if isinstance(element, SystemElement):
             return self._system(element)
-        if not isinstance(element, Component):
+        if not isinstance(element, ComponentElement):
             return element
         if next(self._count) > _MOST:
             raise self._fault(f"the structure has more than {_MOST} components.")
@@ -95,7 +95,7 @@ class _Loader:
                     f"the component '{element.name}' is of type '{other}'; this master runs FMUs and systems."
                 )
 
-    def _fmu(self, component: Component) -> Component:
+    def _fmu(self, component: ComponentElement) -> ComponentElement:
         if not component.source:
             raise self._fault(f"the component '{component.name}' has no source.")
         if component.implementation not in ("any", "CoSimulation"):
@@ -108,12 +108,12 @@ class _Loader:
             component, source=str(fmu), bindings=tuple(self._binding(b, fmu) for b in component.bindings)
         )
 
-    def _same_document(self, component: Component) -> SystemElement:
+    def _same_document(self, component: ComponentElement) -> SystemElement:
         inner = self._inside(f"{self._package.ssd.resolve()}{component.source}", component)
         inner._where, inner._by_id = self._where, self._by_id
         return self._placed(component, inner._system(self._with_id(component.source[1:], component)))
 
-    def _with_id(self, id_: str, component: Component) -> SystemElement:
+    def _with_id(self, id_: str, component: ComponentElement) -> SystemElement:
         found = self._by_id.get(unquote(id_))
         if found is None:
             raise self._fault(
@@ -121,7 +121,7 @@ class _Loader:
             )
         return found
 
-    def _other_document(self, component: Component) -> SystemElement:
+    def _other_document(self, component: ComponentElement) -> SystemElement:
         uri, _, fragment = component.source.partition("#")
         file = self._package.file(uri, self._where)
         inner = self._inside(f"{file}#{fragment}", component)
@@ -135,7 +135,7 @@ class _Loader:
             component, inner._system(inner._with_id(fragment, component) if fragment else read)
         )
 
-    def _inside(self, file: str, component: Component) -> "_Loader":
+    def _inside(self, file: str, component: ComponentElement) -> "_Loader":
         around = self._around or (f"{self._package.ssd.resolve()}#",)
         if file in around:
             raise self._fault(
@@ -145,7 +145,7 @@ class _Loader:
             raise self._fault(f"the component '{component.name}' is inside of more than {_DEEPEST} others.")
         return _Loader(self._package, self._held, (*around, file), self._count)
 
-    def _placed(self, component: Component, system: SystemElement) -> SystemElement:
+    def _placed(self, component: ComponentElement, system: SystemElement) -> SystemElement:
         """A system in the place of the component that names it; the component's bindings come last."""
         own = tuple(self._binding(b, None) for b in component.bindings)
         connectors = {c.name: c for c in system.connectors}
@@ -160,7 +160,7 @@ class _Loader:
             connectors=tuple(connectors.values()),
         )
 
-    def _joined(self, outside: Connector, inside: Connector | None, component: Component) -> Connector:
+    def _joined(self, outside: Connector, inside: Connector | None, component: ComponentElement) -> Connector:
         """A component's connector and that of the system it is; CommandError where they do not match."""
         name = f"the connector '{outside.name}' of the component '{component.name}'"
         if inside is None:

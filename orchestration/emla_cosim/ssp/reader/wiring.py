@@ -7,7 +7,7 @@ from ...errors import CommandError
 from ...fmu.interface import Interface
 from ...units import IDENTITY, LinearTransformation, Unit, conversion
 from ..documents.structure import (
-    Component,
+    ComponentElement,
     Connection,
     Connector,
     TableTransformation,
@@ -23,7 +23,7 @@ class Fmu:
     """A component of the flat system."""
 
     path: Path_
-    component: Component
+    component: ComponentElement
     interface: Interface
 
 

@@ -134,7 +134,7 @@ class _Builder:
             return self._component(members[0], touching)
         return self.system(child, inside, members, touching)
 
-    def _component(self, place: _Place, wires: Sequence[_Wire]) -> ssp.Component:
+    def _component(self, place: _Place, wires: Sequence[_Wire]) -> ssp.ComponentElement:
         part = self._parts[place.component.name]
         outputs = {w.connection.output for w in wires if w.source == place.path}
         inputs = {w.connection.input for w in wires if w.target == place.path}
@@ -146,7 +146,7 @@ class _Builder:
         ]
         (name,) = place.path[-1:]
         dotted = place.component.name != name and len(place.path) == 1
-        return ssp.Component(
+        return ssp.ComponentElement(
             name,
             tuple(connectors),
             part.bindings,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..documents.structure import Connector, Element, SystemElement
-from .layout import canvas, layout, route
+from .layout import layout, route
 
 
 def drawn(system: SystemElement) -> SystemElement:
@@ -22,12 +22,7 @@ def drawn(system: SystemElement) -> SystemElement:
     elements = tuple(
         replace(e, extent=corners[e.name], connectors=_positioned(e.connectors)) for e in system.elements
     )
-    placed = replace(
-        system,
-        elements=elements,
-        canvas=canvas(corners.values()),
-        connectors=_positioned(system.connectors),
-    )
+    placed = replace(system, elements=elements, connectors=_positioned(system.connectors))
     return replace(placed, connections=route(placed))
 
 

@@ -8,10 +8,10 @@ from ..documents.structure import Connection, SystemElement
 Corners = tuple[float, float, float, float]
 
 _FLOW = ("reference", "disturbance", "controller", "plant", "observer")
-"""Components of a joint in the order of its signal flow."""
+"""What parts of a control loop are called, in the order of its signal flow."""
 
-_WIDTH, _GAP_Y, _PITCH, _MARGIN = 40.0, 12.5, 5.0, 20.0
-"""Lengths in mm: of a box, between boxes, from line to line, around everything."""
+_WIDTH, _GAP_Y, _PITCH = 40.0, 12.5, 5.0
+"""Lengths in mm: of a box, between boxes, from line to line."""
 
 
 def layout(
@@ -43,13 +43,6 @@ def layout(
         below = sum(1 for a, b in links if a in columns and not _adjacent(columns, a, b))
         top = min(filled.values()) - _PITCH * (below + 2)
     return corners
-
-
-def canvas(corners: Iterable[Corners]) -> Corners:
-    """Corners of a canvas that holds all elements and lines, with a margin."""
-    x1, y1, x2, y2 = zip(*corners, strict=True)
-    wide = 4 * _MARGIN
-    return min(x1) - wide, min(y1) - wide, max(x2) + wide, max(y2) + _MARGIN
 
 
 def route(system: SystemElement) -> tuple[Connection, ...]:

@@ -36,8 +36,9 @@ def write_ssp(
 ) -> None:
     """Write a system with its FMUs, by component, as a package.
 
-    Its bytes depend on its content alone. `nested` makes one system per joint. Raises CommandError
-    for what does not fit, RunError where the file cannot be written.
+    Its bytes depend on its content alone. `nested` makes a system of every part of the components'
+    names but the last. Raises CommandError for what does not fit, RunError where the file cannot be
+    written.
     """
     if path.suffix.lower() != ".ssp":
         raise CommandError(f"an SSP is written to a file that ends in .ssp, not to '{path}'.")

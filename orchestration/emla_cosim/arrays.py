@@ -1,0 +1,10 @@
+"""Arrays as all rooms call them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+"""Numbers: a vector, or rows of them."""
+
+Indices = NDArray[np.intp]
+"""Positions in a vector."""

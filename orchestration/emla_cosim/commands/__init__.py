@@ -1,0 +1,1 @@
+"""The commands of `emla`, a module for each."""

@@ -1,0 +1,39 @@
+"""`emla build`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import CommandError, check_choice
+from ..models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
+from ..terminal import OUT, BarProgress
+
+
+def command(
+    models: Annotated[list[str] | None, typer.Argument(help="Models; all without any.")] = None,
+    flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
+    platform: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"FMI platform of a native FMU's binaries (repeatable); all without: {', '.join(PLATFORMS)}."
+        ),
+    ] = None,
+    output: Annotated[Path, typer.Option(help="Folder to build to.")] = FMU_FOLDER,
+) -> None:
+    """Build the FMUs of models, for other tools and all platforms."""
+    chosen = models or list(MODELS)
+    check_choice("flavour", flavour, FLAVOURS)
+    if platform and flavour != "native":
+        raise CommandError("PythonFMU FMUs bring PythonFMU's own binaries; leave --platform out.")
+    platforms = platform or list(PLATFORMS)
+    for model in chosen:
+        check_choice("model", model, MODELS)
+    with BarProgress() as progress:
+        paths = []
+        for model in chosen:
+            progress.begin(model, len(platforms) if flavour == "native" else 1)
+            paths.append(build(model, flavour, platforms, output, lambda: progress.advance(1)))
+            progress.finish()
+    for path in paths:
+        OUT.print(f"{path}  [dim]{path.stat().st_size / 1024:.0f} KiB[/]", highlight=False, soft_wrap=True)

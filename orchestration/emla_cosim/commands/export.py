@@ -1,0 +1,29 @@
+"""`emla export`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..loading import load
+from ..option import EXPORT
+from ..terminal import OUT, BarProgress
+from .options import SOURCE
+
+OPTIONS = EXPORT
+"""Options that the command takes."""
+
+
+def command(
+    scenario: Annotated[str, typer.Argument(help=SOURCE)],
+    file: Annotated[Path, typer.Argument(help="The package to write.", metavar="FILE.ssp")],
+    given: dict[str, Any],
+    nested: Annotated[
+        bool, typer.Option(help="One system per joint; libcosim and Ecos read flat systems only.")
+    ] = False,
+) -> None:
+    """Write a scenario as an SSP package."""
+    with BarProgress() as progress:
+        load(scenario, **given).export(file, nested, progress)
+    size = file.stat().st_size / 1024
+    OUT.print(f"{file}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)

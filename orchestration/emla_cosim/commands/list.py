@@ -1,0 +1,31 @@
+"""`emla list`."""
+
+from rich.table import Table
+
+from ..models import MODELS
+from ..options import table
+from ..scenarios.built_in import SCENARIOS, built_in
+from ..study.controllers import CONTROLLERS
+from ..study.registration import register
+from ..terminal import OUT
+
+register()
+
+
+def command() -> None:
+    """Show tables of scenarios, models and choices."""
+    scenarios = Table("scenario", "what it is", title="Scenarios: emla run SCENARIO", title_justify="left")
+    for name in SCENARIOS:
+        scenarios.add_row(f"[bold]{name}[/]", built_in(name).description)
+    models = Table("model", "what it is", title="Models: emla build MODEL", title_justify="left")
+    for name, block in MODELS.items():
+        models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])
+    choices = Table("option", "choices", title="Choices", title_justify="left")
+    for option in table().values():
+        if option.about.choices is not None:
+            choices.add_row(option.flag, ", ".join(option.about.choices()))
+    choices.add_row("--controller", ", ".join(CONTROLLERS))
+    for name, controller in CONTROLLERS.items():
+        choices.add_row(f"--gains, for {name}", ", ".join(controller.gains))
+    for shown in (scenarios, models, choices):
+        OUT.print(shown)

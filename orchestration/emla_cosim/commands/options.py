@@ -1,0 +1,104 @@
+"""The table of options as options of the command line."""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from pathlib import Path
+from types import NoneType
+from typing import Annotated, Any, get_args, get_origin
+
+import typer
+
+from ..errors import CommandError
+from ..option import Option
+from ..options import table
+
+SOURCE = "Name of a scenario (`emla list` shows them), scenario file (.toml), or SSP (.ssp, .ssd, folder)."
+"""What commands that take a scenario say of it."""
+
+
+def with_options(function: Callable[..., None], command: str) -> Callable[..., None]:
+    """A function with the options of a command; those that are given reach it in `given`, by name.
+
+    It raises CommandError for texts that are no such values.
+    """
+    options = list(table(command).values())
+    own = [p for p in inspect.signature(function).parameters.values() if p.name != "given"]
+
+    @wraps(function)
+    def called(**values: Any) -> None:
+        texts = [(o, values.pop(o.name)) for o in options]
+        function(**values, given={o.name: _read(o, text) for o, text in texts if text is not None})
+
+    parameters = [*own, *map(_parameter, options)]
+    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {p.name: p.annotation for p in parameters}
+    return called
+
+
+def _parameter(option: Option) -> inspect.Parameter:
+    about = option.about
+    text = about.help
+    if about.choices is not None:
+        text = f"{text.removesuffix('.')}: {', '.join(about.choices())}."
+    names = [option.flag]
+    if option.type is bool:
+        names = [f"{option.flag}/--no-{option.flag.removeprefix('--')}"]
+    described = typer.Option(
+        *names, help=text + _default(option), metavar=about.metavar, rich_help_panel=about.group
+    )
+    annotation = Annotated[_text_type(option) | None, described]
+    return inspect.Parameter(option.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+
+
+def _default(option: Option) -> str:
+    """What holds without the option, where that is one value."""
+    default = option.default
+    if default is None or isinstance(default, (bool, list, dict)):
+        return ""
+    return f" Without: {default}."
+
+
+def _text_type(option: Option) -> Any:
+    """The type that the command line reads, before `_read`."""
+    origin, inner = get_origin(option.type), get_args(option.type)
+    if option.about.parse is not None:
+        return str
+    if origin is Mapping:
+        return list[str]
+    if origin is Sequence:
+        return list[inner[0]]  # type: ignore[valid-type]
+    if option.about.takes is not None:
+        return str
+    return next(t for t in (*inner, option.type) if t is not NoneType)
+
+
+def _read(option: Option, value: Any) -> Any:
+    """The value of an option as `Options.updated` takes it."""
+    if option.about.parse is not None:
+        return option.about.parse(value)
+    if get_origin(option.type) is not Mapping:
+        return value
+    of = get_args(option.type)[1]
+    return {name: _entry(option, name, text, of) for name, text in _pairs(option.flag, value).items()}
+
+
+def _entry(option: Option, name: str, text: str, of: Any) -> Any:
+    if of is Path:
+        return Path(text)
+    if of is not int:
+        return text
+    try:
+        return int(text)
+    except ValueError as error:
+        raise CommandError(f"{option.flag} {name}={text} is not a whole number.") from error
+
+
+def _pairs(flag: str, texts: Sequence[str]) -> dict[str, str]:
+    pairs = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise CommandError(f"{flag} {text} lacks a name or a value; write {flag} NAME=VALUE.")
+        pairs[name.strip()] = value.strip()
+    return pairs

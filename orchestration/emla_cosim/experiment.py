@@ -1,0 +1,57 @@
+"""What options make of a run: its communication points, its rows, and the signals that are kept."""
+
+import difflib
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+
+from .errors import CommandError
+from .master.stepping.timing import Timing, timing
+from .options import Options
+
+DEFAULT_INTERVAL = 1e-3
+"""Time in s between rows of a table unless told otherwise."""
+
+
+def run_times(options: Options, name: str) -> Timing:
+    """The communication points of a run; CommandError where nobody says how long it is or its steps."""
+    if options.stop_time is None:
+        raise CommandError(f"'{name}' does not say when to stop; give --stop-time.")
+    if options.step_size is None:
+        raise CommandError(f"'{name}' does not say how long a step is; give --step-size.")
+    return timing(options.stop_time, options.step_size, options.start_time or 0.0)
+
+
+def steps_per_row(options: Options, times: Timing) -> int:
+    """Fixed steps in an output interval; without one 1 ms, or every step if that does not fit.
+
+    Raises CommandError where the interval is not a whole number of steps.
+    """
+    interval = options.output_interval
+    chosen = DEFAULT_INTERVAL if interval is None else interval
+    if not 0.0 < chosen < float("inf"):
+        raise CommandError(f"the output interval {chosen:g} s must be a positive number of seconds.")
+    if options.error_tolerance is not None:
+        return 1
+    every = round(chosen / times.step)
+    if every >= 1 and abs(every * times.step - chosen) <= 1e-9 * chosen:
+        return every
+    if interval is None:
+        return max(every, 1)
+    raise CommandError(
+        f"the output interval {chosen:g} s is not a whole number of steps of {times.step:g} s."
+    )
+
+
+def selected(patterns: Sequence[str], names: Sequence[str]) -> Sequence[int]:
+    """Positions of the signals to keep, all without a pattern; CommandError for one that finds nothing."""
+    if not patterns:
+        return range(len(names))
+    chosen: set[int] = set()
+    for pattern in patterns:
+        found = [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
+        if not found:
+            near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.5)
+            meant = f"did you mean {' or '.join(near)}?" if near else "results have all without."
+            raise CommandError(f"no signal is called '{pattern}'; {meant}", name=pattern, near=near)
+        chosen.update(found)
+    return sorted(chosen)

@@ -1,0 +1,22 @@
+"""The one way to a scenario, whatever it is made of."""
+
+from pathlib import Path
+from typing import Any
+
+from .scenarios.reading import load_scenario
+from .scenarios.scenario import Scenario
+from .study.registration import register
+from .system.model import System
+
+register()
+
+
+def load(source: str | Path | System, **options: Any) -> Scenario:
+    """A scenario: built-in by its name, from a file (.toml, .ssp, .ssd, a folder), or of a system.
+
+    `options` are those of `Options`, by name, and win over what a file says. Raises CommandError for
+    whatever is wrong.
+
+    >>> simulation = load("study").prepare()
+    """
+    return load_scenario(source, options)

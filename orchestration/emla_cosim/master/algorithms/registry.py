@@ -1,0 +1,8 @@
+"""Algorithms by name; whoever adds a class of their own here can choose it wherever a name is given."""
+
+from .algorithm import Algorithm
+from .gauss_seidel import GaussSeidel
+from .jacobi import Jacobi
+from .strong import Strong
+
+ALGORITHMS: dict[str, type[Algorithm]] = {"jacobi": Jacobi, "gauss-seidel": GaussSeidel, "strong": Strong}

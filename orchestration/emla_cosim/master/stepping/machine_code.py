@@ -1,0 +1,92 @@
+"""Machine code of this host's processor, kept from one process to the next.
+
+numba keeps machine code itself, but needs 0.4 s to load it again, because it has to be imported and set
+up as if it were to compile. Code that calls nothing of numba is loaded by LLVM alone, in a tenth of that.
+"""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import llvmlite
+import llvmlite.binding as llvm
+from platformdirs import user_cache_path
+
+_DIGEST = hashlib.sha256
+
+_loaded: list[llvm.ExecutionEngine] = []
+"""Owners of the code that is in memory; it stays there until the process ends."""
+
+
+def load(name: str, source: bytes, generate: Callable[[], str]) -> int:
+    """The address of a function in memory, compiled or taken from an earlier process.
+
+    `generate` gives LLVM's text of the function `name`, compiled from `source`; it is called only where
+    the code for this source, processor and LLVM is not known yet.
+    """
+    path = _folder() / f"{name}-{_key(source)}.o"
+    code = _read(path)
+    if code is None:
+        code = _compiled(generate())
+        _keep(path, code)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    _loaded.append(engine)
+    return engine.get_function_address(name)
+
+
+def _folder() -> Path:
+    return user_cache_path("emla-cosim", appauthor=False) / "code"
+
+
+def _key(source: bytes) -> str:
+    host = f"{llvmlite.__version__} {llvm.get_process_triple()} {llvm.get_host_cpu_name()} {_features()}"
+    return _DIGEST(host.encode() + b"\n" + source).hexdigest()[:32]
+
+
+@cache
+def _features() -> str:
+    return llvm.get_host_cpu_features().flatten()
+
+
+@cache
+def _machine() -> llvm.TargetMachine:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=_features(), opt=3, jit=True)
+
+
+def _compiled(text: str) -> bytes:
+    """Machine code in the form of an object file."""
+    module = llvm.parse_assembly(text)
+    missing = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
+    if missing:
+        raise RuntimeError(f"the compiled code would call {', '.join(missing)}")
+    return _machine().emit_object(module)
+
+
+def _read(path: Path) -> bytes | None:
+    """What was kept; None where there is nothing, or something else than was written."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    size = _DIGEST().digest_size
+    digest, code = content[:size], content[size:]
+    return code if digest == _DIGEST(code).digest() else None
+
+
+def _keep(path: Path, code: bytes) -> None:
+    """Write the code for later processes, in one go; without a place for it, they will compile again."""
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, draft = tempfile.mkstemp(dir=path.parent)
+        with os.fdopen(handle, "wb") as file:
+            file.write(_DIGEST(code).digest() + code)
+        Path(draft).replace(path)

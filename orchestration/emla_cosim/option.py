@@ -1,0 +1,111 @@
+"""One option of a run: a field of a dataclass that says all there is to know of it, once."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from typing import Any, get_type_hints
+
+from .errors import CommandError, check_choice
+
+SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
+"""What options are about; the command line's help shows them in these groups."""
+
+RUN, EXPORT = "run", "export"
+"""Commands that take options."""
+
+
+@dataclass(frozen=True)
+class About:
+    """What there is to know of an option beside its name, type and default.
+
+    `group` is one of the groups above. `flag` is the option of the command line, by default its
+    name; `metavar` what stands for its value there. `choices` gives the names that it may have,
+    `above` and `below` bound a number, ends excluded. `identity` is what messages call the option
+    where a checkpoint can only be continued with the same value; empty where it may change. `record`
+    is its name in run.json, by default its name and unit; `in_file` says whether a scenario file may
+    hold it. `commands` are those that take it. `parse` makes its value of the text of the command
+    line. In Python an object of the type `takes` is a value too, and taken as it is.
+    """
+
+    help: str
+    group: str = STEPPING
+    flag: str = ""
+    metavar: str | None = None
+    choices: Callable[[], Iterable[str]] | None = None
+    above: float = -math.inf
+    below: float = math.inf
+    unit: str = ""
+    identity: str = ""
+    record: str = ""
+    recorded: bool = True
+    in_file: bool = True
+    commands: tuple[str, ...] = (RUN,)
+    parse: Callable[[str], Any] | None = None
+    takes: type | None = None
+
+
+def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
+    """A field of a dataclass that is an option; see `About` for what can be said of it."""
+    described = {"about": About(help, **about)}
+    if isinstance(default, (list, dict)):
+        return field(default_factory=default.copy, metadata=described)
+    return field(default=default, metadata=described)
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option with its name, its type and its default."""
+
+    name: str
+    type: Any
+    default: Any
+    about: About
+
+    @property
+    def flag(self) -> str:
+        """What the command line calls it."""
+        return self.about.flag or f"--{self.name.replace('_', '-')}"
+
+    @property
+    def record(self) -> str:
+        """What run.json calls it."""
+        return self.about.record or self.name + (f"_{self.about.unit}" if self.about.unit else "")
+
+    @property
+    def noun(self) -> str:
+        """What sentences call it."""
+        return self.name.replace("_", " ")
+
+    def check(self, value: Any) -> None:
+        """Raise CommandError for a value that is none of the choices, or out of range."""
+        about = self.about
+        if value is None:
+            return
+        if about.choices is not None:
+            check_choice(self.noun, value, about.choices())
+        bounded = math.isfinite(about.above) or math.isfinite(about.below)
+        if bounded and isinstance(value, (int, float)) and not about.above < value < about.below:
+            raise CommandError(f"the {self.noun} {value:g} must be {self._range()}.", option=self.name)
+
+    def _range(self) -> str:
+        above, below = self.about.above, self.about.below
+        if math.isinf(below):
+            return "a positive number" if above == 0.0 else f"more than {above:g}"
+        return f"between {above:g} and {below:g}"
+
+
+def options_of(kind: type) -> list[Option]:
+    """The options among the fields of a class; none of one that is no dataclass."""
+    if not is_dataclass(kind):
+        return []
+    described = [f for f in fields(kind) if "about" in f.metadata]
+    types = get_type_hints(kind) if described else {}
+    return [
+        Option(
+            f.name,
+            types[f.name],
+            f.default_factory() if f.default_factory is not MISSING else f.default,
+            f.metadata["about"],
+        )
+        for f in described
+    ]

@@ -1,0 +1,216 @@
+"""The table of options: everything a user may say about a run, each stated once.
+
+The command line, scenario files, run.json, and what a checkpoint belongs to all derive from it.
+Algorithms and recorders bring options of their own: the fields of their classes.
+"""
+
+import dataclasses
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from .errors import CommandError, listed
+from .master.algorithms.algorithm import Algorithm
+from .master.algorithms.registry import ALGORITHMS
+from .models import FLAVOURS, PLATFORMS
+from .option import EXPORT, OUTPUT, RUN, STEPPING, SYSTEM, Option, option, options_of
+from .recorders.recorder import Recorder
+from .recorders.registry import RECORDERS, TABLES
+from .system.model import Replacement, Value
+from .values import converted
+
+BOTH = (RUN, EXPORT)
+_system = partial(option, group=SYSTEM, commands=BOTH)
+_stepping = partial(option, group=STEPPING)
+_output = partial(option, group=OUTPUT)
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a user may say about a run; None takes the scenario's value, or the default. Times in s.
+
+    `own` has those of algorithms and recorders, by name; see `ALGORITHMS` and `RECORDERS`.
+    """
+
+    set: Mapping[str, Value] = _system(
+        {}, help="Other start value (repeatable).", metavar="COMPONENT.VARIABLE=VALUE"
+    )
+    parameters: Sequence[Path] = _system(
+        [], help="Start values from a file (repeatable); --set overrides.", metavar="FILE.ssv"
+    )
+    replace: Mapping[str, Replacement] = _system(
+        {}, help="Use another FMU for a component (repeatable).", metavar="COMPONENT=FILE.fmu"
+    )
+    mapping: Mapping[str, Path] = _system(
+        {}, help="What the other FMU calls its variables (repeatable).", metavar="COMPONENT=FILE.ssm"
+    )
+    controller: str | type | None = _system(takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.")
+    gains: str | None = _system(help="Gains of controller and observer; `emla list` shows which.")
+    flavour: str = _system("native", help="Flavour of our FMUs.", choices=lambda: FLAVOURS)
+    fmus: Path | None = _system(
+        help="Folder of our FMUs, where missing ones are built. Without: fmus/, or your cache.",
+        in_file=False,
+        recorded=False,
+    )
+    platform: Sequence[str] = option(
+        [],
+        group=SYSTEM,
+        help="FMI platform of our FMUs' binaries (repeatable); without, this one.",
+        choices=lambda: PLATFORMS,
+        commands=(EXPORT,),
+        in_file=False,
+        recorded=False,
+    )
+    start_time: float | None = _stepping(
+        help="Beginning of the run.", unit="s", identity="start time", commands=BOTH
+    )
+    stop_time: float | None = _stepping(help="End of the run.", unit="s", commands=BOTH)
+    step_size: float | None = _stepping(
+        help="Communication step.", unit="s", identity="step size", commands=BOTH
+    )
+    algorithm: str | Algorithm = _stepping(
+        "gauss-seidel",
+        help="Co-simulation algorithm.",
+        choices=lambda: ALGORITHMS,
+        identity="algorithm",
+        takes=Algorithm,
+    )
+    error_tolerance: float | None = _stepping(
+        help="Choose steps by their error, relative to each signal's size.",
+        above=0.0,
+        below=1.0,
+        identity="error tolerance",
+    )
+    compiled: bool = _stepping(
+        True,
+        help="Step in compiled code where that is possible.",
+        flag="--kernel",
+        in_file=False,
+        recorded=False,
+    )
+    real_time: float | None = _stepping(
+        help="Simulate so many seconds per second, not more.",
+        flag="--realtime",
+        metavar="FACTOR",
+        record="real_time_factor",
+    )
+    output: Path | None = _output(help="Output folder. Without: results/SCENARIO.", recorded=False)
+    output_format: str = _output("csv", help="Form of the table of results.", choices=lambda: TABLES)
+    signals: Sequence[str] = _output(
+        [], help="Signals of the table, * for anything (repeatable); without, all.", metavar="PATTERN"
+    )
+    output_interval: float | None = _output(
+        help="Time between rows of the table. Without: 1 ms.", unit="s", identity="output interval"
+    )
+    plots: bool = _output(True, help="Draw plots.", recorded=False)
+    checkpoint: Path | None = _output(
+        help="Write checkpoints to this file: every minute, and at the end.", in_file=False, recorded=False
+    )
+    resume: Path | None = _output(
+        help="Continue the run of this checkpoint.", in_file=False, record="resumed_from"
+    )
+    own: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def updated(self, given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> "Options":
+        """With other values by name: tables are merged, everything else is replaced.
+
+        `where` is what sentences call the place of the values, and paths in them are relative to
+        `folder`. Raises CommandError for an unknown name, or a value of another type or range.
+        """
+        values, own = {}, dict(self.own)
+        known = table()
+        for name, value in given.items():
+            if name not in known:
+                raise CommandError(f"there is no option '{name}'{_near(name, known)}", option=name)
+            label = f"'{name}' of {where}" if where else f"the option '{name}'"
+            found = _read(known[name], value, label, folder)
+            if name in _FIXED:
+                before = getattr(self, name)
+                values[name] = {**before, **found} if isinstance(before, Mapping) else found
+            else:
+                own[name] = {**own.get(name, {}), **found} if isinstance(found, Mapping) else found
+        return dataclasses.replace(self, **values, own=own)
+
+    @property
+    def algorithm_name(self) -> str:
+        """The name of the algorithm; for one of the user's own, that of its class."""
+        if isinstance(self.algorithm, str):
+            return self.algorithm
+        kind = type(self.algorithm)
+        return next((n for n, k in ALGORITHMS.items() if k is kind), kind.__name__)
+
+    def replacements(self) -> dict[str, Replacement]:
+        """Replacements by component, with the mappings that are given apart from them.
+
+        Raises CommandError for a mapping of a component that is not replaced.
+        """
+        found = dict(self.replace)
+        for name, file in self.mapping.items():
+            if name not in found:
+                raise CommandError(f"--mapping {name}={file} needs --replace {name}=FILE.fmu.")
+            found[name] = dataclasses.replace(found[name], mapping=file)
+        return found
+
+    def make_algorithm(self) -> Algorithm:
+        """The algorithm with its options; CommandError for one that it does not have."""
+        given = {n: v for n, v in self.own.items() if any(n in _names(k) for k in ALGORITHMS.values())}
+        if isinstance(self.algorithm, Algorithm):
+            if given:
+                raise CommandError(f"the algorithm is given with its options; leave out {listed(given)}.")
+            return self.algorithm
+        kind = ALGORITHMS[self.algorithm]
+        for name in given:
+            if name not in _names(kind):
+                others = [n for n, k in ALGORITHMS.items() if name in _names(k)]
+                has = "has" if len(others) == 1 else "have"
+                raise CommandError(
+                    f"the algorithm {self.algorithm} has no {table()[name].noun}; {listed(others)} {has}.",
+                    option=name,
+                )
+        return kind(**given)
+
+    def make_recorders(self) -> list[Recorder]:
+        """Those of `RECORDERS` that an option asks for."""
+        asked = (
+            (kind, {n: v for n, v in self.own.items() if n in _names(kind)}) for kind in RECORDERS.values()
+        )
+        return [kind(**given) for kind, given in asked if given]
+
+    def in_effect(self) -> list[tuple[Option, Any]]:
+        """Every option that applies, with its value."""
+        found = [(o, getattr(self, o.name)) for o in _FIXED.values()]
+        for part in (self.make_algorithm(), *self.make_recorders()):
+            found += [(o, getattr(part, o.name)) for o in options_of(type(part))]
+        return found
+
+
+_FIXED = {o.name: o for o in options_of(Options)}
+
+
+def table(command: str | None = None) -> dict[str, Option]:
+    """All options by name, those of the algorithms included; of one command if it is named."""
+    kinds = (*ALGORITHMS.values(), *RECORDERS.values())
+    own = {o.name: o for kind in kinds for o in options_of(kind)}
+    return {n: o for n, o in (_FIXED | own).items() if command is None or command in o.about.commands}
+
+
+def _names(kind: type) -> set[str]:
+    return {o.name for o in options_of(kind)}
+
+
+def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
+    takes = option.about.takes
+    if takes is not None and isinstance(value, takes):
+        return value
+    found = converted(value, option.type if takes is None else str | None, label, folder)
+    for one in found if isinstance(found, list) else [found]:
+        option.check(one)
+    return found
+
+
+def _near(name: str, known: Mapping[str, Option]) -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean '{near[0]}'?" if near else f"; there are {listed(sorted(known))}."

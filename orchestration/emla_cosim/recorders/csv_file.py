@@ -1,0 +1,119 @@
+"""results.csv: the FMI cross-check form, first column `time`."""
+
+import contextlib
+from collections.abc import Sequence
+from io import BytesIO
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+
+from ..arrays import Vector
+from .recorder import Outline
+from .table import Table
+
+_BLOCK = 2**20
+
+
+class CsvFile(Table):
+    """Writes a table to a CSV file as it comes, by whole lines.
+
+    Numbers have the digits that bring back the same double. Where a run continues another one, whose
+    file is there, the file is cut and continued; without it a new one begins with the rows that follow.
+    """
+
+    suffix = ".csv"
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Create the file with its header, or open it to continue; raises OSError."""
+        super().begin(outline, memory)
+        header = polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
+        if memory is not None and _continues(self.path, header, memory):
+            self._stream = self.path.open("r+b", buffering=0)
+            self._stream.truncate(memory["bytes"])
+            self._stream.seek(memory["bytes"])
+            self._length, self._line = memory["bytes"], memory["line"]
+        else:
+            self._stream = self.path.open("wb", buffering=0)
+            self._length, self._line = 0, ""
+            self._write_lines(header)
+
+    def end(self) -> None:
+        """Append the last row if it was not due, and close the file."""
+        try:
+            super().end()
+        finally:
+            self._stream.close()
+
+    def memory(self) -> Any:
+        """How far the file is: rows that came, bytes of those that were due, the last line."""
+        return {**super().memory(), "bytes": self._length, "line": self._line}
+
+    def append(self, rows: Vector) -> None:
+        """Write these rows."""
+        text = BytesIO()
+        frame = polars.from_numpy(np.ascontiguousarray(rows), schema=self.names)
+        frame.write_csv(text, include_header=False)
+        self._write_lines(text.getvalue())
+
+    def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
+        """Columns by name; one that the file does not have is left out."""
+        return read_csv(self.path, names, most)
+
+    def _write_lines(self, text: bytes) -> None:
+        """Append whole lines; where not all of them fit, those that do, and none in part."""
+        written = 0
+        try:
+            while written < len(text):
+                written += self._stream.write(memoryview(text)[written:]) or 0
+        except OSError:
+            written = text.rfind(b"\n", 0, written) + 1
+            with contextlib.suppress(OSError):  # a device cannot be cut
+                self._stream.seek(self._stream.truncate(self._length + written))
+            raise
+        finally:
+            self._length += written
+            self._line = text[text.rfind(b"\n", 0, max(written - 1, 0)) + 1 : written].decode() or self._line
+
+
+def _continues(path: Path, header: bytes, memory: Any) -> bool:
+    """Whether a file has these columns and was once where the memory says."""
+    line = memory["line"].encode()
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        begins = stream.read(len(header)) == header
+        stream.seek(max(memory["bytes"] - len(line), 0))
+        return begins and stream.read(len(line)) == line
+
+
+def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
+    """Columns of a results.csv by name; a name that the file does not have is left out.
+
+    Of a file with more than `most` rows only every n-th row is kept, so that memory stays small.
+    """
+    present = polars.read_csv(path, n_rows=0).columns
+    chosen = [n for n in names if n in present]
+    every = 1 if most is None else max(-(-(_lines(path) - 1) // most), 1)
+    source = path if every == 1 else _thinned(path, every)
+    frame = polars.read_csv(source, columns=chosen, schema_overrides=dict.fromkeys(chosen, polars.Float64))
+    return {name: frame[name].to_numpy() for name in chosen}
+
+
+def _lines(path: Path) -> int:
+    with path.open("rb") as stream:
+        return sum(block.count(b"\n") for block in iter(lambda: stream.read(_BLOCK), b""))
+
+
+def _thinned(path: Path, every: int) -> bytes:
+    """The header, and of the lines after it every n-th one."""
+    with path.open("rb") as stream:
+        return next(stream) + b"".join(islice(stream, 0, None, every))

@@ -1,0 +1,78 @@
+"""Figures computed while a run goes on, from every communication point."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..arrays import Vector
+from .recorder import Outline, Recorder
+
+Figures = Mapping[str, Mapping[str, Any]]
+"""Figures by what they are of, and by name."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a person sees a figure: what it is called, its factor and unit there."""
+
+    name: str
+    label: str
+    factor: float
+    unit: str
+
+
+class Metrics(ABC):
+    """Computes figures of one kind; `shown` are those to show, in order."""
+
+    shown: Sequence[Shown] = ()
+
+    @abstractmethod
+    def write(self, rows: Vector) -> None:
+        """Take the next rows, time first."""
+
+    @abstractmethod
+    def figures(self) -> Figures:
+        """The figures of all rows so far; NaN for one that does not exist."""
+
+    @abstractmethod
+    def memory(self) -> Any:
+        """Plain data from which another one can go on."""
+
+    @abstractmethod
+    def remember(self, memory: Any) -> None:
+        """Go on from what `memory` gave."""
+
+
+METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}
+"""What makes metrics for a run, or None, by the name of their part in metrics.json."""
+
+
+class MetricsRecorder(Recorder):
+    """Computes all registered metrics that a run has signals for."""
+
+    key = "metrics"
+
+    def __init__(self) -> None:
+        self.kinds: dict[str, Metrics] = {}
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Begin all of them, or go on."""
+        made = {name: make(outline) for name, make in METRICS.items()}
+        self.kinds = {name: metrics for name, metrics in made.items() if metrics is not None}
+        for name, metrics in self.kinds.items():
+            if memory is not None:
+                metrics.remember(memory[name])
+
+    def write(self, rows: Vector) -> None:
+        """Take the next rows."""
+        for metrics in self.kinds.values():
+            metrics.write(rows)
+
+    def memory(self) -> Any:
+        """That of all of them."""
+        return {name: metrics.memory() for name, metrics in self.kinds.items()}
+
+    def figures(self) -> dict[str, Figures]:
+        """The figures of all rows so far, by the name of their kind."""
+        return {name: metrics.figures() for name, metrics in self.kinds.items()}

@@ -1,0 +1,146 @@
+"""The interface of all recorders, and how rows come to them."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..arrays import Vector
+from ..errors import RunError
+from ..master.stepping.stepping import Stepping
+from ..master.stepping.timing import Timing
+from ..units import LinearTransformation, Unit
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What recorders are told before the first row.
+
+    Rows have the time in s and then the signals of `names`, in the units of `units`. `recorded` are
+    the positions of those signals that the user wants to keep, and every `every`-th row is to be kept.
+    """
+
+    names: Sequence[str]
+    units: Sequence[Unit | None]
+    times: Timing
+    recorded: Sequence[int]
+    every: int = 1
+
+
+class Pause(Protocol):
+    """A run while nothing is stepped."""
+
+    @property
+    def stepping(self) -> Stepping:
+        """Where the run is, and all that it remembers."""
+        ...
+
+    @property
+    def over(self) -> bool:
+        """Whether the last step is done."""
+        ...
+
+    def memory(self) -> Mapping[str, Any]:
+        """What all recorders remember, by their keys; all rows have reached them then."""
+        ...
+
+
+class Recorder:
+    """Takes the rows of a run block by block; this one does nothing with them.
+
+    `begin` comes first, `end` last, whatever happens between; of these and of `write` each may raise
+    OSError. What `memory` gives, which must be plain data, is kept in checkpoints under `key`, and
+    comes back in the `begin` of a run that continues there.
+    """
+
+    key = ""
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """A run begins, or goes on from where a recorder with this memory was."""
+
+    def write(self, rows: Vector) -> None:
+        """Take one row or more (time, then all signals); the array is reused."""
+
+    def pause(self, run: Pause) -> None:
+        """Nothing is stepped now: called some times per second, and when stepping is over."""
+
+    def end(self) -> None:
+        """The run is over: finish what is pending."""
+
+    def memory(self) -> Any:
+        """Plain data from which another recorder can go on; None for nothing."""
+
+
+class RecordingError(RunError):
+    """A recorder that could not take what it was given."""
+
+
+class RowBuffer:
+    """Room for rows that the stepping fills; full blocks go to the recorders.
+
+    Every `every`-th communication point is to be recorded. Memory stays the same however long the
+    run is. `shown` has signals, by position, that are passed on in another unit.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        recorders: Sequence[Recorder],
+        every: int = 1,
+        block_rows: int = 2000,
+        shown: Mapping[int, LinearTransformation] | None = None,
+    ) -> None:
+        self.every = every
+        self._recorders = recorders
+        self._shown = shown or {}
+        self._block = np.empty((block_rows, width))
+        self._filled = 0
+
+    def room(self, most: int) -> Vector:
+        """Free rows to fill, at least one and at most so many."""
+        return self._block[self._filled : self._filled + most]
+
+    def commit(self, count: int) -> None:
+        """So many of them are filled. Raises RecordingError."""
+        self._filled += count
+        if self._filled == len(self._block):
+            self.flush()
+
+    def flush(self) -> None:
+        """Pass on what is there. Raises RecordingError."""
+        rows, self._filled = self._block[: self._filled], 0
+        if len(rows):
+            for signal, transformation in self._shown.items():
+                column = rows[:, 1 + signal]
+                column[:] = transformation.factor * column + transformation.offset
+            for recorder in self._recorders:
+                with recording(recorder):
+                    recorder.write(rows)
+
+    def end(self) -> None:
+        """Pass on what is left and end the recorders, every one of them. Raises RecordingError."""
+        failure: RecordingError | None = None
+        try:
+            self.flush()
+        except RecordingError as error:
+            failure = error
+        for recorder in self._recorders:
+            try:
+                with recording(recorder):
+                    recorder.end()
+            except RecordingError as error:
+                failure = failure or error
+        if failure is not None:
+            raise failure
+
+
+@contextmanager
+def recording(recorder: Recorder) -> Iterator[None]:
+    """Turn an OSError of a recorder into a RecordingError that names what could not be written."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or error
+        raise RecordingError(f"{recorder} cannot be written: {reason}.") from error

@@ -1,0 +1,23 @@
+"""Recorders by name: the forms of a table of results, and what else a user may ask for."""
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+from .recorder import Recorder
+from .table import Table
+
+
+def _imported(module: str, name: str) -> Callable[[Path], Table]:
+    """A table of this class, whose module is imported when the first one is made."""
+    return lambda path: getattr(import_module(f".{module}", __package__), name)(path)
+
+
+TABLES: dict[str, Callable[[Path], Table]] = {
+    "csv": _imported("csv_file", "CsvFile"),
+    "parquet": _imported("parquet_file", "ParquetFile"),
+}
+"""What makes a table of a path, by the name of its form, which is also the ending of the file's name."""
+
+RECORDERS: dict[str, type[Recorder]] = {}
+"""Further recorders: dataclasses whose fields are options. One is made when an option of its is given."""

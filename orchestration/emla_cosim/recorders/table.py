@@ -1,0 +1,56 @@
+"""Recorders that keep a table: every n-th row of some signals, and the last row."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Vector
+from .recorder import Outline, Recorder
+
+
+class Table(Recorder):
+    """Keeps every n-th row, and the last one, of the signals that are wanted."""
+
+    key = "table"
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Keep what the outline says from here on; rows seen before count."""
+        self.names = ["time", *(outline.names[i] for i in outline.recorded)]
+        self._columns = [0, *(1 + i for i in outline.recorded)]
+        self._whole = len(outline.recorded) == len(outline.names)
+        self._every = outline.every
+        self._seen = memory["rows"] if memory is not None else 0
+        self._last: Vector | None = None
+
+    def write(self, rows: Vector) -> None:
+        """Append those of the rows that are due."""
+        due = rows[-self._seen % self._every :: self._every]
+        self._last = None
+        if len(due):
+            self.append(due if self._whole else due[:, self._columns])
+        self._seen += len(rows)
+        pending = (self._seen - 1) % self._every != 0
+        self._last = np.ascontiguousarray(rows[-1:, self._columns]) if pending else None
+
+    def end(self) -> None:
+        """Append the last row if it was not due."""
+        last, self._last = self._last, None
+        if last is not None:
+            self.append(last)
+
+    def memory(self) -> Any:
+        """How many rows came, due or not."""
+        return {"rows": self._seen}
+
+    @abstractmethod
+    def append(self, rows: Vector) -> None:
+        """Append these rows, time first. May raise OSError."""
+
+    @abstractmethod
+    def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
+        """Columns by name; one that the table does not have is left out.
+
+        Of a table with more than `most` rows only every n-th may be given. May raise OSError.
+        """

@@ -1,0 +1,38 @@
+"""A table in memory."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Vector
+from .recorder import Outline
+from .table import Table
+
+
+class TimeSeries(Table):
+    """Keeps its rows in memory."""
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Begin an empty table; a run that continues another one gives the rows that follow."""
+        super().begin(outline, memory)
+        self._blocks: list[Vector] = []
+
+    def append(self, rows: Vector) -> None:
+        """Keep a copy of these rows."""
+        self._blocks.append(rows.copy())
+
+    @property
+    def rows(self) -> Vector:
+        """All rows, time first, then the signals of `names`."""
+        if len(self._blocks) != 1:
+            self._blocks = [np.concatenate([np.empty((0, len(self.names))), *self._blocks])]
+        return self._blocks[0]
+
+    def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
+        """Columns by name; one that the table does not have is left out."""
+        rows, every = self.rows, 1
+        if most is not None:
+            every = max(-(-len(rows) // most), 1)
+        position = {name: i for i, name in enumerate(self.names)}
+        return {n: rows[::every, position[n]] for n in names if n in position}

@@ -1,0 +1,178 @@
+"""Pictures of results: those that are registered for what a run has, and of any signals."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Vector
+from ..errors import CommandError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .result import Result
+
+BLUE, ORANGE, GREY = "#2f6db3", "#d9822b", "#7a7a7a"
+_COLORS = (BLUE, ORANGE, "#3d8f5f", "#b0413e", "#7b5ea7", GREY)
+_MOST_ROWS = 20_000
+"""Of longer results only every n-th row is drawn; a panel is a few hundred pixels wide."""
+
+_TRANSIENT = 0.3
+"""Time in s after which errors are small enough to show on a scale of their own."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line of a panel: what it shows and how; `less` is subtracted, `scale` multiplied."""
+
+    label: str
+    signal: str
+    color: str = BLUE
+    less: str | None = None
+    scale: float = 1.0
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One row of axes: the same curves for each column. `late` leaves the initial transient out."""
+
+    label: str
+    curves: tuple[Curve, ...]
+    late: bool = False
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A grid of panels: a column for everything that metrics of the kind `of` were computed for."""
+
+    title: str
+    panels: tuple[Panel, ...]
+    of: str
+
+
+FIGURES: dict[str, Picture] = {}
+"""Pictures that are drawn of every run that has signals for them, by the name of their file."""
+
+
+def draw(result: "Result", folder: Path, done: Callable[[str], None]) -> list[Path]:
+    """Draw all pictures that the result has signals for; returns the files written.
+
+    `done` is called with the name of each. Raises OSError.
+    """
+    data = result.read(_wanted(result), _MOST_ROWS)
+    if len(data["time"]) < 2:
+        return []
+    written = []
+    for name, picture in FIGURES.items():
+        figure = _drawn(picture, list(result.metrics.get(picture.of, ())), data)
+        if figure is not None:
+            path = folder / f"{name}.png"
+            _save(figure, path)
+            written.append(path)
+        done(name)
+    return written
+
+
+def _wanted(result: "Result") -> list[str]:
+    """Signals that pictures show, of those that the result has, and time."""
+    wanted = {
+        f"{column}.{signal}"
+        for picture in FIGURES.values()
+        for column in result.metrics.get(picture.of, ())
+        for panel in picture.panels
+        for curve in panel.curves
+        for signal in (curve.signal, curve.less)
+        if signal is not None
+    }
+    return ["time", *(name for name in result.names if name in wanted)]
+
+
+def plotted(result: "Result", names: Sequence[str]) -> "Figure":
+    """Signals over time, one panel per unit; names may be patterns. CommandError for what is not there."""
+    chosen = list(dict.fromkeys(n for name in names for n in _matching(name, result.names)))
+    if not chosen:
+        raise CommandError("nothing to plot; name one signal or more.")
+    groups: dict[str, list[str]] = {}
+    for name in chosen:
+        groups.setdefault(str(result.units.get(name) or ""), []).append(name)
+    data = result.read(["time", *chosen], _MOST_ROWS)
+    figure, axes = _figure(len(groups), 1, 7.5)
+    for row, (unit, group) in zip(axes[:, 0], groups.items(), strict=True):
+        for i, name in enumerate(group):
+            row.plot(data["time"], data[name], color=_COLORS[i % len(_COLORS)], label=name, linewidth=1.1)
+        row.set_ylabel(unit)
+        _tidied(row, legend=True)
+    axes[-1, 0].set_xlabel("time / s")
+    figure.suptitle(result.name, fontsize=12, fontweight="bold")
+    return figure
+
+
+def _matching(pattern: str, names: Sequence[str]) -> list[str]:
+    found = [n for n in names if n == pattern or fnmatchcase(n, pattern)]
+    return found or [pattern]  # whose reading says what is wrong
+
+
+def _drawn(picture: Picture, columns: Sequence[str], data: Mapping[str, Vector]) -> "Figure | None":
+    panels = picture.panels
+    shown = [c for c in columns if any(f"{c}.{curve.signal}" in data for p in panels for curve in p.curves)]
+    if not shown:
+        return None
+    figure, grid = _figure(len(panels), len(shown), 3.9)
+    for j, column in enumerate(shown):
+        grid[0, j].set_title(column, fontsize=11)
+        grid[-1, j].set_xlabel("time / s")
+        for i, panel in enumerate(panels):
+            _draw_panel(grid[i, j], panel, column, data)
+            if j == 0:
+                grid[i, 0].set_ylabel(panel.label)
+    figure.align_ylabels()
+    figure.suptitle(picture.title, fontsize=12, fontweight="bold")
+    return figure
+
+
+def _draw_panel(axes: "Axes", panel: Panel, column: str, data: Mapping[str, Vector]) -> None:
+    time = data["time"]
+    late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
+    part = time >= time[0] + (_TRANSIENT if late else 0.0)
+    for curve in panel.curves:
+        values = data.get(f"{column}.{curve.signal}")
+        minus = data.get(f"{column}.{curve.less}") if curve.less else np.zeros_like(time)
+        if values is None or minus is None:
+            continue
+        axes.plot(
+            time[part],
+            curve.scale * (values - minus)[part],
+            color=curve.color,
+            label=curve.label,
+            linestyle=(0, (4, 2)) if curve.dashed else "-",
+            linewidth=1.1,
+        )
+    _tidied(axes, legend=len(panel.curves) > 1)
+
+
+def _figure(rows: int, columns: int, width: float) -> "tuple[Figure, np.ndarray]":
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(1.2 + width * columns, 0.8 + 2.1 * rows), dpi=120, layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex="col")
+
+
+def _tidied(axes: "Axes", legend: bool) -> None:
+    if legend:
+        axes.legend(fontsize=8, frameon=False)
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=8)
+    axes.margins(x=0.01)
+
+
+def _save(figure: "Figure", path: Path) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure).print_png(path)

@@ -1,0 +1,108 @@
+"""What came out of a run: signals as arrays, metrics, how it went; and how it is kept."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..arrays import Vector
+from ..errors import CommandError
+from ..master.stepping.timing import Timing
+from ..recorders.metrics import Figures, Shown
+from ..recorders.table import Table
+from ..units import Unit
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a run went, and what it gave.
+
+    `result["lift.plant.x_L"]` is a signal as an array, with one value for each of `time`; its unit is
+    in `units`. `metrics` has figures by kind, by what they are of, and by name, as in metrics.json.
+    `problem` is None, or the sentence that says why the run ended early. `steps`, `simulated_s` and
+    `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
+    `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
+    """
+
+    name: str
+    units: Mapping[str, Unit | None]
+    times: Timing
+    table: Table | None
+    metrics: Mapping[str, Figures]
+    shown: Mapping[str, Sequence[Shown]]
+    steps: int
+    simulated_s: float
+    end_s: float
+    wall_s: float
+    stepping: Mapping[str, Any]
+    pacing: Mapping[str, float] | None
+    problem: str | None
+    record: Mapping[str, Any]
+
+    def __getitem__(self, name: str) -> Vector:
+        """A signal at the times of `time`, in its unit; CommandError names the choices if there is none."""
+        return self.read([name])[name]
+
+    @property
+    def time(self) -> Vector:
+        """The times of the rows in s."""
+        return self["time"]
+
+    @property
+    def names(self) -> list[str]:
+        """The signals that were kept."""
+        return self._table.names[1:]
+
+    def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
+        """Some signals, or `time`, by name; of more than `most` rows only every n-th may be given.
+
+        Raises CommandError for a signal that was not kept.
+        """
+        known = self._table.names
+        for name in names:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+                meant = f"; did you mean {' or '.join(near)}?" if near else "; `names` has those that are."
+                raise CommandError(f"no signal '{name}' was kept{meant}", name=name, near=near)
+        return self._table.read(names, most)
+
+    def to_polars(self) -> "polars.DataFrame":
+        """All rows as a polars data frame, `time` first."""
+        import polars
+
+        return polars.DataFrame(self.read(self._table.names))
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """All rows as a pandas data frame with `time` as its index; needs pandas."""
+        import pandas
+
+        return pandas.DataFrame(self.read(self._table.names)).set_index("time")
+
+    def plot(self, *names: str) -> "Figure":
+        """Draw signals over time, a panel per unit; a pattern such as `lift.*.x_*` means all that fit."""
+        from .plotting import plotted
+
+        return plotted(self, names)
+
+    def save(self, folder: str | Path, plots: bool = True) -> list[Path]:
+        """Write results.csv, metrics.json, run.json and pictures to a folder; returns the pictures.
+
+        Raises CommandError where the folder cannot be written, RunError where the disk is full.
+        """
+        from .output_folder import OutputFolder
+
+        output = OutputFolder(Path(folder), self.record["settings"]["output_format"])
+        output.write_table(self)
+        return output.write(self, plots)
+
+    @property
+    def _table(self) -> Table:
+        if self.table is None:
+            raise CommandError("the run kept no table; hand in a recorder such as TimeSeries.")
+        return self.table

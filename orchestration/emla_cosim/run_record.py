@@ -1,0 +1,124 @@
+"""run.json: everything needed to repeat a run; and what a checkpoint of it belongs to."""
+
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from .master.algorithms.algorithm import Algorithm
+from .master.assembly import Assembly
+from .master.stepping.timing import Timing
+from .options import Options
+from .system.model import System
+
+_PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pythonfmu")
+
+
+def run_record(
+    scenario: str,
+    system: System,
+    assembly: Assembly,
+    options: Options,
+    times: Timing,
+    every: int,
+    units: Mapping[str, Any],
+    stepping: Mapping[str, Any],
+    problem: str | None,
+    unpacked: Path | None = None,
+) -> dict[str, Any]:
+    """The record of a run of this system; `problem` says why it ended early, if it did.
+
+    FMUs in the folder `unpacked` are called as in their package.
+    """
+    return {
+        "scenario": scenario,
+        "status": "completed" if problem is None else problem,
+        "settings": _settings(options, times, every),
+        "stepping": stepping,
+        "versions": dict(_versions()),
+        "components": {
+            c.name: {
+                "fmu": _file(assembly.files[c.name].path, unpacked),
+                "sha256": assembly.files[c.name].sha256,
+                "guid": assembly.files[c.name].description.guid,
+                "parameters": dict(c.parameters),
+                "mapping": {n: f"{a.variable} = {n} {a.transformation}" for n, a in c.aliases.items()},
+            }
+            for c in system.components
+        },
+        "connections": [
+            f"{x} {x.transformation}" if x.transformation is not None else str(x) for x in system.connections
+        ],
+        "units": {name: str(unit) for name, unit in units.items() if unit is not None},
+    }
+
+
+def run_identity(system: System, assembly: Assembly, options: Options, times: Timing) -> dict[str, Any]:
+    """What must be the same for a run to be continued, by the names it has in messages."""
+    return {
+        "FMUs": {name: file.sha256 for name, file in assembly.files.items()},
+        "components": [c.name for c in system.components],
+        "values set": {
+            f"{c.name}.{n}": str(v) for c in system.components for n, v in sorted(c.parameters.items())
+        },
+        "mappings": {f"{c.name}.{n}": str(a) for c in system.components for n, a in c.aliases.items()},
+        "connections": [f"{x} {x.transformation}" for x in system.connections],
+        **{o.about.identity: _plain(value) for o, value in options.in_effect() if o.about.identity},
+        "algorithm": options.algorithm_name,
+        "start time": times.start,
+        "step size": times.step,
+    }
+
+
+def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
+    """The options that applied, as they were in effect."""
+    found = {o.record: _plain(value) for o, value in options.in_effect() if o.about.recorded}
+    del found["mapping"]  # which is told with the replacement
+    interval = options.output_interval if options.error_tolerance is not None else every * times.step
+    return found | {
+        "algorithm": options.algorithm_name,
+        "start_time_s": times.start,
+        "stop_time_s": times.stop,
+        "step_size_s": times.step,
+        "output_interval_s": interval,
+        "replace": {name: _plain(r) for name, r in options.replacements().items()},
+    }
+
+
+def _file(path: Path, unpacked: Path | None) -> str:
+    if unpacked is not None and path.is_relative_to(unpacked):
+        path = path.relative_to(unpacked)
+    return str(path)
+
+
+@cache
+def _versions() -> dict[str, str | None]:
+    """Versions of what runs; None for a package that this host lacks."""
+    found: dict[str, str | None] = {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it."""
+    if isinstance(value, Algorithm):
+        return _plain(type(value))
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
+    if isinstance(value, type):
+        return f"{value.__module__}.{value.__qualname__}"
+    return str(value) if isinstance(value, Path) else value

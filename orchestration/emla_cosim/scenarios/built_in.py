@@ -1,0 +1,20 @@
+"""Systems and scenarios that can be called by name, once they are registered here."""
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from ..system.model import System
+from .scenario_file import ScenarioFile, parse_scenario
+
+SYSTEMS: dict[str, Callable[[str | type | None, str | type | None], System]] = {}
+"""What makes a system of a controller and a set of gains, by name; None is the usual one."""
+
+SCENARIOS: dict[str, Callable[[], str]] = {}
+"""What reads the text of a scenario file, by the name of the scenario."""
+
+
+@cache
+def built_in(name: str) -> ScenarioFile:
+    """The scenario file of this name."""
+    return parse_scenario(SCENARIOS[name](), name, Path())

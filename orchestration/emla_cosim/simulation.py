@@ -1,0 +1,355 @@
+"""A system prepared once and run many times: what every run in this project goes through."""
+
+import contextlib
+import threading
+import weakref
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from .errors import CommandError, RunError
+from .experiment import run_times, selected, steps_per_row
+from .fmu.variables import find_variable, start_value
+from .master.algorithms.algorithm import Algorithm
+from .master.assembly import Assembly
+from .master.stepping.checkpoint import check_can_save
+from .master.stepping.compilation import compile_kernel
+from .master.stepping.error_control import ErrorControl
+from .master.stepping.fixed_steps import FixedSteps
+from .master.stepping.pacing import Pacing
+from .master.stepping.stepping import ROUNDING, Stepping
+from .master.stepping.timing import Timing
+from .options import Options
+from .preparation import prepared
+from .progress import Progress
+from .recorders.checkpoints import Checkpoints, resumable
+from .recorders.metrics import MetricsRecorder
+from .recorders.recorder import Outline, Recorder
+from .recorders.table import Table
+from .recorders.time_series import TimeSeries
+from .results.result import Result
+from .run_record import run_identity, run_record
+from .running import Run
+from .system.model import System
+from .units import Unit
+
+PREPARED = ("parameters", "replace", "mapping", "controller", "gains", "flavour", "fmus", "platform")
+"""Options that decide what is prepared: a run of a prepared simulation cannot change them."""
+
+OF_THE_COMMAND = ("output", "plots")
+"""Options that say what the command line does with a result."""
+
+
+class Simulation:
+    """A system whose FMUs are built, loaded and wired, and whose loop is compiled.
+
+    `run` runs it from start to stop; `start`, `advance` and `finish` do the same in parts, and between
+    them values can be read and set by name: `simulation["lift.plant.x_L"]`. Every run begins anew, with
+    other options if any are given. `close` frees the FMUs; so does the end of a `with` block, and the end
+    of the object.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        options: Options | None = None,
+        name: str = "system",
+        progress: Progress | None = None,
+        unpacked: Path | None = None,
+        holds: object = None,
+    ) -> None:
+        """Prepare a system with these options.
+
+        FMUs of a package are in the folder `unpacked`; `holds` is what must live as long as this.
+
+        Raises CommandError for what does not fit, RunError where FMUs cannot be built or refuse their
+        start values.
+        """
+        self.name = name
+        self.options = options or Options()
+        self._unpacked, self._holds = unpacked, holds
+        told = progress or Progress()
+        self.system, fmus = prepared(system, self.options, told)
+        self._assembly = Assembly(self.system, fmus)
+        self._finalizer = weakref.finalize(self, self._assembly.close)
+        self._run: _Going | None = None
+        self._error: RunError | None = None
+        self._turn = threading.RLock()
+        if self.options.compiled:
+            self._compile()
+        told.advance(1)
+
+    def __enter__(self) -> "Simulation":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the FMUs and what was unpacked; a run that goes on is ended."""
+        with self._alone():
+            self._abandon()
+            self._finalizer()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all signals: component.variable."""
+        return list(self._assembly.network.names)
+
+    @cached_property
+    def units(self) -> Mapping[str, Unit | None]:
+        """The unit of every signal, by name."""
+        found = {}
+        for name in self._assembly.network.names:
+            component, variable = self.system.split(name)
+            alias = component.aliases.get(variable)
+            interface = self._assembly.files[component.name].interface
+            found[name] = alias.unit if alias is not None else interface.unit(variable)
+        return found
+
+    def run(
+        self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
+    ) -> Result:
+        """Run from start to stop and return what came out.
+
+        `options` are those of `Options`, by name, and hold for this run only: `stop_time`, `step_size`,
+        `algorithm`, `set` ... Without `recorders`, the table of results is kept in memory; metrics are
+        always computed. `fresh` makes new instances of the FMUs instead of resetting them. Ctrl-C ends
+        the run between two steps, and the result has what was computed. Raises CommandError for options
+        that do not fit; RunError, whose `fields` have the `result` so far, for a run that fails.
+        """
+        result = self.attempt(recorders=recorders, fresh=fresh, **options)
+        if (error := self._error) is not None:
+            error.fields["result"] = result
+            raise error
+        return result
+
+    def attempt(
+        self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
+    ) -> Result:
+        """`run`, but a run that fails is a result too: its `problem` says why it ended."""
+        with self._alone():
+            self._start(recorders, fresh, options)
+            assert self._run is not None
+            self._run.run.advance(self._run.run.stepping.times.stop)
+            return self._ended()
+
+    def start(
+        self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
+    ) -> None:
+        """Begin a run that `advance` brings forward; what is given is as in `run`."""
+        with self._alone():
+            self._start(recorders, fresh, options)
+
+    def _start(self, recorders: Sequence[Recorder] | None, fresh: bool, options: Mapping[str, Any]) -> None:
+        if not self._finalizer.alive:
+            raise CommandError("the simulation is closed; prepare it anew.")
+        chosen = self._chosen(options)
+        self._abandon()
+        times = run_times(chosen, self.name)
+        every = steps_per_row(chosen, times)
+        pacing = Pacing(chosen.real_time) if chosen.real_time is not None else None
+        system = self.system.with_parameters(chosen.set)
+        algorithm = chosen.make_algorithm()
+        assembly = self._assembly
+        assembly.start(system, fresh or self._error is not None)
+        self._error = None
+        recorded = selected(chosen.signals, assembly.network.names)
+        algorithm.setup(assembly.network)
+        stepping = _stepping(algorithm, chosen, times)
+        try:
+            metrics, resumed = MetricsRecorder(), None
+            taking = [*([TimeSeries()] if recorders is None else recorders), metrics]
+            taking += chosen.make_recorders()
+            if chosen.resume or chosen.checkpoint:
+                identity = run_identity(system, assembly, chosen, times)
+                resumed = resumable(chosen.resume, identity, times) if chosen.resume else None
+                if chosen.checkpoint is not None:
+                    check_can_save(chosen.checkpoint, assembly.network)
+                    taking.append(Checkpoints(chosen.checkpoint, identity))
+            outline = Outline(assembly.network.names, list(self.units.values()), times, recorded, every)
+            run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
+        except BaseException:
+            _freed(stepping)
+            raise
+        self._run = _Going(run, system, chosen, metrics, taking, every)
+        # the states in a checkpoint would hold a continued run to this run's stop time
+        run.begin(times.stop if chosen.checkpoint is None else None)
+
+    def advance(self, time: float) -> None:
+        """Step to a time in s, which must be a communication point; begins a run if none goes on.
+
+        Raises CommandError for another time, RunError where a step fails, and KeyboardInterrupt for
+        Ctrl-C, after the step that was being done: the run can go on then, or be finished.
+        """
+        if self._run is None:
+            self.start()
+        assert self._run is not None
+        times = self._run.run.stepping.times
+        if isinstance(self._run.run.stepping, FixedSteps):
+            ahead = (time - times.start) / times.step
+            if abs(ahead - round(ahead)) > ROUNDING * max(1.0, abs(ahead) * 1e-3):
+                raise CommandError(
+                    f"t = {time:.9g} s is no communication point: steps have {times.step:g} s.", time=time
+                )
+        if time > times.stop + ROUNDING * times.step:
+            raise CommandError(
+                f"t = {time:.9g} s is beyond the stop time {times.stop:g} s; start with a later stop_time.",
+                time=time,
+            )
+        with self._alone():
+            self._run.run.advance(time)
+        if self._run.run.error is not None:
+            self.finish()
+        elif self._run.run.interrupted:
+            raise KeyboardInterrupt
+
+    def finish(self) -> Result:
+        """End the run that goes on, and return what came out; see `run` for errors."""
+        if self._run is None:
+            raise CommandError("no run goes on; `run`, or `start` and `advance`, begin one.")
+        result = self._ended()
+        if (error := self._error) is not None:
+            error.fields["result"] = result
+            raise error
+        return result
+
+    @property
+    def time(self) -> float:
+        """Where the run is, in s; its start before it begins."""
+        if self._run is None:
+            return self.options.start_time or 0.0
+        return self._run.run.stepping.time
+
+    def __getitem__(self, name: str) -> Any:
+        """The present value of a variable, by its full name and in its unit there.
+
+        Begins a run if none goes on. Raises CommandError for a name that is not there.
+        """
+        if self._run is None:
+            self.start()
+        component, variable = self.system.split(name)
+        alias = component.alias(variable)
+        slave = self._assembly.slaves[component.name]
+        value = slave.value(find_variable(component.name, slave.file.variables, alias.variable))
+        return alias.transformation.inverse()(value) if component.aliases else value
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        """Set an input that nothing drives; it holds until it is set again.
+
+        Begins a run if none goes on. Raises CommandError for other variables and for values that do not fit.
+        """
+        if self._run is None:
+            self.start()
+        component, variable = self.system.split(name)
+        alias = component.alias(variable)
+        slave = self._assembly.slaves[component.name]
+        found = find_variable(component.name, slave.file.variables, alias.variable)
+        driver = next((x for x in self.system.connections if x.ends[1] == (component.name, found.name)), None)
+        if driver is not None:
+            raise CommandError(f"{name} cannot be set: it is driven by {driver.source}.{driver.output}.")
+        if found.causality != "input":
+            raise CommandError(
+                f"{name} cannot be set while a run goes on: it is no input. Give start values in `set`."
+            )
+        given = alias.transformation(float(value)) if component.aliases else value
+        slave.set_value(found, start_value(component.name, slave.file.interface, found, given))
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Nothing else uses the FMUs meanwhile; CommandError where another thread does."""
+        if not self._turn.acquire(blocking=False):
+            raise CommandError("another thread uses this simulation; prepare one for each thread.")
+        try:
+            yield
+        finally:
+            self._turn.release()
+
+    def _chosen(self, given: Mapping[str, Any]) -> Options:
+        """The options of a run; CommandError for one that was needed to prepare."""
+        for name in given:
+            if name in PREPARED:
+                raise CommandError(f"the option '{name}' belongs to what is prepared; give it to `prepare`.")
+            if name in OF_THE_COMMAND:
+                raise CommandError(f"the option '{name}' is for the command line; use `save` of the result.")
+        return self.options.updated(given)
+
+    def _compile(self) -> None:
+        """Compile the loop, or load what was compiled, so that no run has to wait for it."""
+        with contextlib.suppress(CommandError):  # a run says what is wrong with its algorithm
+            algorithm = self.options.make_algorithm()
+            algorithm.setup(self._assembly.network)
+            compile_kernel(algorithm)
+            algorithm.close()
+
+    def _ended(self) -> Result:
+        """End the run that goes on; `_error` is then what made it fail, if anything did."""
+        assert self._run is not None
+        going, self._run = self._run, None
+        going.run.end()
+        result = self._result(going)
+        _freed(going.run.stepping)
+        self._error = going.run.error
+        return result
+
+    def _abandon(self) -> None:
+        if self._run is not None:
+            self._ended()
+
+    def _result(self, going: "_Going") -> Result:
+        run, stepping = going.run, going.run.stepping
+        report, units = stepping.report(), self.units
+        record = run_record(
+            self.name,
+            going.system,
+            self._assembly,
+            going.options,
+            stepping.times,
+            going.every,
+            units,
+            report,
+            run.problem,
+            self._unpacked,
+        )
+        return Result(
+            name=self.name,
+            units=units,
+            times=stepping.times,
+            table=next((r for r in going.recorders if isinstance(r, Table)), None),
+            metrics=going.metrics.figures(),
+            shown={name: kind.shown for name, kind in going.metrics.kinds.items()},
+            steps=run.steps,
+            simulated_s=run.simulated_s,
+            end_s=stepping.time,
+            wall_s=run.wall_s,
+            stepping=report,
+            pacing=run.pacing.report() if run.pacing is not None else None,
+            problem=run.problem,
+            record=record,
+        )
+
+
+@dataclass(frozen=True)
+class _Going:
+    """A run that goes on, and what its result needs."""
+
+    run: Run
+    system: System
+    options: Options
+    metrics: MetricsRecorder
+    recorders: Sequence[Recorder]
+    every: int
+
+
+def _freed(stepping: Stepping) -> None:
+    stepping.close()
+    stepping.algorithm.close()
+
+
+def _stepping(algorithm: Algorithm, options: Options, times: Timing) -> Stepping:
+    """The stepping for an algorithm that is set up; CommandError where times do not fit."""
+    if options.error_tolerance is not None:
+        return ErrorControl(algorithm, times, options.error_tolerance, options.output_interval)
+    return FixedSteps(algorithm, times, options.compiled)

@@ -1,0 +1,1 @@
+"""What is special to this project's machine: joints, their roles, metrics, figures and scenarios."""

@@ -1,0 +1,82 @@
+"""The controllers that a joint can have, and the sets of gains that they come with."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from emla_fmu import observer_gains
+from fmublock import Block
+from rsba_fmu import RsbaController, gains
+
+from ..errors import CommandError, check_choice, listed
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of controller and observer by joint; `printed_estimate` starts the observer as in (103)."""
+
+    observer: Mapping[str, Any]
+    controller: Mapping[str, Any] = field(default_factory=dict)
+    printed_estimate: bool = False
+
+
+@dataclass(frozen=True)
+class Controller:
+    """What closes a joint's loop, a block or the file of an FMU, and its gains by the name of the set.
+
+    The first set is the usual one. A controller that brings no gains of its own runs with its start
+    values, and with one of our observers.
+    """
+
+    model: type[Block] | Path
+    gains: Mapping[str, Gains] = field(
+        default_factory=lambda: {
+            "robust": Gains(observer_gains.ROBUST),
+            "published": Gains(observer_gains.PUBLISHED, printed_estimate=True),
+        }
+    )
+
+
+CONTROLLERS: dict[str, Controller] = {
+    "rsba": Controller(
+        RsbaController,
+        {
+            "robust": Gains(observer_gains.ROBUST, gains.ROBUST),
+            "published": Gains(observer_gains.PUBLISHED, gains.PUBLISHED, printed_estimate=True),
+        },
+    )
+}
+"""Controllers by name; whoever adds one here can choose it wherever a name is given."""
+
+
+def chosen(controller: str | type | None, gain_set: str | None) -> tuple[Controller, Gains]:
+    """A controller, by its name, as a block or as FILE.fmu or FILE.py:BLOCK, and a set of its gains.
+
+    Raises CommandError for a controller or a set of gains that does not exist.
+    """
+    found = _controller("rsba" if controller is None else controller)
+    if gain_set is not None:
+        check_choice("set of gains", gain_set, found.gains)
+    return found, found.gains[gain_set or next(iter(found.gains))]
+
+
+def _controller(name: str | type) -> Controller:
+    if isinstance(name, type):
+        if not issubclass(name, Block):
+            raise CommandError(f"the controller {name.__name__} is no block of fmublock.")
+        return Controller(name)
+    if name.lower().endswith(".fmu"):
+        return Controller(Path(name))
+    sets = dict.fromkeys(s for controller in CONTROLLERS.values() for s in controller.gains)
+    if name in sets and name not in CONTROLLERS:
+        raise CommandError(
+            f"'{name}' is a set of gains, not a controller; write gains = \"{name}\", or --gains {name}.",
+            name=name,
+        )
+    if name not in CONTROLLERS:
+        raise CommandError(
+            f"there is no controller '{name}'; choose from {listed(CONTROLLERS)}, or name FILE.fmu.",
+            name=name,
+        )
+    return CONTROLLERS[name]

@@ -1,0 +1,129 @@
+"""One joint: reference, plant, disturbance, observer and controller, connected."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from emla_fmu import Disturbance, EmlaObserver, EmlaPlant, Reference
+from fmublock import Block
+from fmublock.variables import Variable
+
+from ..errors import CommandError
+from ..system.model import Component, System, Value
+
+_WIRES = (
+    "reference.x_d -> controller.x_d",
+    "reference.v_d -> controller.v_d",
+    "reference.a_d -> controller.a_d",
+    "disturbance.F_L -> plant.F_L",
+    "disturbance.d_2 -> plant.d_2",
+    "disturbance.d_3 -> plant.d_3",
+    "disturbance.d_4 -> plant.d_4",
+    "plant.v_L -> disturbance.v_L",  # (82) contains arctan(x_2)
+    "plant.x_measured -> observer.y",
+    "plant.i_q -> controller.i_q",
+    "plant.i_d -> controller.i_d",
+    "controller.u_q -> plant.u_q",
+    "controller.u_d -> plant.u_d",
+    "controller.i_q_ref -> plant.i_q_ref",
+    "controller.i_q_ref -> observer.i_q_ref",
+)
+_ESTIMATED = ("observer.x_hat -> controller.x_hat", "observer.v_hat -> controller.v_hat")
+_TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
+
+
+def joint(
+    name: str,
+    *,
+    emla: Any,
+    controller: type[Block] | Path,
+    gains: Any,
+    observer_gains: Any,
+    reference: Mapping[str, Any],
+    disturbance: Mapping[str, Any],
+    plant: Mapping[str, Any],
+    estimate: float,
+    true_feedback: bool = False,
+) -> System:
+    """A joint from its parameter sets, closed by a controller: a block, or the file of an FMU.
+
+    The controller gives u_q and u_d, and takes what it has inputs for: x_d, v_d, a_d, x_hat, v_hat, i_q,
+    i_d; its i_q_ref goes to plant and observer. `emla`, `gains` and `observer_gains` are parameter
+    sets; `reference`, `disturbance` and `plant` are values by attribute of the block. `estimate` is the
+    observer's start in m. With `true_feedback` the controller gets the plant's true states and the
+    observer only watches. Raises CommandError for a controller without u_q or u_d.
+    """
+    blocks: dict[type[Block], tuple[str, Sequence[Any]]] = {
+        Reference: ("reference", [reference]),
+        EmlaPlant: ("plant", [emla, plant]),
+        Disturbance: ("disturbance", [disturbance]),
+        EmlaObserver: ("observer", [emla, observer_gains, {"x_hat_start": estimate}]),
+    }
+    components = [
+        Component(f"{name}.{role}", block.__name__, start_values(block, *sources))
+        for block, (role, sources) in blocks.items()
+    ]
+    components.append(_controller(f"{name}.controller", controller, emla, gains))
+    wires = (*_WIRES, *(_TRUE if true_feedback else _ESTIMATED))
+    return System(tuple(components), ()).with_connections(
+        *(_of_joint(name, wire) for wire in wires if _has_port(_ports(controller), wire))
+    )
+
+
+def _controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any) -> Component:
+    for port in ("u_q", "u_d"):
+        if port not in _ports(controller):
+            raise CommandError(f"the controller {_called(controller)} has no output '{port}'.", name=port)
+    if isinstance(controller, Path):
+        return Component(name, fmu=controller)
+    model = controller.__name__ if controller.__module__.startswith("rsba_fmu.") else controller
+    return Component(name, model, start_values(controller, emla, gains))
+
+
+def _called(controller: type[Block] | Path) -> str:
+    return f"'{controller}'" if isinstance(controller, Path) else controller.__name__
+
+
+def _ports(controller: type[Block] | Path) -> set[str]:
+    """Names of the variables of a controller."""
+    if isinstance(controller, Path):
+        from ..fmu.interface import read_interface  # takes a while
+
+        return set(read_interface(controller).variables)
+    return {scalar.name for scalar in controller.layout().scalars}
+
+
+def _has_port(ports: set[str], wire: str) -> bool:
+    """Whether the controller's end of a connection, if it has one, is there."""
+    ends = (end.partition(".") for end in wire.split(" -> "))
+    return all(port in ports for role, _, port in ends if role == "controller")
+
+
+def _of_joint(joint: str, wire: str) -> str:
+    return " -> ".join(f"{joint}.{end}" for end in wire.split(" -> "))
+
+
+def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
+    """Start values by FMI name: of each source, what has the name of an attribute of the block.
+
+    Sources are mappings, or objects with attributes; later ones win. Raises KeyError for a
+    key of a mapping that the block does not have.
+    """
+    layout = block.layout()
+    settable = {x.attribute: x for x in (*layout.inputs, *layout.parameters, *layout.states)}
+    values: dict[str, Value] = {}
+    for source in sources:
+        if isinstance(source, Mapping):
+            if unknown := set(source) - set(settable):
+                raise KeyError(f"{block.__name__} has no variable {', '.join(sorted(unknown))}")
+            given = dict(source)
+        else:
+            given = {a: getattr(source, a) for a in settable if hasattr(source, a)}
+        for attribute, value in given.items():
+            values |= _by_fmi_name(settable[attribute], value)
+    return values
+
+
+def _by_fmi_name(variable: Variable, value: Any) -> dict[str, Value]:
+    names = [s.name for s in variable.scalars()]
+    return dict(zip(names, variable.flat(value), strict=True))

@@ -1,0 +1,139 @@
+"""The built-in systems: joints of the paper's study with their references, loads and disturbances."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from emla_fmu import TorqueSource
+from emla_fmu.disturbance import LEVELS
+from emla_fmu.parameters import EMLAS
+from emla_fmu.reference import rest_to_rest
+
+from ..system.model import System
+from .controllers import chosen
+from .joint import joint
+
+
+@dataclass(frozen=True)
+class JointStudy:
+    """What one joint of the paper's simulation study does and meets."""
+
+    x_start: float
+    """Initial screw position in m (Table V)."""
+    estimate: float
+    """Initial position estimate in m (87)."""
+    q_S: float
+    """Start of the reference in m (Table II)."""
+    q_E: float
+    """End of the reference in m (Table II)."""
+    v_peak: float
+    """Peak speed of the reference in m/s: v_E of the table, the telescope's cut to its bound."""
+    load: float
+    """Load force in N: the manipulator's static force, positive against extension."""
+    d_2: Mapping[str, Any]
+    """(82) as parameters of the disturbance."""
+    seed: int
+    """Start of the joint's random sequences."""
+
+
+STUDY = {
+    "lift": JointStudy(
+        x_start=0.240,
+        estimate=0.240,
+        q_S=0.244,
+        q_E=0.270,
+        v_peak=0.0607,
+        load=57e3,
+        d_2={"amplitude_2": (0.8, 0.7), "omega_2": (8.0, 20.0), "arctan_2": 1.2, "decay_2": 3.0},
+        seed=1690412731,
+    ),
+    "tilt": JointStudy(
+        x_start=0.385,
+        estimate=0.358,
+        q_S=0.389,
+        q_E=0.442,
+        v_peak=0.0808,
+        load=25e3,
+        d_2={"amplitude_2": (0.8, 0.95), "omega_2": (7.0, 18.0), "low_2": 0.0, "high_2": 2.0},
+        seed=715827883,
+    ),
+    "telescope": JointStudy(
+        x_start=0.5,
+        estimate=0.5,
+        q_S=0.499,
+        q_E=0.348,
+        v_peak=0.210,
+        load=-3.4e3,
+        d_2={"amplitude_2": (0.9, -0.3), "omega_2": (65.0, 50.0), "phase_2": (0.0, math.pi / 4.0)},
+        seed=1327217885,
+    ),
+}
+
+VOLTAGE_DISTURBANCES = {
+    "amplitude_3": (0.42, 0.032),
+    "omega_3": (8.0, 5.0),
+    "phase_3": (math.pi / 3.0, -math.pi / 2.0),
+    "amplitude_4": -0.15,
+    "omega_4": 12.0,
+    "phase_4": math.pi / 6.0,
+}
+"""(83) as parameters of the disturbance; sin(5 t) is cos(5 t - pi/2)."""
+
+UNCERTAINTIES = {"F_2": 0.01, "F_3": 0.002, "F_4": 0.001}
+"""(84) as parameters of the plant."""
+
+ENCODER_STEPS = 2**20
+"""Steps per motor turn of the position sensor: a 20-bit encoder (assumed)."""
+
+
+Choice = str | type | None
+"""A controller, or a set of gains: by name, the controller also as a block; None for the usual one."""
+
+
+def _study_joint(
+    name: str, controller: Choice, gains: Choice, *, as_printed: bool = False, true_feedback: bool = False
+) -> System:
+    """One joint of the study.
+
+    `as_printed` is the paper's plant: driven by the commanded current, with an ideal sensor.
+    """
+    study, emla = STUDY[name], EMLAS[name]
+    plant: dict[str, Any] = {"x_L_start": study.x_start, "seed": study.seed, **UNCERTAINTIES}
+    if as_printed:
+        plant["torque_source"] = int(TorqueSource.COMMAND)
+    else:
+        plant["resolution"] = emla.rho * emla.lead / ENCODER_STEPS
+    closing, gain_set = chosen(controller, gains if gains is None else str(gains))
+    return joint(
+        name,
+        emla=emla,
+        controller=closing.model,
+        gains=gain_set.controller.get(name, {}),
+        observer_gains=gain_set.observer[name],
+        reference=rest_to_rest(study.q_S, study.q_E, study.v_peak),
+        disturbance={
+            "level": (study.load,) * LEVELS,
+            "seed": study.seed,
+            **study.d_2,
+            **VOLTAGE_DISTURBANCES,
+        },
+        plant=plant,
+        estimate=study.estimate if gain_set.printed_estimate else study.x_start,
+        true_feedback=true_feedback,
+    )
+
+
+def _three_joints(controller: Choice, gains: Choice, **variant: bool) -> System:
+    first, *others = (_study_joint(name, controller, gains, **variant) for name in STUDY)
+    return sum(others, first)
+
+
+SYSTEMS: dict[str, Callable[[Choice, Choice], System]] = {
+    "study": _three_joints,
+    **{name: partial(_study_joint, name) for name in STUDY},
+    "published": partial(_three_joints, as_printed=True),
+    "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
+}
+"""Systems by name, made for a controller and a set of its gains."""

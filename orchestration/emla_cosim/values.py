@@ -1,0 +1,73 @@
+"""Values from outside, read as the type that they must have."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin
+
+import msgspec
+
+from .errors import CommandError
+
+_NAMES = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a text"}
+
+
+def converted(value: Any, type_: Any, label: str, folder: Path | None = None) -> Any:
+    """A value as a type: a number, a text, a path, a list or a table of these, or a dataclass.
+
+    Paths are relative to `folder`. Raises CommandError, with `label` for the value, for any other.
+    """
+    origin, inner = get_origin(type_), get_args(type_)
+    if origin in (Union, UnionType) and NoneType in inner:
+        return None if value is None else converted(value, Union[inner[:-1]], label, folder)  # noqa: UP007
+    if origin is Mapping:
+        if not isinstance(value, Mapping):
+            raise _wrong(label, value, 'a table with entries such as "joint.component" = ...')
+        if wrong := [k for k in value if not isinstance(k, str)]:
+            raise _wrong(f"the name of an entry in {label}", wrong[0], "a text")
+        return {k: converted(v, inner[1], f"'{k}' in {label}", folder) for k, v in value.items()}
+    if origin is Sequence:
+        if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
+            raise _wrong(label, value, "a list")
+        return [converted(v, inner[0], f"'{i}' in {label}", folder) for i, v in enumerate(value)]
+    if is_dataclass(type_):
+        return _record(value, type_, label, folder)
+    return _plain(value, type_, label, folder)
+
+
+def _plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
+    """A value that is no table and no list."""
+    if hasattr(value, "dtype") and hasattr(value, "item"):
+        value = value.item()  # a number of NumPy
+    wanted = str if type_ is Path else type_
+    if type_ is Path and isinstance(value, Path):
+        value = str(value)
+    try:
+        found = msgspec.convert(value, wanted)
+    except msgspec.ValidationError:
+        right = _NAMES.get(type_, "a number, true, false or a text")
+        raise _wrong(label, value, right) from None
+    if type_ is not Path:
+        return found
+    return folder / found if folder is not None else Path(found)
+
+
+def _record(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
+    """A dataclass of a table with its fields, or of its first field alone."""
+    if isinstance(value, type_):
+        return value
+    first, *more = fields(type_)
+    if isinstance(value, (str, Path)):
+        return type_(converted(value, first.type, label, folder))
+    names = {f.name for f in (first, *more)}
+    needed = {f.name for f in (first, *more) if f.default is MISSING}
+    if not isinstance(value, Mapping) or set(value) - names or needed - set(value):
+        example = ", ".join(f'{f.name} = "..."' for f in (first, *more))
+        raise _wrong(label, value, f"a path, or {{ {example} }}")
+    types = {f.name: f.type for f in (first, *more)}
+    return type_(**{k: converted(v, types[k], f"'{k}' in {label}", folder) for k, v in value.items()})
+
+
+def _wrong(label: str, value: Any, right: str) -> CommandError:
+    return CommandError(f"{label} is {value!r}; it must be {right}.", value=value)

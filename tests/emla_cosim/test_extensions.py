@@ -1,0 +1,183 @@
+"""What users add by one class: it can be chosen and is recorded wherever what we bring is."""
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from tests.support.commands import Emla, sentence
+
+Array = np.ndarray
+SHORT = ("--stop-time", "0.01", "--no-plots")
+
+
+@dataclass(eq=False)
+class Backwards(ec.Explicit):
+    """Gauss-Seidel from the last slave to the first, each set some times."""
+
+    settings: int = ec.option(1, help="How often inputs are set.", above=0, below=9, identity="settings")
+
+    def table(self, network: Any) -> list[ec.Operation]:
+        calls = [ec.Call.SET] * self.settings + [ec.Call.STEP, ec.Call.GET]
+        return [ec.Operation(call, i) for i in reversed(range(len(network.slaves))) for call in calls]
+
+    def late(self) -> list[Any]:
+        return [link for link in self.network.links if link.source <= link.target]
+
+    def report(self) -> dict[str, Any]:
+        return {**super().report(), "set": self.settings}
+
+
+@dataclass
+class Extremes(ec.Recorder):
+    """Writes the largest value of a signal to a file."""
+
+    extreme_of: str | None = ec.option(help="Signal whose largest value is kept.", record="extreme")
+
+    def begin(self, outline: ec.Outline, memory: Any = None) -> None:
+        assert self.extreme_of is not None
+        self.column, self.largest = 1 + list(outline.names).index(self.extreme_of), -np.inf
+
+    def write(self, rows: Array) -> None:
+        self.largest = max(self.largest, rows[:, self.column].max())
+
+    def end(self) -> None:
+        Path("extreme.txt").write_text(repr(float(self.largest)))
+
+
+class JsonLines(ec.Table):
+    """A table with one JSON array per row."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.stream = path, None
+
+    def begin(self, outline: ec.Outline, memory: Any = None) -> None:
+        super().begin(outline, memory)
+        self.stream = self.path.open("w")
+
+    def append(self, rows: Array) -> None:
+        self.stream.writelines(json.dumps(row) + "\n" for row in rows.tolist())  # type: ignore[union-attr]
+
+    def end(self) -> None:
+        super().end()
+        self.stream.close()  # type: ignore[union-attr]
+
+    def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Array]:
+        rows = np.array([json.loads(line) for line in self.path.read_text().splitlines()])
+        return {n: rows[:, self.names.index(n)] for n in names if n in self.names}
+
+
+class Energy(ec.Metrics):
+    """The work of every motor."""
+
+    shown = (ec.Shown("work_J", "work", 1e-3, "kJ"),)
+
+    def __init__(self, columns: dict[str, int]) -> None:
+        self.columns, self.work, self.last = columns, dict.fromkeys(columns, 0.0), None
+
+    def write(self, rows: Array) -> None:
+        if self.last is not None:
+            rows = np.vstack([self.last, rows])
+        for name, column in self.columns.items():
+            self.work[name] += float(np.sum(np.diff(rows[:, 0]) * rows[1:, column]))
+        self.last = rows[-1].copy()
+
+    def figures(self) -> dict[str, dict[str, float]]:
+        return {name: {"work_J": work} for name, work in self.work.items()}
+
+    def memory(self) -> Any:
+        return {"work": self.work, "last": self.last.tolist()}  # type: ignore[union-attr]
+
+    def remember(self, memory: Any) -> None:
+        self.work, self.last = memory["work"], np.array(memory["last"])
+
+
+def energy(outline: ec.Outline) -> Energy | None:
+    found = {n.removesuffix(".P_el"): i + 1 for i, n in enumerate(outline.names) if n.endswith(".P_el")}
+    return Energy(found) if found else None
+
+
+@pytest.fixture(autouse=True)
+def added(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    import emla_cosim.loading  # noqa: F401 - the study's own come first
+
+    monkeypatch.setitem(ec.ALGORITHMS, "backwards", Backwards)
+    monkeypatch.setitem(ec.RECORDERS, "extremes", Extremes)
+    monkeypatch.setitem(ec.TABLES, "jsonl", JsonLines)
+    monkeypatch.setitem(ec.METRICS, "energy", energy)
+    yield
+
+
+def record(folder: str) -> dict[str, Any]:
+    return json.loads(Path(folder, "run.json").read_text())
+
+
+def test_what_is_added_is_in_the_help(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    text = re.sub(r"[\s│]+", " ", emla("run", "--help").output)
+    assert "jacobi, gauss-seidel, strong, backwards" in text
+    assert "--settings" in text
+    assert "How often inputs are set. Without: 1." in text
+    assert "--extreme-of" in text
+    assert "csv, parquet, jsonl" in text
+    assert "backwards" in emla("list").output
+
+
+def test_what_is_added_runs_from_the_command_and_from_a_file(emla: Emla) -> None:
+    more = ("--algorithm", "backwards", "--settings", "2", "--extreme-of", "lift.plant.tau_m")
+    result = emla("run", "lift", *SHORT, *more, "--output", "command", "--output-format", "jsonl")
+    assert result.exit_code == 0, result.output
+    assert "work" in result.output
+    by_command = Path("extreme.txt").read_text()
+    Path("my.toml").write_text(
+        'system = "lift"\nstop_time = 0.01\nplots = false\nalgorithm = "backwards"\nsettings = 2\n'
+        'extreme_of = "lift.plant.tau_m"\noutput = "file"\noutput_format = "jsonl"\n'
+    )
+    assert emla("run", "my.toml").exit_code == 0
+    assert Path("extreme.txt").read_text() == by_command
+    assert Path("file/results.jsonl").read_bytes() == Path("command/results.jsonl").read_bytes()
+    for folder in ("command", "file"):
+        found = record(folder)
+        settings = found["settings"]
+        assert (settings["algorithm"], settings["settings"]) == ("backwards", 2)
+        assert (settings["extreme"], settings["output_format"]) == ("lift.plant.tau_m", "jsonl")
+        assert found["stepping"]["set"] == 2
+        assert found["stepping"]["compiled"] is True
+        metrics = json.loads(Path(folder, "metrics.json").read_text())
+        assert metrics["energy"]["lift.plant"]["work_J"] > 0.0
+
+
+def test_what_is_added_is_what_runs(fmu_folder: Path) -> None:
+    with ec.load("lift", stop_time=0.01).prepare(fmus=fmu_folder) as simulation:
+        by_name = simulation.run(algorithm="backwards", settings=3)
+        as_object = simulation.run(algorithm=Backwards(settings=3))
+        ours = simulation.run()
+        with pytest.raises(ec.CommandError, match="gauss-seidel has no settings; backwards has"):
+            simulation.run(settings=3)
+        with pytest.raises(ec.CommandError, match="the settings 9 must be between 0 and 9"):
+            simulation.run(algorithm=Backwards(settings=9))
+    assert np.array_equal(by_name["lift.plant.i_q"], as_object["lift.plant.i_q"])
+    assert not np.array_equal(by_name["lift.plant.i_q"], ours["lift.plant.i_q"])
+    assert by_name.stepping == as_object.stepping
+    assert by_name.record["settings"]["algorithm"] == as_object.record["settings"]["algorithm"] == "backwards"
+
+
+def test_what_is_added_belongs_to_a_checkpoint(emla: Emla) -> None:
+    def run(settings: str, *more: str) -> Any:
+        options = ("--algorithm", "backwards", "--settings", settings, "--no-plots")
+        return emla("run", "lift", *options, *more)
+
+    assert run("2", "--stop-time", "0.01", "--checkpoint", "c").exit_code == 0
+    text = sentence(run("3", "--stop-time", "0.02", "--resume", "c"), 2)
+    assert "was made with the settings 2, this run has 3" in text
+    assert run("2", "--stop-time", "0.02", "--resume", "c").exit_code == 0
+    parts = json.loads(Path("results/lift/metrics.json").read_text())["energy"]
+    assert run("2", "--stop-time", "0.02").exit_code == 0
+    whole = json.loads(Path("results/lift/metrics.json").read_text())["energy"]
+    assert parts["lift.plant"]["work_J"] == pytest.approx(whole["lift.plant"]["work_J"], rel=1e-12)

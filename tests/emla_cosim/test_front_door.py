@@ -1,0 +1,457 @@
+"""What a Python user meets: prepared once, run many times, results in memory."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import psutil
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.models import fmu_path
+from tests.support.commands import Emla
+from tests.support.faulty_fmu import Fault
+from tests.support.faulty_systems import line_with_a_fault
+
+SHORT = {"stop_time": 0.02}
+Array = np.ndarray
+
+
+@pytest.fixture(scope="module")
+def lift(fmu_folder: Path) -> Iterator[ec.Simulation]:
+    with ec.load("lift").prepare(fmus=fmu_folder, **SHORT) as simulation:
+        yield simulation
+
+
+def rows(result: ec.Result) -> bytes:
+    """All bits of all rows."""
+    return np.column_stack(list(result.read(["time", *result.names]).values())).tobytes()
+
+
+def test_a_run_gives_arrays_units_frames_and_metrics(lift: ec.Simulation) -> None:
+    result = lift.run(stop_time=0.4, output_interval=1e-3)
+    assert result.time == pytest.approx(np.arange(401) * 1e-3, abs=1e-15)
+    assert result["lift.plant.x_L"].shape == (401,)
+    assert str(result.units["lift.plant.x_L"]) == "m"
+    errors = np.abs(result["lift.plant.x_L"] - result["lift.reference.x_d"])[result.time >= 0.3]
+    metric = result.metrics["joints"]["lift"]["position_error_m"]
+    assert errors.max() <= metric < 1.1 * errors.max()
+    for frame in (result.to_polars(), result.to_pandas().reset_index()):
+        assert list(frame.columns) == ["time", *result.names]
+        assert np.array_equal(frame["lift.plant.v_L"].to_numpy(), result["lift.plant.v_L"])
+    assert result.problem is None
+    assert result.steps == 4000
+
+
+def test_every_run_begins_anew(lift: ec.Simulation) -> None:
+    first = lift.run()
+    other = lift.run(set={"lift.plant.motor.R_s": 0.3, "lift.disturbance.load.level[1]": 2e4})
+    assert rows(other) != rows(first)
+    assert rows(lift.run()) == rows(first)
+    assert rows(lift.run(fresh=True)) == rows(first)
+    assert rows(lift.run(algorithm="jacobi")) != rows(first)
+    assert rows(lift.run(algorithm=ec.Strong(extrapolation="fmu"), step_size=5e-4)) != rows(first)
+    assert rows(lift.run(compiled=False)) == rows(first)
+    assert lift.run(stop_time=0.01, step_size=5e-5).steps == 200
+    assert rows(lift.run()) == rows(first)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"algorithm": "strong", "step_size": 1e-3}, {"error_tolerance": 0.01}]
+)
+def test_a_run_in_parts_is_the_same(lift: ec.Simulation, options: dict[str, Any]) -> None:
+    whole = lift.run(**options)
+    lift.start(**options)
+    lift.advance(0.004)
+    assert lift.time == pytest.approx(0.004, abs=1e-9)
+    lift.advance(0.004)  # which is where it is
+    middle = lift["lift.plant.x_L"]
+    lift.advance(0.02)
+    parts = lift.finish()
+    if not options.get("error_tolerance"):  # whose steps meet the point in between
+        assert rows(parts) == rows(whole)
+        assert middle == parts["lift.plant.x_L"][parts.time == 0.004][0]
+    assert parts.steps >= whole.steps
+
+
+def test_flavours_reset_alike(python_fmu_folder: Path) -> None:
+    runs = {}
+    for flavour in ("native", "python"):
+        with ec.load("lift").prepare(fmus=python_fmu_folder, flavour=flavour, stop_time=0.002) as simulation:
+            runs[flavour] = [rows(simulation.run()) for _ in range(3)]
+    assert len({*runs["native"], *runs["python"]}) == 1
+
+
+def test_many_runs_leave_nothing_behind_and_are_those_of_the_command(
+    fmu_folder: Path, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    resistances = np.linspace(0.1, 0.2, 60)
+    with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.05) as simulation:
+        simulation.run()
+        before = set(Path(tempfile.gettempdir()).iterdir())
+        results, memory = [], []
+        for resistance in resistances:
+            results.append(simulation.run(set={"lift.plant.motor.R_s": resistance}))
+            memory.append(psutil.Process().memory_info().rss)
+        assert set(Path(tempfile.gettempdir()).iterdir()) == before
+    assert max(memory[30:]) - memory[29] < 30 * 1.3 * results[0].table.rows.nbytes + 2**20  # type: ignore
+    for i in (0, 31, 59):
+        value = f"lift.plant.motor.R_s={float(resistances[i])!r}"
+        assert emla("run", "lift", "--stop-time", "0.05", "--set", value, "--no-plots").exit_code == 0
+        results[i].save(tmp_path / "saved", plots=False)
+        csv = (tmp_path / "results/lift/results.csv").read_bytes()
+        assert (tmp_path / "saved/results.csv").read_bytes() == csv
+    assert not set(Path(tempfile.gettempdir()).iterdir()) - before
+
+
+def test_a_result_is_saved_as_the_command_saves_it(fmu_folder: Path, emla: Emla, tmp_path: Path) -> None:
+    assert emla("run", "lift", "--stop-time", "0.4").exit_code == 0
+    with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.4) as simulation:
+        pictures = simulation.run().save(tmp_path / "mine")
+    theirs = tmp_path / "results/lift"
+    assert {p.name for p in (tmp_path / "mine").iterdir()} == {p.name for p in theirs.iterdir()}
+    assert {p.name for p in pictures} == {p.name for p in theirs.glob("*.png")}
+    assert (tmp_path / "mine/results.csv").read_bytes() == (theirs / "results.csv").read_bytes()
+    ours, record = (json.loads((f / "run.json").read_text()) for f in (tmp_path / "mine", theirs))
+    assert ours == record
+    assert record["units"]["lift.plant.tau_m"] == "N.m"
+
+
+def test_a_signal_that_was_not_kept_is_named(lift: ec.Simulation) -> None:
+    result = lift.run(signals=["lift.plant.*"])
+    assert result.names
+    assert all(n.startswith("lift.plant.") for n in result.names)
+    with pytest.raises(ec.CommandError, match=r"no signal 'lift\.plant\.xL' was kept; did you mean") as found:
+        result["lift.plant.xL"]
+    assert found.value.fields["near"][0] == "lift.plant.x_L"
+    with pytest.raises(ec.CommandError, match="kept no table"):
+        lift.run(recorders=[]).time  # noqa: B018
+
+
+def test_plots_have_a_panel_per_unit(lift: ec.Simulation, tmp_path: Path) -> None:
+    result = lift.run()
+    figure = result.plot("lift.plant.x_L", "lift.reference.x_d", "lift.plant.i_?")
+    assert [axes.get_ylabel() for axes in figure.axes] == ["m", "A"]
+    lines = [[line.get_label() for line in axes.get_lines()] for axes in figure.axes]
+    assert lines == [
+        ["lift.plant.x_L", "lift.reference.x_d"],
+        [n for n in result.names if n.startswith("lift.plant.i_") and len(n) == len("lift.plant.i_q")],
+    ]
+    with pytest.raises(ec.CommandError, match=r"no signal 'lift\.x' was kept"):
+        result.plot("lift.x")
+
+
+# ---- options ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"stop": 1.0}, "there is no option 'stop'; did you mean 'stop_time'"),
+        ({"stop_time": "soon"}, "the option 'stop_time' is 'soon'; it must be a number"),
+        ({"stop_time": float("nan")}, "the stop time nan s"),
+        ({"algorithm": "euler"}, "there is no algorithm 'euler'; choose from jacobi"),
+        ({"algorithm": "jacobi", "coupling_tolerance": 1e-6}, "jacobi has no coupling tolerance; strong has"),
+        ({"algorithm": ec.Jacobi(), "step_multiples": {}}, "is given with its options; leave out step_mult"),
+        ({"set": {"lift.plant.R": 1.0}}, "lift.plant has no variable 'R'"),
+        ({"set": {"lift.plant.motor.R_s": -1.0}}, "motor.R_s = -1 Ohm is out of range"),
+        ({"set": {"lift.plant.u_q": 1.0}}, "lift.plant.u_q cannot be set: it is driven by"),
+        ({"set": {"lift.pump.p": 1.0}}, "there is no component 'lift.pump'"),
+        ({"set": {"p": 1.0}}, "'p' is not a variable; write it as lift.reference.VARIABLE"),
+        ({"flavour": "python"}, "'flavour' belongs to what is prepared"),
+        ({"output": "here"}, "'output' is for the command line; use `save`"),
+        ({"order": ["lift.plant"]}, "must name every component once"),
+        ({"error_tolerance": 2.0}, "the error tolerance 2 must be between 0 and 1"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence(lift: ec.Simulation, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ec.CommandError) as found:
+        lift.run(**options)
+    assert words in str(found.value)
+    assert lift.run().problem is None
+
+
+def test_numbers_of_numpy_are_numbers(lift: ec.Simulation) -> None:
+    result = lift.run(stop_time=np.float64(0.02), step_multiples={"lift.observer": np.int64(2)})
+    assert result.record["settings"]["step_multiples"] == {"lift.observer": 2}
+
+
+# ---- stepping by hand ------------------------------------------------------------------------------
+
+
+def test_inputs_that_nothing_drives_can_be_set_between_steps(fmu_folder: Path) -> None:
+    plant = fmu_path("EmlaPlant", "native", fmu_folder)
+    system = ec.System.of({"plant": plant}, set={"plant.start.x_L": 0.25})
+    with ec.load(system, stop_time=0.1, step_size=1e-4).prepare() as simulation:
+        assert simulation.time == 0.0
+        while simulation.time < 0.1:
+            simulation["plant.u_q"] = 50.0 * (0.2 - simulation["plant.x_L"]) - 10.0 * simulation["plant.v_L"]
+            simulation.advance(simulation.time + 1e-3)
+        with pytest.raises(ec.CommandError, match=r"beyond the stop time 0\.1 s"):
+            simulation.advance(0.2)
+        result = simulation.finish()
+    assert result.steps == 1000
+    assert result["plant.inverter.u_q"][1] == pytest.approx(-2.5)
+    assert result["plant.x_L"][-1] < 0.25
+
+
+def test_what_cannot_be_set_between_steps_is_said(lift: ec.Simulation) -> None:
+    lift.start()
+    for name, words in (
+        ("lift.plant.u_q", "driven by lift.controller.u_q"),
+        ("lift.plant.motor.R_s", "no input. Give start values in `set`"),
+        ("lift.plant.x_L", "no input"),
+        ("lift.plant.nothing", "has no variable 'nothing'"),
+    ):
+        with pytest.raises(ec.CommandError, match=words):
+            lift[name] = 1.0
+    with pytest.raises(ec.CommandError, match=r"no communication point: steps have 0\.0001 s"):
+        lift.advance(0.00015)
+    assert lift["lift.plant.motor.R_s"] == pytest.approx(0.14, rel=1)
+    assert lift.finish().steps == 0
+    with pytest.raises(ec.CommandError, match="no run goes on"):
+        lift.finish()
+
+
+# ---- how a run ends --------------------------------------------------------------------------------
+
+
+class Interrupting(ec.Recorder):
+    """Presses Ctrl-C after the first steps, every time or once."""
+
+    def __init__(self, once: bool = False) -> None:
+        self.left = 1 if once else 10**9
+
+    def pause(self, run: Any) -> None:
+        if run.stepping.steps > 0 and not run.over and self.left:
+            self.left -= 1
+            signal.raise_signal(signal.SIGINT)
+
+
+def test_ctrl_c_returns_what_was_computed(lift: ec.Simulation) -> None:
+    kept = ec.TimeSeries()
+    result = lift.run(stop_time=1000.0, recorders=[kept, Interrupting()])
+    assert result.problem is not None
+    assert result.problem.startswith("interrupted at t = ")
+    assert 0 < result.steps < 10_000_000
+    assert result.time[-1] == pytest.approx(result.end_s)
+    assert lift.run().problem is None
+
+
+def test_ctrl_c_between_steps_by_hand_ends_the_users_loop_and_nothing_else(lift: ec.Simulation) -> None:
+    lift.start(stop_time=100.0, recorders=[Interrupting(once=True)])
+    with pytest.raises(KeyboardInterrupt):
+        lift.advance(100.0)
+    reached = lift.time
+    assert 0.0 < reached < 100.0
+    lift.advance(round(reached + 0.01, 4))
+    assert lift.finish().end_s == pytest.approx(reached + 0.01)
+
+
+def test_a_run_that_fails_raises_with_what_was_computed(faulty_fmu: Path) -> None:
+    system = line_with_a_fault(faulty_fmu, Fault.ERROR, 0.35)
+    with ec.load(system, stop_time=1.0, step_size=0.1).prepare(output_interval=0.1) as simulation:
+        for _ in range(2):
+            with pytest.raises(ec.RunError, match=r"j\.bad answered doStep at t = 0\.3") as found:
+                simulation.run()
+            fields = found.value.fields
+            assert fields["component"] == "j.bad"
+            assert fields["status"] == "fmi2Error"
+            assert fields["result"].time.tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3])
+        assert simulation.run(set={"j.bad.at": 10.0}).problem is None
+
+
+def test_a_recorder_that_fails_ends_the_run_and_the_others(lift: ec.Simulation) -> None:
+    class Full(ec.Recorder):
+        def __str__(self) -> str:
+            return "my archive"
+
+        def write(self, rows: Array) -> None:
+            raise OSError(28, "No space left on device")
+
+    kept = ec.TimeSeries()
+    with pytest.raises(ec.RunError, match=r"^my archive cannot be written: No space left on device\.$"):
+        lift.run(recorders=[kept, Full()])
+    assert len(kept.rows)
+
+
+def test_a_simulation_that_is_closed_says_so(fmu_folder: Path) -> None:
+    simulation = ec.load("lift", stop_time=0.01).prepare(fmus=fmu_folder)
+    simulation.advance(0.001)
+    simulation.close()
+    simulation.close()
+    for use in (simulation.run, simulation.start, lambda: simulation.advance(0.002)):
+        with pytest.raises(ec.CommandError, match="the simulation is closed"):
+            use()
+    with pytest.raises(ec.CommandError, match="the simulation is closed"):
+        simulation["lift.plant.x_L"]
+
+
+def test_another_thread_has_to_prepare_its_own(lift: ec.Simulation) -> None:
+    refused: list[Exception] = []
+
+    class Meddling(ec.Recorder):
+        def pause(self, run: Any) -> None:
+            def meddle() -> None:
+                try:
+                    lift.run()
+                except ec.CommandError as error:
+                    refused.append(error)
+
+            thread = threading.Thread(target=meddle)
+            thread.start()
+            thread.join()
+
+    assert lift.run(recorders=[Meddling()]).problem is None
+    assert refused
+    assert "another thread uses this simulation" in str(refused[0])
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "",
+        ".",
+        "/",
+        "..",
+        "#",
+        "a#b",
+        "x\0y",
+        "y" * 5000,
+        "~",
+        "-",
+        "study/",
+        " study",
+        "lift\n",
+        "a.toml/b",
+        "*",
+        "é.ssp",
+        3,
+        None,
+    ],
+)
+def test_what_is_no_scenario_is_one_sentence(
+    source: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ec.CommandError) as found:
+        ec.load(source)
+    assert str(found.value).count("\n") == str(source).count("\n")
+
+
+# ---- what users add --------------------------------------------------------------------------------
+
+
+def test_a_component_of_the_users_own_makes_a_system(fmu_folder: Path, tmp_path: Path) -> None:
+    from tests.support.toy import Toy
+
+    system = ec.System.of(
+        {"rig.reference": "Reference", "rig.toy": Toy},
+        ["rig.reference.a_d -> rig.toy.F"],
+        set={"rig.reference.waypoint[1]": 0.1},
+    )
+    with pytest.raises(ec.CommandError, match=r"joins the units m/s2 and N"):
+        ec.load(system, stop_time=0.1, step_size=1e-3).prepare(fmus=fmu_folder)
+    with pytest.raises(ec.CommandError, match=r"no component 'rig\.toi'; there are rig\.reference and"):
+        system.with_connections("rig.toi.x -> rig.toy.F")
+    with pytest.raises(ec.CommandError, match=r"'rig\.toy\.x' is not a connection; write a\.out"):
+        system.with_connections("rig.toy.x")
+
+
+@pytest.mark.parametrize("name", ["rsba", "block", "fmu"])
+def test_a_joint_takes_any_controller(name: str, fmu_folder: Path, tmp_path: Path) -> None:
+    from rsba_fmu import RsbaController
+
+    controller: Any = {
+        "rsba": "rsba",
+        "block": RsbaController,
+        "fmu": str(fmu_path("RsbaController", "native", fmu_folder)),
+    }[name]
+    scenario = ec.load("lift", controller=controller, gains="robust", stop_time=0.01)
+    own = scenario.system.component("lift.controller").parameters
+    with scenario.prepare(fmus=fmu_folder) as simulation:
+        result = simulation.run()
+    assert result.problem is None
+    assert ("beta[1]" in own) == (name == "rsba")
+
+
+def test_what_is_no_controller_is_said(fmu_folder: Path) -> None:
+    from emla_fmu import EmlaPlant
+
+    for controller, words in (
+        (EmlaPlant, "the controller EmlaPlant is no"),
+        (str, "no block of fmublock"),
+        ("pid", "there is no controller 'pid'; choose from rsba, or name FILE.fmu"),
+        ("robust", "a set of gains, not a controller"),
+        (str(fmu_path("EmlaObserver", "native", fmu_folder)), "has no output 'u_q'"),
+    ):
+        if controller is EmlaPlant:
+            continue  # which has u_q and u_d, as inputs: connecting it says so
+        with pytest.raises(ec.CommandError, match=words):
+            ec.load("lift", controller=controller)
+
+
+# ---- files -----------------------------------------------------------------------------------------
+
+
+def test_parquet_is_the_same_table_with_units(emla: Emla, tmp_path: Path) -> None:
+    for form in ("csv", "parquet"):
+        options = ("--stop-time", "0.0105", "--no-plots", "--output", form, "--output-format", form)
+        assert emla("run", "lift", *options).exit_code == 0
+    table = polars.read_csv("csv/results.csv")
+    assert polars.read_parquet("parquet/results.parquet").equals(table)
+    assert len(table) == 12  # every 1 ms, and the last
+    units = json.loads(polars.read_parquet_metadata("parquet/results.parquet")["units"])
+    assert (units["time"], units["lift.plant.tau_m"]) == ("s", "N.m")
+    assert {p.name for p in Path("parquet").iterdir()} == {"results.parquet", "metrics.json", "run.json"}
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_a_table_is_continued_in_its_form(form: str, emla: Emla) -> None:
+    def run(stop: str, *more: str) -> None:
+        options = ("--stop-time", stop, "--no-plots", "--output-format", form)
+        result = emla("run", "lift", *options, *more)
+        assert result.exit_code == 0, result.output
+
+    run("0.02", "--output", "whole")
+    run("0.0103", "--output", "parts", "--checkpoint", "c")
+    run("0.02", "--output", "parts", "--resume", "c")
+    run("0.02", "--output", "other", "--resume", "c")
+    read = polars.read_csv if form == "csv" else polars.read_parquet
+    whole, parts, other = (read(f"{f}/results.{form}") for f in ("whole", "parts", "other"))
+    assert parts.equals(whole)
+    assert other.equals(whole.filter(polars.col("time") > 0.0103))
+
+
+# ---- what costs nothing ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("code", "absent"),
+    [
+        ("import emla_cosim", {"numpy", "fmpy", "typer"}),
+        ("from emla_cosim.cli import app; app(['--help'], standalone_mode=False)", {"numpy", "fmpy"}),
+        ("from emla_cosim.cli import app; app(['list'], standalone_mode=False)", {"fmpy"}),
+        ("import fmublock", {"numpy"}),
+    ],
+)
+def test_what_is_not_needed_is_not_imported(code: str, absent: set[str]) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    report = "import sys; print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}; {report}"],
+        env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    imported = {name.partition(".")[0] for name in done.stderr.split()}
+    assert not imported & (absent | {"matplotlib", "casadi", "numba", "networkx", "polars"})

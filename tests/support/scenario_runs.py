@@ -1,0 +1,18 @@
+"""Runs of scenarios with their results in a folder, as the command makes them."""
+
+from pathlib import Path
+from typing import Any
+
+from emla_cosim.progress import Progress
+from emla_cosim.results.output_folder import OutputFolder
+from emla_cosim.results.result import Result
+from emla_cosim.scenarios.scenario import Scenario
+
+
+def run_scenario(scenario: Scenario, folder: Path, **options: Any) -> Result:
+    """Run a scenario with other options, quietly and without plots."""
+    chosen = scenario.options.updated({"plots": False, **options})
+    output = OutputFolder(folder, chosen.output_format)
+    with scenario.prepare(**options) as simulation:
+        result = simulation.attempt(recorders=output.recorders(continued=chosen.resume is not None))
+    return output.keep(result, chosen.plots, Progress())[0]
