@@ -1,3 +1,4 @@
+from .bars import BarProgress as BarProgress
 from .errors import CommandError as CommandError
 from .errors import CosimError as CosimError
 from .errors import RunError as RunError
@@ -33,4 +34,3 @@ from .system.model import Component as Component
 from .system.model import Connection as Connection
 from .system.model import Replacement as Replacement
 from .system.model import System as System
-from .terminal import BarProgress as BarProgress

@@ -6,7 +6,6 @@ Whether an FMU is up to date is known from a key, before anything that builds on
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
@@ -121,6 +120,8 @@ def _alone(path: Path) -> Iterator[None]:
 def _recipe(model: str | type[Block], flavour: str) -> Recipe:
     if not isinstance(model, str):
         return Recipe.of(model, flavour)
+    from importlib.metadata import version  # takes a while
+
     producer = Producer("EMLA-Cosim fmublock", version("emla-cosim"), "MIT")
     return Recipe(MODELS[model](), flavour, producer, _documents(model))
 

@@ -2,73 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as RichProgress
 from rich.table import Table
-
-from .progress import Progress
 
 if TYPE_CHECKING:
     from .recorders.metrics import Figures, Shown
-    from .replacement import Fit
     from .results.output_folder import OutputFolder
     from .results.result import Result
 
 OUT, ERR = Console(), Console(stderr=True)
 """Results go to standard output, progress and errors to standard error."""
-
-
-class BarProgress(Progress):
-    """Progress as bars on the terminal, one per task."""
-
-    def __init__(self) -> None:
-        self._bars = RichProgress(
-            TextColumn("{task.description:<16}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(elapsed_when_finished=True),
-            console=ERR,
-        )
-        self._task: Any = None
-
-    def __enter__(self) -> "BarProgress":
-        self._bars.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._bars.stop()
-
-    def begin(self, task: str, total: int) -> None:
-        """A task of `total` units begins."""
-        self._task = self._bars.add_task(task, total=total)
-
-    def advance(self, count: int) -> None:
-        """So many units more are done."""
-        self._bars.advance(self._task, count)
-
-    def replaced(self, fit: "Fit") -> None:
-        """A component is replaced: what fits, what is converted and what is missing, as a table."""
-        table = Table(title=f"{fit.fmu} as {fit.component}", title_justify="left")
-        for column in ("", "here", "there", ""):
-            table.add_column(column)
-        for match in fit.matches:
-            style = "bold red" if match.fatal else "yellow" if match.verdict in _WORTH_A_LOOK else ""
-            table.add_row(*map(escape, (match.kind, match.ours, match.theirs, match.verdict)), style=style)
-        if fit.same:
-            table.add_row("", f"{fit.same} more", "", "same name and unit")
-        self._bars.console.print(table)
-
-    def finish(self) -> None:
-        """The task is done, if with fewer units than expected."""
-        task = next(t for t in self._bars.tasks if t.id == self._task)
-        self._bars.update(self._task, completed=task.total)
-
-
-_WORTH_A_LOOK = ("is left out", "keeps its start value", "is not used")
 
 
 def show_result(

@@ -358,13 +358,13 @@ def test_a_component_of_the_users_own_makes_a_system(fmu_folder: Path, tmp_path:
 
     system = ec.System.of(
         {"rig.reference": "Reference", "rig.toy": Toy},
-        ["rig.reference.a_d -> rig.toy.F"],
+        ["rig.reference.a_d -> rig.toy.force"],
         set={"rig.reference.waypoint[1]": 0.1},
     )
     with pytest.raises(ec.CommandError, match=r"joins the units m/s2 and N"):
         ec.load(system, stop_time=0.1, step_size=1e-3).prepare(fmus=fmu_folder)
     with pytest.raises(ec.CommandError, match=r"no component 'rig\.toi'; there are rig\.reference and"):
-        system.with_connections("rig.toi.x -> rig.toy.F")
+        system.with_connections("rig.toi.x -> rig.toy.force")
     with pytest.raises(ec.CommandError, match=r"'rig\.toy\.x' is not a connection; write a\.out"):
         system.with_connections("rig.toy.x")
 

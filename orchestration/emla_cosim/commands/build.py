@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
+from ..bars import BarProgress
 from ..errors import CommandError, check_choice
 from ..models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
-from ..terminal import OUT, BarProgress
+from ..terminal import OUT
 
 
 def command(

@@ -5,9 +5,10 @@ from typing import Annotated, Any
 
 import typer
 
+from ..bars import BarProgress
 from ..loading import load
 from ..option import EXPORT
-from ..terminal import OUT, BarProgress
+from ..terminal import OUT
 from .options import SOURCE
 
 OPTIONS = EXPORT

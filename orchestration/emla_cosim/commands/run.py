@@ -4,12 +4,13 @@ from typing import Annotated, Any
 
 import typer
 
+from ..bars import BarProgress
 from ..errors import CosimError
 from ..loading import load
 from ..option import RUN
 from ..recorders.progress import ProgressRecorder
 from ..results.output_folder import OutputFolder, results_folder
-from ..terminal import BarProgress, show_result
+from ..terminal import show_result
 from .options import SOURCE
 
 OPTIONS = RUN
