@@ -4,26 +4,21 @@ Needs the project with the extra `test`: the whole joint as one equation comes f
 """
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from emla_cosim.master.algorithms.algorithm import Algorithm
+from emla_cosim.loading import load
 from emla_cosim.master.algorithms.registry import ALGORITHMS
-from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.network import Network
-from emla_cosim.master.stepping.error_control import ErrorControl
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.stepping import Stepping
-from emla_cosim.master.stepping.timing import timing
-from emla_cosim.models import build
-from tests.support.simulated import begun, recorded
+from emla_cosim.master.slaves.fmu_slave import FmuSlave
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
 
 HERE = Path(__file__).parent
@@ -46,55 +41,43 @@ class Point:
 
 
 class Joint:
-    """The joint's FMUs, and what they are compared with."""
+    """The joint prepared, and what it is compared with."""
 
     def __init__(self, folder: Path) -> None:
         self.system = lift()
-        built = {
-            model: build(model, "native", [], folder) for model in {c.model for c in self.system.components}
-        }
-        self.fmus = {c.name: built[c.model] for c in self.system.components}
+        scenario = load(self.system, fmus=folder, stop_time=STOP, step_size=FIRST_STEP)
+        self.simulation = scenario.prepare(output_interval=SAMPLE)
         self.solution = whole(np.linspace(0.0, STOP, round(STOP / SAMPLE) + 1))
 
     def fixed(self, name: str, extrapolation: str, step: float) -> Point:
         """A run in fixed steps."""
-        times = timing(STOP, step)
-        with Assembly(self.system, self.fmus) as assembly, counted(assembly.network) as calls:
-            algorithm = begun(assembly.network, ALGORITHMS[name](extrapolation), times)
-            stepping = FixedSteps(algorithm, times)
-            rows = recorded(stepping)[:: round(SAMPLE / step)]
-            compiled_calls = len(assembly.network.slaves) * times.steps if stepping.compiled else 0
-            return self._point(assembly.network, rows, calls[0] + compiled_calls)
+        return self._point(algorithm=name, extrapolation=extrapolation, step_size=step)
 
     def controlled(self, name: str, tolerance: float) -> Point:
         """A run with error control and extrapolated inputs."""
-        times = timing(STOP, FIRST_STEP)
-        with Assembly(self.system, self.fmus) as assembly, counted(assembly.network) as calls:
-            algorithm: Algorithm = begun(assembly.network, ALGORITHMS[name]("fmu"), times)
-            stepping: Stepping = ErrorControl(algorithm, times, tolerance, SAMPLE)
-            return self._point(assembly.network, recorded(stepping), calls[0])
+        return self._point(algorithm=name, extrapolation="fmu", error_tolerance=tolerance)
 
-    def _point(self, network: Network, rows: np.ndarray, calls: int) -> Point:
-        columns = [1 + network.names.index(name) for name in STATE_SIGNALS]
-        errors = np.abs(rows[:, columns] - self.solution).max(axis=0) / np.ptp(self.solution, axis=0)
-        return Point(float(errors[COMPARED].max()), calls)
+    def _point(self, **options: Any) -> Point:
+        with counted() as calls:
+            result = self.simulation.run(**options)
+        if result.stepping.get("compiled"):
+            calls[0] += len(self.system.components) * result.steps
+        states = np.column_stack([result[name] for name in STATE_SIGNALS])
+        errors = np.abs(states - self.solution).max(axis=0) / np.ptp(self.solution, axis=0)
+        return Point(float(errors[COMPARED].max()), calls[0])
 
 
 @contextmanager
-def counted(network: Network) -> Iterator[list[int]]:
+def counted() -> Iterator[list[int]]:
     """Counts the steps that Python asks slaves for; compiled code calls past it."""
-    calls = [0]
+    calls, do_step = [0], FmuSlave.do_step
 
-    def counting(step: Callable[[float, float], None]) -> Callable[[float, float], None]:
-        def do_step(time: float, length: float) -> None:
-            calls[0] += 1
-            step(time, length)
+    def counting(slave: FmuSlave, time: float, step: float) -> None:
+        calls[0] += 1
+        do_step(slave, time, step)
 
-        return do_step
-
-    for slave in network.slaves:
-        slave.do_step = counting(slave.do_step)
-    yield calls
+    with patch.object(FmuSlave, "do_step", counting):
+        yield calls
 
 
 def draw(fixed: dict[tuple[str, str], list[Point]], controlled: dict[str, list[Point]], path: Path) -> None:

@@ -4,9 +4,6 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from emla_cosim.export import export
-from emla_cosim.run import Progress
-from emla_cosim.settings import Settings
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -35,7 +32,7 @@ def exported(scenario: str) -> SystemElement:
     """The root system of the package that `emla export SCENARIO` writes."""
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / f"{scenario}.ssp"
-        export(load(scenario), Settings(fmus=Path(folder)), package, False, Progress())
+        load(scenario).export(package, fmus=Path(folder))
         with opened(package) as content:
             return parse_structure(content.ssd.read_bytes(), package.name).system
 

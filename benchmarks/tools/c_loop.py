@@ -9,7 +9,7 @@ from ..job import Job
 from .worker import Measurement, main
 
 _FOLDER = Path(__file__).parents[1]
-_HEADERS = _FOLDER.parent / "tests" / "interop"
+_HEADERS = _FOLDER.parent / "tests" / "support" / "c_host"
 _FLAGS = ["-std=c11", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
 

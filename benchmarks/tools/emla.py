@@ -1,17 +1,11 @@
 """EMLA-Cosim, this project's own master."""
 
-import time
+from dataclasses import replace
 from pathlib import Path
 
-from emla_cosim.results.csv_file import CsvFile
-from emla_cosim.results.recorder import Recorder
-
 from emla_cosim.loading import load
-from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.timing import timing
-from emla_cosim.master.stretches import simulate
+from emla_cosim.recorders.csv_file import CsvFile
+from emla_cosim.recorders.time_series import TimeSeries
 
 from ..job import Job
 from ..study import SCENARIO
@@ -19,28 +13,25 @@ from .worker import Measurement, main
 
 
 def measure(job: Job, to_disk: bool = False) -> Measurement:
-    """Run the job; every 10th row goes to an array, or to a file with all its digits."""
-    system = load(SCENARIO).system
-    fmus = {c.name: Path(c.fmu) for c in job.components}
-    times = timing(job.steps * job.step, job.step)
-    with Assembly(system, fmus) as assembly:
-        network, algorithm = assembly.network, Jacobi()
-        algorithm.setup(network)
-        stepping = FixedSteps(algorithm, times)
-        algorithm.initialize(times.start, times.stop)
-        width, rows = 1 + len(network.signals), job.steps // job.every + 1
-        if to_disk:
-            recorder = Recorder(
-                width, [CsvFile(Path(job.scratch, "results.csv"), network.names, 1)], job.every
-            )
-        else:
-            recorder = Recorder(width, [], job.every, block_rows=rows)
-            recorder.room(rows).fill(0.0)  # the C loop touches its memory before, too
-        stepping.record(recorder)
-        started = time.perf_counter()
-        simulate(stepping, recorder)
-        recorder.close()
-        return Measurement(time.perf_counter() - started, job.steps, network.signals.tolist())
+    """Run the job; every 10th row goes to an array, or to a file with all its digits.
+
+    Like every run, this one computes metrics of every step, which is part of what is measured.
+    """
+    files = {c.name: Path(c.fmu) for c in job.components}
+    study = load(SCENARIO).system
+    system = replace(study, components=tuple(replace(c, fmu=files[c.name]) for c in study.components))
+    scenario = load(
+        system,
+        algorithm="jacobi",
+        stop_time=job.steps * job.step,
+        step_size=job.step,
+        output_interval=job.every * job.step,
+    )
+    table = CsvFile(Path(job.scratch, "results.csv")) if to_disk else TimeSeries()
+    with scenario.prepare() as simulation:
+        result = simulation.run(recorders=[table])
+    signals = [float(values[-1]) for values in result.read(result.names).values()]
+    return Measurement(result.wall_s, result.steps, signals)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,9 @@
 """Errors as the user meets them: one sentence, fields for programs, and an exit code."""
 
-from collections.abc import Iterable
+import contextlib
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 
@@ -25,6 +28,17 @@ class CommandError(CosimError):
 
 class RunError(CosimError):
     """The run failed; what was computed before is kept."""
+
+
+@contextlib.contextmanager
+def called_as_in(folder: Path | None) -> Iterator[None]:
+    """In sentences, call files as seen from a temporary folder: those of a package PACKAGE.ssp/FILE."""
+    try:
+        yield
+    except CosimError as error:
+        if folder is not None:
+            error.args = (str(error).replace(f"{folder}{os.sep}", ""),)
+        raise
 
 
 def check_choice(kind: str, name: object, choices: Iterable[str]) -> None:

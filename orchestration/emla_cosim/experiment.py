@@ -5,11 +5,20 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 from .errors import CommandError
+from .master.stepping.pacing import Pacing
 from .master.stepping.timing import Timing, timing
 from .options import Options
 
 DEFAULT_INTERVAL = 1e-3
 """Time in s between rows of a table unless told otherwise."""
+
+
+def check_run(options: Options, name: str) -> None:
+    """Raise CommandError for what can be seen to be wrong before anything is built."""
+    steps_per_row(options, run_times(options, name))
+    options.make_algorithm()
+    if options.real_time is not None:
+        Pacing(options.real_time)
 
 
 def run_times(options: Options, name: str) -> Timing:

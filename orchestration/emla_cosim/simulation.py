@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from .errors import CommandError, RunError
+from .errors import CommandError, RunError, called_as_in
 from .experiment import run_times, selected, steps_per_row
 from .fmu.variables import find_variable, start_value
 from .master.algorithms.algorithm import Algorithm
@@ -71,8 +71,10 @@ class Simulation:
         self.options = options or Options()
         self._unpacked, self._holds = unpacked, holds
         told = progress or Progress()
-        self.system, fmus = prepared(system, self.options, told)
-        self._assembly = Assembly(self.system, fmus)
+        self._here = Path.cwd()  # an FMU may go elsewhere
+        with called_as_in(unpacked):
+            self.system, fmus = prepared(system, self.options, told)
+            self._assembly = Assembly(self.system, fmus)
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _Going | None = None
         self._error: RunError | None = None
@@ -154,7 +156,8 @@ class Simulation:
         system = self.system.with_parameters(chosen.set)
         algorithm = chosen.make_algorithm()
         assembly = self._assembly
-        assembly.start(system, fresh or self._error is not None)
+        with called_as_in(self._unpacked):
+            assembly.start(system, fresh or self._error is not None)
         self._error = None
         recorded = selected(chosen.signals, assembly.network.names)
         algorithm.setup(assembly.network)
@@ -168,7 +171,7 @@ class Simulation:
                 resumed = resumable(chosen.resume, identity, times) if chosen.resume else None
                 if chosen.checkpoint is not None:
                     check_can_save(chosen.checkpoint, assembly.network)
-                    taking.append(Checkpoints(chosen.checkpoint, identity))
+                    taking.append(Checkpoints(self._here / chosen.checkpoint, identity))
             outline = Outline(assembly.network.names, list(self.units.values()), times, recorded, every)
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
         except BaseException:

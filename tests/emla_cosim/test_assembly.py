@@ -88,4 +88,4 @@ def test_logs_are_kept_per_instance(fmu_folder: Path) -> None:
         for slave in (plant, observer):
             with pytest.raises(SlaveError) as failure:
                 slave.do_step(0.0, 1.0)
-            assert failure.value.log == [f"{slave.name}: cannot do a step in phase instantiated."]
+            assert failure.value.fields["log"] == [f"{slave.name}: cannot do a step in phase instantiated."]

@@ -16,13 +16,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import emla_cosim.checkpoints
 import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from typer.testing import CliRunner, Result
 
+import emla_cosim.recorders.checkpoints
 from emla_cosim.cli import app
 from emla_cosim.errors import CommandError
 from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
@@ -207,7 +207,7 @@ def made(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("options", "words"),
     [
         (["--set", "lift.plant.start.x_L=0.25"], "other values set, of lift.plant.start.x_L."),
-        (["--controller", "published"], "other values set, of lift."),
+        (["--gains", "published"], "other values set, of lift."),
         (["--algorithm", "jacobi"], "the algorithm gauss-seidel, this run has jacobi."),
         (["--flavour", "python"], "other FMUs, of lift.reference, lift.plant"),
     ],
@@ -225,27 +225,27 @@ def test_a_checkpoint_of_another_run_leaves_everything_alone(
 
 
 @pytest.mark.parametrize(
-    ("settings", "words"),
+    ("algorithm", "options", "words"),
     [
-        ({"values": {"j.bad.a": 2.0}}, "other values set, of j.bad.a."),
-        ({"algorithm": "gauss-seidel"}, "the algorithm jacobi, this run has gauss-seidel."),
-        ({"extrapolation": "fmu"}, "the extrapolation none, this run has fmu."),
-        ({"coupling_tolerance": 1e-6}, "the coupling tolerance 1e-08, this run has 1e-06."),
-        ({"error_tolerance": 0.5}, "the error tolerance None, this run has 0.5."),
-        ({"multiples": {"j.sink": 2}}, "other step multiples, of j.sink."),
-        ({"order": ["j.sink", "j.bad", "j.source"]}, "other order."),
-        ({"step_size": 0.05}, "the step size 0.1, this run has 0.05."),
-        ({"output_interval": 0.2}, "the output interval None, this run has 0.2."),
+        ("jacobi", {"set": {"j.bad.a": 2.0}}, "other values set, of j.bad.a."),
+        ("jacobi", {"algorithm": "gauss-seidel"}, "the algorithm jacobi, this run has gauss-seidel."),
+        ("jacobi", {"extrapolation": "fmu"}, "the extrapolation none, this run has fmu."),
+        ("strong", {"coupling_tolerance": 1e-6}, "the coupling tolerance 1e-08, this run has 1e-06."),
+        ("jacobi", {"error_tolerance": 0.5}, "the error tolerance None, this run has 0.5."),
+        ("jacobi", {"step_multiples": {"j.sink": 2}}, "other step multiples, of j.sink."),
+        ("gauss-seidel", {"order": ["j.sink", "j.bad", "j.source"]}, "other order."),
+        ("jacobi", {"step_size": 0.05}, "the step size 0.1, this run has 0.05."),
+        ("jacobi", {"output_interval": 0.2}, "the output interval None, this run has 0.2."),
     ],
     ids=lambda x: next(iter(x)) if isinstance(x, dict) else "",
 )
 def test_what_is_different_is_named(
-    settings: dict[str, Any], words: str, faulty_fmu: Path, tmp_path: Path
+    algorithm: str, options: dict[str, Any], words: str, faulty_fmu: Path, tmp_path: Path
 ) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
-    run_system(system, tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
+    run_system(system, tmp_path, algorithm, stop_time=0.5, checkpoint=tmp_path / "c")
     with pytest.raises(CommandError) as refused:
-        run_system(system, tmp_path, resume=tmp_path / "c", **settings)
+        run_system(system, tmp_path, resume=tmp_path / "c", **{"algorithm": algorithm, **options})
     assert str(refused.value) == f"the checkpoint '{tmp_path / 'c'}' was made with {words}"
 
 
@@ -315,10 +315,10 @@ def header(content: object) -> bytes:
         (arrays(x=np.zeros(3)), "is not a checkpoint, or is damaged"),
         (arrays(header=np.array([{}], dtype=object)), "is not a checkpoint, or is damaged"),
         (header([1]), "is not a checkpoint, or is damaged"),
-        (header({"format": 1, "notes": {}, "arrays": ["state/x"]}), "damaged: parts of it are missing"),
-        (header({"format": 2, "notes": {}, "arrays": []}), "has the format 2; this version reads 1"),
-        (header({"format": 1, "notes": {}, "arrays": []}), "is not a checkpoint of a run"),
-        (header({"format": 1, "notes": 7, "arrays": []}), "is not a checkpoint of a run"),
+        (header({"format": 2, "notes": {}, "arrays": ["state/x"]}), "damaged: parts of it are missing"),
+        (header({"format": 1, "notes": {}, "arrays": []}), "has the format 1; this version reads 2"),
+        (header({"format": 2, "notes": {}, "arrays": []}), "is not a checkpoint of a run"),
+        (header({"format": 2, "notes": 7, "arrays": []}), "is not a checkpoint of a run"),
     ],
 )
 def test_a_file_that_is_no_checkpoint_is_named(
@@ -390,7 +390,7 @@ def test_a_full_disk_leaves_the_earlier_checkpoint(
             save_checkpoint(path, stepping, notes)
 
     shutil.copy(made / "c", tmp_path / "c")
-    monkeypatch.setattr(emla_cosim.checkpoints, "save_checkpoint", save)
+    monkeypatch.setattr(emla_cosim.recorders.checkpoints, "save_checkpoint", save)
     text = sentence(emla("--stop-time", "0.02", "--output", "out", "--checkpoint", "c"), 1)
     assert "the checkpoint 'c' cannot be written: File too large." in text
     assert (tmp_path / "c").read_bytes() == (made / "c").read_bytes()
@@ -416,7 +416,7 @@ def test_a_checkpoint_is_written_when_the_last_is_long_ago(
     faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The run fails in the end, and can be continued from the last checkpoint before."""
-    monkeypatch.setattr(emla_cosim.checkpoints, "INTERVAL", 0.0)
+    monkeypatch.setattr(emla_cosim.recorders.checkpoints, "INTERVAL", 0.0)
     system = line_with_a_fault(faulty_fmu, Fault.ERROR, 0.35)
     result = run_system(system, tmp_path, checkpoint=tmp_path / "c")
     assert result.problem is not None

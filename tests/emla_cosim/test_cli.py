@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import polars
 import pytest
-from emla_cosim.results.plots import FIGURES
 from typer.testing import CliRunner
 
 from emla_cosim.cli import app
 from emla_cosim.models import PLATFORMS
-from emla_cosim.scenarios.reading import scenario_names
+from emla_cosim.scenarios.built_in import SCENARIOS
+from emla_cosim.study.figures import JOINT_FIGURES
 from tests.support.commands import Emla, sentence
 
-PICTURES = {f"{name}.png" for name in FIGURES}
+PICTURES = {f"{name}.png" for name in JOINT_FIGURES}
 ORDER = "lift.plant,lift.observer,lift.controller,lift.reference,lift.disturbance"
 
 
@@ -100,7 +100,7 @@ def test_settings_reach_the_run(emla: Emla, tmp_path: Path) -> None:
         "--output-interval",
         "2e-3",
     ]
-    result = emla("run", "lift", *options, "--controller", "robust", "--no-plots", "--output", "out")
+    result = emla("run", "lift", *options, "--gains", "robust", "--no-plots", "--output", "out")
     assert result.exit_code == 0, result.output
     settings = json.loads((tmp_path / "out/run.json").read_text())["settings"]
     assert (settings["algorithm"], settings["step_size_s"], settings["output_interval_s"]) == (
@@ -166,7 +166,7 @@ def test_a_component_can_be_replaced_by_another_fmu(
 def test_list_names_everything(emla: Emla) -> None:
     result = emla("list")
     assert result.exit_code == 0
-    for name in (*scenario_names(), "EmlaPlant", "RsbaController", "native", "gauss-seidel"):
+    for name in (*SCENARIOS, "EmlaPlant", "RsbaController", "native", "gauss-seidel"):
         assert name in result.stdout
 
 
@@ -214,7 +214,7 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
         (["run", "lift", "--step-multiple", "lift.plant=-2"], ["multiple -2 of lift.plant", "at least 1"]),
         (
             ["run", "lift", "--step-multiple", "lift.plant=2.5"],
-            ["lift.plant=2.5 is not a whole number of steps"],
+            ["--step-multiple lift.plant=2.5 is not a whole number."],
         ),
         (["run", "lift", "--step-multiple", "lift.plant"], ["--step-multiple lift.plant", "NAME=VALUE"]),
         (
@@ -230,13 +230,23 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
             ["step multiples need fixed steps"],
         ),
         (["run", "lift", "--flavour", "java"], ["no flavour 'java'", "native and python"]),
-        (["run", "lift", "--controller", "pid"], ["no controller 'pid'", "robust and published"]),
-        (["run", "lift", "--set", "arm.plant.start.x_L=1"], ["no joint 'arm'", "lift"]),
+        (["run", "lift", "--controller", "pid"], ["no controller 'pid'", "choose from rsba, or name"]),
+        (
+            ["run", "lift", "--controller", "robust"],
+            ["'robust' is a set of gains, not a controller", "--gains robust"],
+        ),
+        (["run", "lift", "--gains", "pid"], ["no set of gains 'pid'", "robust and published"]),
+        (
+            ["run", "lift", "--coupling-tolerance", "1e-6"],
+            ["the algorithm gauss-seidel has no coupling tolerance; strong has."],
+        ),
+        (["run", "lift", "--output-format", "xls"], ["no output format 'xls'", "csv and parquet"]),
+        (["run", "lift", "--set", "arm.plant.start.x_L=1"], ["no component 'arm.plant'", "lift.plant"]),
         (["run", "lift", "--set", "lift.motor.x=1"], ["no component 'lift.motor'", "lift.plant"]),
         (["run", "lift", "--set", "lift.plant.R_s=1"], ["lift.plant has no variable 'R_s'", "motor.R_s"]),
         (
             ["run", "lift", "--set", "lift.plant=1"],
-            ["'lift.plant' is not a variable", "joint.component.variable"],
+            ["'lift.plant' is not a variable", "write it as lift.reference.VARIABLE"],
         ),
         (["run", "lift", "--set", "lift.plant.start.x_L"], ["--set lift.plant.start.x_L", "NAME=VALUE"]),
         (
@@ -289,6 +299,24 @@ def test_a_wrong_command_gets_one_sentence(emla: Emla, arguments: list[str], wor
     text = sentence(emla(*arguments), 2)
     for word in words:
         assert word in text
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--stop-time", "-1"],
+        ["--step-size", "3e-4", "--stop-time", "1e-3"],
+        ["--output-interval", "1.5e-4"],
+        ["--coupling-tolerance", "1e-6"],
+        ["--realtime", "0"],
+    ],
+    ids=" ".join,
+)
+def test_what_is_wrong_with_any_system_is_told_before_anything_is_built(
+    wrong: list[str], emla: Emla, tmp_path: Path
+) -> None:
+    sentence(emla("run", "lift", "--fmus", "mine", *wrong), 2)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

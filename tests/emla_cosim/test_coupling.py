@@ -97,7 +97,7 @@ def test_strong_coupling_solves_the_rigid_load(mass: float, extrapolation: str, 
         last = rows[-1]
         # one force to agree on: three sweeps for the first step, then two
         assert algorithm.sweeps <= 2 * steps + 1
-    assert algorithm.order == order
+    assert algorithm.accuracy == order
     # held, the next term of the error is worth 5 % here where the force of 100 kg is late by half a step
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.06)
     assert last[4] == pytest.approx(-mass * last[3], rel=1e-7)
@@ -186,7 +186,7 @@ def test_strong_coupling_is_the_implicit_step_of_the_whole(part: Part) -> None:
     step, steps, tolerance = 0.1, 4, 1e-9
     whole = Whole(*part)
     assume(well_posed(whole, step))
-    algorithm = begun(connected(*part), Strong(tolerance=tolerance), timing(steps * step, step))
+    algorithm = begun(connected(*part), Strong(coupling_tolerance=tolerance), timing(steps * step, step))
     x, signals = whole.x_0.copy(), algorithm.network.signals
     size = np.abs(signals) + 0.01
     for k in range(steps):

@@ -12,13 +12,15 @@ from emla_cosim.errors import CommandError, RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.registry import ALGORITHMS, simulate
+from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.error_control import SMALLEST, ErrorControl
 from emla_cosim.master.stepping.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, StepControl
 from emla_cosim.master.stepping.timing import clock, timing
+from emla_cosim.master.stretches import simulate
+from emla_cosim.options import Options
 from tests.support.linear import LinearSlave, Whole, connected
 from tests.support.simulated import Table, begun, recorded, simulated
 from tests.support.slaves import FakeSlave
@@ -394,7 +396,7 @@ def test_without_an_interval_every_accepted_step_is_recorded() -> None:
 @pytest.mark.parametrize("tolerance", [0.0, -1e-3, 1.0, float("nan"), float("inf")])
 def test_tolerances_that_make_no_sense_are_refused(tolerance: float) -> None:
     with pytest.raises(CommandError, match=r"the error tolerance .* must be between 0 and 1"):
-        controlled(connected(*oscillators()), Jacobi(), 1.0, 0.1, tolerance)
+        Options().updated({"error_tolerance": tolerance})
 
 
 @all_algorithms

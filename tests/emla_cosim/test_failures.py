@@ -1,6 +1,5 @@
 """Whatever a slave does, a run ends in one sentence, and everything up to there is kept."""
 
-import contextlib
 import errno
 import json
 import os
@@ -9,30 +8,32 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import emla_cosim.run
 import numpy as np
 import polars
 import pytest
-from emla_cosim.results.csv_file import CsvFile
-from emla_cosim.results.recorder import Recorder
-from emla_cosim.run import RunResult
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
+from typer.testing import Result as Finished
 
-import emla_cosim.cli
+import emla_cosim.commands.run
+import emla_cosim.running
+import emla_cosim.simulation
+from emla_cosim.cli import app
 from emla_cosim.errors import CommandError
+from emla_cosim.loading import load
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.stepping import Rows, Stepping
 from emla_cosim.master.stepping.timing import timing
-from emla_cosim.scenarios.scenario import Scenario
+from emla_cosim.recorders.csv_file import CsvFile
+from emla_cosim.recorders.recorder import Outline, Recorder, RecordingError, RowBuffer
+from emla_cosim.results.result import Result
 from emla_cosim.system.model import System
 from tests.support.faulty_fmu import Counts, Fault, build_faulty_fmu
 from tests.support.faulty_systems import (
@@ -54,7 +55,7 @@ STEPPED = {
     "compiled gauss-seidel": {"algorithm": "gauss-seidel", "extrapolation": "fmu"},
     "gauss-seidel": {"algorithm": "gauss-seidel", "extrapolation": "fmu", "compiled": False},
 }
-"""Settings by the way of stepping that they choose."""
+"""Options by the way of stepping that they choose."""
 
 
 @pytest.fixture
@@ -62,13 +63,12 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> list[Counts]:
     """Counters of the faulty FMUs of every run from now on."""
     found: list[Counts] = []
 
-    @contextmanager
-    def counting(system: System, fmus: dict[str, Path]) -> Iterator[Assembly]:
-        with Assembly(system, fmus) as assembly:
-            found.extend(counts_of(assembly))
-            yield assembly
+    def counting(system: System, fmus: dict[str, Path]) -> Assembly:
+        assembly = Assembly(system, fmus)
+        found.extend(counts_of(assembly))
+        return assembly
 
-    monkeypatch.setattr(emla_cosim.run, "assembled", counting)
+    monkeypatch.setattr(emla_cosim.simulation, "Assembly", counting)
     return found
 
 
@@ -110,15 +110,15 @@ def table(folder: Path) -> polars.DataFrame:
     return frame.cast(polars.Float64)
 
 
-def assert_ended(result: RunResult, last: float, sentence: str) -> None:
+def assert_ended(result: Result, folder: Path, last: float, sentence: str) -> None:
     """The run ended with this sentence, and all rows up to this time are there, and no more."""
     assert result.problem == f"the run ended at t = {last:.6g} s: {sentence}"
     assert result.end_s == pytest.approx(last)
-    frame = table(result.folder)
+    frame = table(folder)
     assert frame["time"].to_numpy() == pytest.approx(np.arange(round(last / 0.1) + 1) * 0.1)
     assert np.isfinite(frame.to_numpy()).all()
-    assert json.loads((result.folder / "run.json").read_text())["status"] == result.problem
-    metrics = json.loads((result.folder / "metrics.json").read_text())
+    assert json.loads((folder / "run.json").read_text())["status"] == result.problem
+    metrics = json.loads((folder / "metrics.json").read_text())
     assert metrics["run"]["steps"] == len(frame) - 1
 
 
@@ -131,11 +131,12 @@ def assert_tidy(counts: list[Counts], *, died: bool = False) -> None:
         assert died or count.states == 0
 
 
-def invoked(system: System, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Result:
+def invoked(system: System, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Finished:
     """`emla run` of a system."""
-    scenario = Scenario("test", "A test.", system, 1.0, 0.1)
-    monkeypatch.setattr(emla_cosim.cli, "opened_scenario", lambda *_: contextlib.nullcontext(scenario))
-    return CliRunner().invoke(emla_cosim.cli.app, ["run", "test", "--no-plots", "--output", str(folder)])
+    monkeypatch.setattr(emla_cosim.commands.run, "load", lambda _, **options: load(system, **options))
+    times = ["--stop-time", "1", "--step-size", "0.1"]
+    words = ["run", "test", *times, "--no-plots", "--output", str(folder)]
+    return CliRunner().invoke(app, words)
 
 
 # ---- during steps of one length ----------------------------------------------------------------
@@ -148,7 +149,7 @@ def test_a_failing_slave_ends_the_run_with_its_words(
 ) -> None:
     result = run_system(line_with_a_fault(faulty_fmu, fault, AT), tmp_path, **STEPPED[stepped])
     assert result.stepping["compiled"] == stepped.startswith("compiled")
-    assert_ended(result, ENDINGS[fault].last, ENDINGS[fault].sentence)
+    assert_ended(result, tmp_path, ENDINGS[fault].last, ENDINGS[fault].sentence)
     assert_tidy(counts, died=fault == Fault.FATAL)
 
 
@@ -173,8 +174,10 @@ def test_a_slave_that_steps_rarely_fails_where_its_step_begins(
 ) -> None:
     """Steps of 0.2 s: the one from 0.2 s passes the time, and t = 0.2 s is the last good point."""
     system = line_with_a_fault(faulty_fmu, Fault.ERROR, AT)
-    result = run_system(system, tmp_path, **STEPPED[stepped], multiples={"j.bad": 2})
-    assert_ended(result, 0.2, told("doStep at t = 0.2 s", "fmi2Error", "to fail in the step to t = 0.4 s"))
+    result = run_system(system, tmp_path, **STEPPED[stepped], step_multiples={"j.bad": 2})
+    assert_ended(
+        result, tmp_path, 0.2, told("doStep at t = 0.2 s", "fmi2Error", "to fail in the step to t = 0.4 s")
+    )
 
 
 @pytest.mark.parametrize("stepped", STEPPED)
@@ -273,7 +276,7 @@ def test_a_loop_with_a_step_too_long_for_one_of_it_is_done_in_parts() -> None:
         position = FakeSlave("position", 1, [1.0], advance)
         speed = FakeSlave("speed", 1, [0.0], lambda u, x, t, h: x - h * u)
         network = Network([position, speed], [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)])
-        return simulated(network, Strong(tolerance=1e-13), timing(1.0, step))[-1]
+        return simulated(network, Strong(coupling_tolerance=1e-13), timing(1.0, step))[-1]
 
     assert ending(0.3 * 0.125, 0.125) == pytest.approx(ending(1.0, 0.25 * 0.125), abs=1e-11)
 
@@ -318,13 +321,13 @@ def test_error_control_finds_the_longest_step_that_a_slave_does(
     assert_tidy(counts)
 
 
-@pytest.mark.parametrize("settings", [{"algorithm": "strong"}, {"error_tolerance": 0.1}, {"checkpoint": "c"}])
+@pytest.mark.parametrize("options", [{"algorithm": "strong"}, {"error_tolerance": 0.1}, {"checkpoint": "c"}])
 def test_a_state_that_a_slave_does_not_give_ends_the_run(
-    settings: dict[str, Any], faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
+    options: dict[str, Any], faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
 ) -> None:
-    if "checkpoint" in settings:
-        settings = {"checkpoint": tmp_path / "c"}
-    result = run_system(loop_with_a_fault(faulty_fmu, Fault.GET_STATE, AT), tmp_path / "out", **settings)
+    if "checkpoint" in options:
+        options = {"checkpoint": tmp_path / "c"}
+    result = run_system(loop_with_a_fault(faulty_fmu, Fault.GET_STATE, AT), tmp_path / "out", **options)
     assert result.problem is not None
     assert "j.bad answered GetFMUstate with fmi2Error. It said: the faulty model was told" in result.problem
     assert np.isfinite(table(tmp_path / "out").to_numpy()).all()
@@ -336,7 +339,7 @@ def test_a_state_that_a_slave_does_not_give_ends_the_run(
 
 
 @pytest.mark.parametrize(
-    ("settings", "sentence"),
+    ("options", "sentence"),
     [
         ({"algorithm": "strong"}, "the strong coupling of a loop needs FMUs with canGetAndSetFMUstate"),
         ({"error_tolerance": 0.1}, "error control needs FMUs with canGetAndSetFMUstate"),
@@ -344,7 +347,7 @@ def test_a_state_that_a_slave_does_not_give_ends_the_run(
     ],
 )
 def test_what_needs_states_names_who_has_none(
-    settings: dict[str, Any], sentence: str, faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
+    options: dict[str, Any], sentence: str, faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
 ) -> None:
     plain = build_faulty_fmu(tmp_path, rollback=False, name="Plain")
     system = wired(
@@ -354,7 +357,7 @@ def test_what_needs_states_names_who_has_none(
         "j.c.y -> j.a.u",
     )
     with pytest.raises(CommandError) as refused:
-        run_system(system, tmp_path / "out", **settings)
+        run_system(system, tmp_path / "out", **options)
     assert str(refused.value) == f"{sentence}; j.b, j.c cannot do it."
     assert refused.value.exit_code == 2
     assert list((tmp_path / "out").iterdir()) == []
@@ -371,31 +374,34 @@ def test_strong_coupling_without_loops_needs_no_states(faulty_fmu: Path, tmp_pat
 # ---- a full disk -------------------------------------------------------------------------------
 
 
-class Full:
-    """A sink that has room for some rows only, and notes what it is told."""
+class Full(Recorder):
+    """Has room for some rows only, and notes what it is told."""
 
     def __init__(self, room: int) -> None:
-        self.room, self.rows, self.closed = room, 0, False
+        self.room, self.rows, self.ended = room, 0, False
+
+    def __str__(self) -> str:
+        return "the shelf"
 
     def write(self, rows: np.ndarray) -> None:
         self.rows += len(rows)
         if self.rows > self.room:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    def close(self) -> None:
-        self.closed = True
+    def end(self) -> None:
+        self.ended = True
 
 
-def test_every_sink_is_closed_when_one_is_full() -> None:
-    sinks = [Full(3), Full(100)]
-    recorder = Recorder(2, sinks, block_rows=2)
-    with pytest.raises(OSError, match="No space left"):
+def test_every_recorder_is_ended_when_one_is_full() -> None:
+    recorders = [Full(3), Full(100)]
+    buffer = RowBuffer(2, recorders, block_rows=2)
+    with pytest.raises(RecordingError, match=r"^the shelf cannot be written: No space left on device\.$"):
         for _ in range(10):
-            recorder.room(1)[:] = 0.0
-            recorder.commit(1)
-    recorder.close()
-    assert [sink.closed for sink in sinks] == [True, True]
-    assert sinks[0].rows == 4
+            buffer.room(1)[:] = 0.0
+            buffer.commit(1)
+    buffer.end()
+    assert [recorder.ended for recorder in recorders] == [True, True]
+    assert recorders[0].rows == 4
 
 
 @pytest.mark.parametrize("stepped", STEPPED)
@@ -421,13 +427,14 @@ def test_a_full_disk_ends_the_run_where_it_was(
 def test_rows_that_fit_on_the_disk_are_whole(tmp_path: Path) -> None:
     """No part of a row is left, nor one out of order."""
     path = tmp_path / "results.csv"
-    file = CsvFile(path, ["a", "b"], every=3)
+    file = CsvFile(path)
+    file.begin(Outline(["a", "b"], [None, None], timing(50.0, 1.0), range(2), every=3))
     rows = np.random.default_rng(1).normal(size=(50, 3))
     with files_of_at_most(1000):
         file.write(rows[:2])
         with pytest.raises(OSError, match="File too large"):
             file.write(rows[2:])
-        file.close()
+        file.end()
     found = polars.read_csv(path).to_numpy()
     assert path.read_bytes().endswith(b"\n")
     assert 1 <= len(found) < 17
@@ -487,7 +494,7 @@ def test_a_second_ctrl_c_ends_at_once_and_keeps_whole_rows(
         assert interrupted()
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(emla_cosim.run, "simulate", interrupted_twice)
+    monkeypatch.setattr(emla_cosim.running, "simulate", interrupted_twice)
     result = invoked(line_with_a_fault(faulty_fmu, Fault.NONE, 0.0), tmp_path / "out", monkeypatch)
     assert result.exit_code == 1
     assert result.stderr.splitlines()[-1] == "Interrupted."

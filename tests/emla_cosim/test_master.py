@@ -6,11 +6,12 @@ import pytest
 from emla_cosim.errors import CommandError
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.registry import ALGORITHMS, simulate
+from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.network import Link, Network, stepping_order
 from emla_cosim.master.slaves.slave import SlaveError
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stretches import simulate
 from tests.support.simulated import Table, begun, recorded, simulated
 from tests.support.slaves import FakeSlave
 

@@ -45,7 +45,7 @@ def orders(make: Callable[[], Algorithm], load_by_force: bool) -> tuple[np.ndarr
         rows = simulated(connected(*part), algorithm, timing(STOP, STOP / steps))[:: steps // SAMPLES]
         whole = Whole(*part)
         errors.append(np.abs(rows[:, 1:] - [whole.outputs(t) for t in rows[:, 0]]).max(axis=0))
-        claimed = algorithm.order
+        claimed = algorithm.accuracy
     with np.errstate(invalid="ignore", divide="ignore"):  # the source makes no error
         return np.log2(errors[0] / errors[1]), claimed
 
@@ -101,7 +101,7 @@ def test_the_lift_joint(name: str, extrapolation: str, order: int, fmu_folder: P
             columns = [1 + assembly.network.names.index(n) for n in STATE_SIGNALS[:6]]
             algorithm = ALGORITHMS[name](extrapolation)
             rows = simulated(assembly.network, algorithm, timing(stop, step))[:: round(sample / step)]
-        assert algorithm.order == order
+        assert algorithm.accuracy == order
         difference = np.abs(rows[:, columns] - solution[:, :6]).max(axis=0)
         errors.append((difference / np.ptp(solution[:, :6], axis=0)).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)

@@ -84,11 +84,11 @@ def test_a_pace_that_makes_no_sense_is_refused(factor: float) -> None:
         Pacing(factor)
 
 
-@pytest.mark.parametrize("settings", [{}, {"algorithm": "strong"}, {"error_tolerance": 0.5}])
-def test_a_run_takes_its_time(settings: dict, faulty_fmu: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [{}, {"algorithm": "strong"}, {"error_tolerance": 0.5}])
+def test_a_run_takes_its_time(options: dict, faulty_fmu: Path, tmp_path: Path) -> None:
     began = time.perf_counter()
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
-    result = run_system(system, tmp_path, stop_time=0.5, step_size=0.01, real_time=2.0, **settings)
+    result = run_system(system, tmp_path, stop_time=0.5, step_size=0.01, real_time=2.0, **options)
     assert result.problem is None
     assert time.perf_counter() - began >= result.wall_s >= 0.25
     metrics = json.loads((tmp_path / "metrics.json").read_text())["run"]

@@ -1,14 +1,19 @@
 """Rows on disk and metrics, against the definitions worked out in full."""
 
+import json
 from pathlib import Path
 
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from emla_cosim.results.csv_file import CsvFile
-from emla_cosim.results.metrics import MetricsSink, as_json
-from emla_cosim.results.recorder import Recorder
 from hypothesis import given
+
+from emla_cosim.loading import load
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.recorders.csv_file import CsvFile, read_csv
+from emla_cosim.recorders.recorder import Outline, Recorder, RecordingError, RowBuffer
+from emla_cosim.study.metrics import JointMetrics
+from tests.support.scenario_runs import run_scenario
 
 NAMES = [
     "j.plant.x_L",
@@ -19,6 +24,11 @@ NAMES = [
     "j.observer.x_hat",
 ]
 NAMES += ["j.controller.saturated"]
+
+
+def outline(names: list[str], every: int = 1) -> Outline:
+    """All of these signals, of every n-th row."""
+    return Outline(names, [None] * len(names), timing(1.0, 0.1), range(len(names)), every)
 
 
 def in_blocks(rows: np.ndarray, sizes: list[int]) -> list[np.ndarray]:
@@ -42,10 +52,11 @@ def test_csv_has_every_nth_row_and_the_last_however_it_is_cut(
     path = tmp_path_factory.mktemp("csv") / "results.csv"
     rows = np.random.default_rng(count).normal(size=(count, 3)) * 10.0 ** np.arange(-200, 201, 200)
     rows[:, 0] = np.arange(count)
-    file = CsvFile(path, ["a.b", "c"], every)
+    file = CsvFile(path)
+    file.begin(outline(["a.b", "c"], every))
     for block in in_blocks(rows, sizes):
         file.write(block)
-    file.close()
+    file.end()
     expected = rows[sorted({*range(0, count, every), count - 1})]
     found = read_csv(path, ["time", "a.b", "c", "missing"])
     assert list(found) == ["time", "a.b", "c"]
@@ -53,34 +64,38 @@ def test_csv_has_every_nth_row_and_the_last_however_it_is_cut(
 
 
 def test_csv_is_readable_by_numpy_and_starts_with_time(tmp_path: Path) -> None:
-    file = CsvFile(tmp_path / "r.csv", ["x[1]"], 1)
+    file = CsvFile(tmp_path / "r.csv")
+    file.begin(outline(["x[1]"]))
     file.write(np.array([[0.0, 1.5], [0.1, -2e-300]]))
-    file.close()
+    file.end()
     assert (tmp_path / "r.csv").read_text().splitlines()[0] == "time,x[1]"
     assert np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1).tolist() == [[0.0, 1.5], [0.1, -2e-300]]
 
 
-def test_recorder_passes_everything_on_and_closes_every_sink_even_if_one_fails() -> None:
-    class Sink:
+def test_the_buffer_passes_everything_on_and_ends_every_recorder_even_if_one_fails() -> None:
+    class Counting(Recorder):
         def __init__(self, broken: bool) -> None:
-            self.rows, self.closed, self.broken = 0, False, broken
+            self.rows, self.ended, self.broken = 0, False, broken
+
+        def __str__(self) -> str:
+            return "the counter"
 
         def write(self, rows: np.ndarray) -> None:
             self.rows += len(rows)
 
-        def close(self) -> None:
-            self.closed = True
+        def end(self) -> None:
+            self.ended = True
             if self.broken:
                 raise OSError(28, "No space left on device")
 
-    sinks = [Sink(broken=True), Sink(broken=False)]
-    recorder = Recorder(3, sinks, block_rows=4)
+    recorders = [Counting(broken=True), Counting(broken=False)]
+    buffer = RowBuffer(3, recorders, block_rows=4)
     for count in (3, 1, 2, 2, 2):
-        assert len(recorder.room(count)) == count
-        recorder.commit(count)
-    with pytest.raises(OSError, match="No space left"):
-        recorder.close()
-    assert [(s.rows, s.closed) for s in sinks] == [(10, True), (10, True)]
+        assert len(buffer.room(count)) == count
+        buffer.commit(count)
+    with pytest.raises(RecordingError, match=r"^the counter cannot be written: No space left on device\.$"):
+        buffer.end()
+    assert [(r.rows, r.ended) for r in recorders] == [(10, True), (10, True)]
 
 
 def metrics_by_definition(rows: np.ndarray) -> dict[str, float]:
@@ -120,12 +135,12 @@ def test_metrics_are_those_of_the_definition_however_rows_come(
     rows[:, 1] = rows[:, 4] + offset * np.exp(-decay * t) + rows[:, 1] * abs(offset)
     rows[0, 1] = rows[0, 4] + offset
     rows[:, 7] = random.integers(0, 2, size=count)
-    sink = MetricsSink(["j", "elsewhere"], NAMES)
-    for block in in_blocks(rows, sizes):
-        sink.write(block)
-    (found,) = sink.results().values()
+    metrics = JointMetrics([*NAMES, "elsewhere.plant.x_L"])
+    for block in in_blocks(np.column_stack([rows, t]), sizes):
+        metrics.write(block)
+    (found,) = metrics.figures().values()
     expected = metrics_by_definition(rows)
-    assert vars(found) == pytest.approx(expected, rel=1e-12, abs=1e-15, nan_ok=True)
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-15, nan_ok=True)
 
 
 def test_metrics_of_a_known_decay() -> None:
@@ -133,14 +148,15 @@ def test_metrics_of_a_known_decay() -> None:
     t = np.linspace(0.0, 1.0, 10_001)
     error = 1e-3 * np.exp(-10 * t)
     rows = np.column_stack([t, error, np.zeros((len(t), 6))])
-    sink = MetricsSink(["j"], NAMES)
-    sink.write(rows)
-    found = sink.results()["j"]
-    assert found.convergence_time_s == pytest.approx(np.log(20) / 10, abs=1e-4)
-    assert found.position_error_m == pytest.approx(1e-3 * np.exp(-3.0), rel=1e-3)
+    metrics = JointMetrics(NAMES)
+    metrics.write(rows)
+    found = metrics.figures()["j"]
+    assert found["convergence_time_s"] == pytest.approx(np.log(20) / 10, abs=1e-4)
+    assert found["position_error_m"] == pytest.approx(1e-3 * np.exp(-3.0), rel=1e-3)
 
 
-def test_what_does_not_exist_is_null_in_json() -> None:
-    sink = MetricsSink(["j"], NAMES)
-    sink.write(np.zeros((2, 8)))
-    assert as_json(sink.results())["j"]["position_error_m"] is None
+def test_what_does_not_exist_is_null_in_json(fmu_folder: Path, tmp_path: Path) -> None:
+    """Errors count from 0.3 s on; JSON has no NaN."""
+    run_scenario(load("lift"), tmp_path, fmus=fmu_folder, stop_time=0.01)
+    metrics = json.loads((tmp_path / "metrics.json").read_text(), parse_constant=pytest.fail)
+    assert metrics["joints"]["lift"]["position_error_m"] is None

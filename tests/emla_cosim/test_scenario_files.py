@@ -8,10 +8,10 @@ from typing import Any
 
 import polars
 import pytest
-from emla_cosim.settings import Settings
 
-from emla_cosim.master.stepping.timing import Timing
-from emla_cosim.scenarios.reading import opened_scenario, scenario_names
+from emla_cosim.loading import load
+from emla_cosim.options import Options
+from emla_cosim.scenarios.built_in import SCENARIOS
 from emla_cosim.scenarios.scenario_file import parse_scenario
 from tests.support.commands import Emla, sentence
 
@@ -63,7 +63,11 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
     "step_size": ("step_size = 5e-5", "step_size_s", 5e-5),
     "algorithm": ('algorithm = "jacobi"', "algorithm", "jacobi"),
     "extrapolation": ('extrapolation = "fmu"', "extrapolation", "fmu"),
-    "coupling_tolerance": ("coupling_tolerance = 1e-6", "coupling_tolerance", 1e-6),
+    "coupling_tolerance": (
+        'coupling_tolerance = 1e-6\nalgorithm = "strong"',
+        "coupling_tolerance",
+        1e-6,
+    ),
     "error_tolerance": ("error_tolerance = 0.01", "error_tolerance", 0.01),
     "output_interval": ("output_interval = 2e-4", "output_interval_s", pytest.approx(2e-4)),
     "order": (f"order = {ORDER}", "order", ORDER),
@@ -77,10 +81,12 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
         "replace",
         {"lift.plant": {"fmu": "my.fmu", "mapping": None}},
     ),
+    "controller": ('controller = "rsba"', "controller", "rsba"),
+    "gains": ('gains = "published"', "gains", "published"),
 }
 """Keys by what they bring to the settings in run.json."""
 
-ELSEWHERE = {"system", "description", "controller", "output", "plots", "signals"}
+ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "signals"}
 """Keys of the tests below."""
 
 
@@ -91,7 +97,7 @@ def test_a_key_reaches_the_run(key: str, emla: Emla, python_fmu_folder: Path, tm
     (tmp_path / "my.fmu").write_bytes((python_fmu_folder / "EmlaPlant/EmlaPlant.fmu").read_bytes())
     given = re.sub(f"^{key} = .*\n", "", SHORT, flags=re.MULTILINE)
     write(given)
-    assert ran(emla, "my.toml")["settings"][setting] != expected
+    assert ran(emla, "my.toml")["settings"].get(setting) != expected
     write(f"{given}{line}\n")
     record = ran(emla, "my.toml")
     assert record["settings"][setting] == expected
@@ -107,34 +113,32 @@ def test_these_are_all_keys(emla: Emla) -> None:
 
 
 def test_the_gains_are_those_named(emla: Emla) -> None:
-    write(f'{SHORT}controller = "published"\n')
+    write(f'{SHORT}gains = "published"\n')
     beta = {
-        name: load("lift", name).system.component("lift.controller").parameters["beta[1]"]
+        name: load("lift", gains=name).system.component("lift.controller").parameters["beta[1]"]
         for name in ("published", "robust")
     }
     assert beta["published"] != beta["robust"]
-    for options, expected in ((), "published"), (("--controller", "robust"), "robust"):
+    for options, expected in ((), "published"), (("--gains", "robust"), "robust"):
         assert start_value(ran(emla, "my.toml", *options), "lift.controller.beta[1]") == beta[expected]
 
 
-@pytest.mark.parametrize("system", scenario_names())
+@pytest.mark.parametrize("system", SCENARIOS)
 def test_a_file_with_a_system_alone_is_the_scenario_of_that_name(system: str, tmp_path: Path) -> None:
     path = tmp_path / "my.toml"
     path.write_text(f'system = "{system}"\n', encoding="utf-8")
-    expected = load(system)
-    with opened_scenario(str(path)) as found:
-        assert found.system == expected.system
-        assert (found.start_time, found.stop_time) == (expected.start_time, expected.stop_time)
-        assert (found.step_size, found.algorithm) == (expected.step_size, expected.algorithm)
-        assert found.name == "my"
+    expected, found = load(system), load(path)
+    assert found.system == expected.system
+    assert found.options == expected.options
+    assert found.name == "my"
 
 
 def test_the_description_goes_into_a_package(emla: Emla) -> None:
     write(f'{SHORT}description = "A lift of my own"\n')
     assert emla("export", "my.toml", "my.ssp").exit_code == 0
-    with opened_scenario("my.ssp") as scenario:
-        assert (scenario.name, scenario.description) == ("my", "A lift of my own")
-        assert (scenario.stop_time, scenario.step_size) == (0.002, 1e-4)
+    scenario = load("my.ssp")
+    assert (scenario.name, scenario.description) == ("my", "A lift of my own")
+    assert (scenario.options.stop_time, scenario.options.step_size) == (0.002, 1e-4)
 
 
 def test_the_output_is_as_the_file_says(emla: Emla) -> None:
@@ -247,7 +251,18 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
         ('system = "crane"\n', ["names the system 'crane'", "neither an SSP nor one of study, lift"]),
         ('system = "crane.ssp"\n', ["there is no file 'crane.ssp'"]),
         ("system = 1\n", ["'system' of the scenario 'my.toml' is 1; it must be a text"]),
-        ('system = "lift"\ncontroller = "pid"\n', ["no controller 'pid'", "robust and published"]),
+        ('system = "lift"\ncontroller = "pid"\n', ["no controller 'pid'", "choose from rsba"]),
+        (
+            'system = "lift"\ncontroller = "robust"\n',
+            ["'robust' is a set of gains, not a controller", 'write gains = "robust"'],
+        ),
+        ('system = "lift"\ngains = "pid"\n', ["no set of gains 'pid'", "robust and published"]),
+        ('system = "lift"\ncoupling_tolerance = 1e-6\n', ["gauss-seidel has no coupling tolerance"]),
+        ('system = "lift"\noutput_format = "xls"\n', ["no output format 'xls'", "csv and parquet"]),
+        (
+            'system = "lift"\n[mapping]\n"lift.plant" = "my.ssm"\n',
+            ["--mapping lift.plant=my.ssm needs --replace lift.plant=FILE.fmu"],
+        ),
         ('system = "lift"\ndescription = 3\n', ["'description'", "must be a text"]),
         ('system = "lift"\nstop_time = "1 s"\n', ["'stop_time'", "is '1 s'; it must be a number"]),
         ('system = "lift"\nstop_time = true\n', ["'stop_time'", "is True; it must be a number"]),
@@ -308,24 +323,23 @@ def test_files_that_cannot_be_read(emla: Emla) -> None:
 
 def test_gains_are_for_built_in_systems(emla: Emla) -> None:
     assert emla("export", "lift", "lift.ssp").exit_code == 0
-    write('system = "lift.ssp"\ncontroller = "robust"\n')
-    for arguments in (["my.toml"], ["lift.ssp", "--controller", "robust"]):
-        assert "has its own gains; --controller is for built-in systems" in sentence(
-            emla("run", *arguments), 2
-        )
+    for option, value in (("gains", "robust"), ("controller", "rsba")):
+        write(f'system = "lift.ssp"\n{option} = "{value}"\n')
+        for arguments in (["my.toml"], ["lift.ssp", f"--{option}", value]):
+            text = sentence(emla("run", *arguments), 2)
+            assert f"has its own gains; --{option} is for built-in systems" in text
 
 
 # ---- the built-in ones -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", SCENARIOS)
 def test_built_in_scenarios_are_such_files(name: str, tmp_path: Path) -> None:
     """Copied to a folder of one's own, they are the same."""
-    source = Path(__file__).parents[2] / "orchestration/emla_cosim/scenarios" / f"{name}.toml"
+    source = Path(__file__).parents[2] / "orchestration/emla_cosim/study/scenarios" / f"{name}.toml"
     copy = tmp_path / f"{name}.toml"
     copy.write_bytes(source.read_bytes())
-    with opened_scenario(str(copy)) as found:
-        assert found == load(name)
+    assert load(copy) == load(name)
 
 
 def test_a_built_in_name_wins_over_a_folder_of_that_name(emla: Emla) -> None:
@@ -359,7 +373,7 @@ def test_parameters_are_converted_to_the_units_of_their_variables(emla: Emla) ->
     [
         ("lift.plant.x", "mm", ["lift.plant has no variable 'x'", "x_L"]),
         ("lift.pump.x_L", "mm", ["no component 'lift.pump'"]),
-        ("x_L", "mm", ["'x_L' is not a variable", "joint.component.variable"]),
+        ("x_L", "mm", ["'x_L' is not a variable", "write it as lift.reference.VARIABLE"]),
         ("lift.plant.start.x_L", "s", ["'lift.plant.start.x_L' of 'my.ssv' has the units s and m"]),
         ("lift.plant.start.x_L", "inch", ["names the unit 'inch', which it does not define"]),
         ("lift.plant.tau_m", "mm", ["lift.plant.tau_m"]),
@@ -407,7 +421,7 @@ def test_signals_are_chosen_by_patterns(emla: Emla, patterns: list[str], expecte
 def test_a_pattern_without_a_signal(emla: Emla) -> None:
     for pattern, words in (
         ("lift.plant.xL", "did you mean lift.plant.x_L"),
-        ("crane.*", "results.csv shows all without."),
+        ("crane.*", "results have all without."),
     ):
         text = sentence(emla("run", "lift", "--signals", "lift.plant.*", "--signals", pattern), 2)
         assert f"no signal is called '{pattern}'; {words}" in text
@@ -415,15 +429,20 @@ def test_a_pattern_without_a_signal(emla: Emla) -> None:
 
 def test_names_with_dots_need_no_quotes() -> None:
     text = 'system = "lift"\n[set]\nlift.plant.motor.R_s = 0.2\n[step_multiples]\nlift.observer = 2\n'
-    settings = parse_scenario(text, "my.toml", Path()).settings
-    assert settings == {"values": {"lift.plant.motor.R_s": 0.2}, "multiples": {"lift.observer": 2}}
+    options = parse_scenario(text, "my.toml", Path()).options
+    assert options == {"set": {"lift.plant.motor.R_s": 0.2}, "step_multiples": {"lift.observer": 2}}
 
 
-def test_layers_of_settings_merge() -> None:
-    settings = Settings.merged(
-        {"values": {"a": 1, "b": 2}, "algorithm": "jacobi", "signals": ["x"]},
-        {"values": {"b": 3}, "signals": ["y"]},
+def test_layers_of_options_merge() -> None:
+    """Tables, those of the algorithm too, grow; everything else is what the later layer says."""
+    options = Options()
+    for layer in (
+        {"set": {"a.x": 1, "a.y": 2}, "algorithm": "jacobi", "signals": ["x"], "step_multiples": {"a": 2}},
+        {"set": {"a.y": 3}, "signals": ["y"], "step_multiples": {"b": 4}},
         {},
-    )
-    assert (settings.values, settings.algorithm, settings.signals) == ({"a": 1, "b": 3}, "jacobi", ["y"])
-    assert settings.record("jacobi", Timing(0.0, 1e-3, 5))["set"] == {"a": 1, "b": 3}
+    ):
+        options = options.updated(layer)
+    assert (options.set, options.algorithm, options.signals) == ({"a.x": 1, "a.y": 3}, "jacobi", ["y"])
+    assert options.own == {"step_multiples": {"a": 2, "b": 4}}
+    in_effect = {option.name: value for option, value in options.in_effect()}
+    assert (in_effect["set"], in_effect["step_multiples"]) == (options.set, {"a": 2, "b": 4})

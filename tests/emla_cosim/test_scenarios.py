@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from emla_cosim.results.metrics import JointMetrics
-from emla_cosim.run import Progress, RunResult, Settings, run
 
+from emla_cosim.loading import load
 from emla_cosim.recorders.csv_file import read_csv
-from emla_cosim.scenarios.reading import scenario_names
+from emla_cosim.results.result import Result
+from emla_cosim.scenarios.built_in import SCENARIOS
 from emla_fmu.parameters import EMLAS
+from tests.support.scenario_runs import run_scenario
 
 # Table VI, column RSBA: position error m, speed error m/s, torque effort N m, convergence s
 TABLE_VI = {
@@ -20,34 +21,36 @@ TABLE_VI = {
 JOINTS = tuple(TABLE_VI)
 
 
-def run_scenario(name: str, fmus: Path, folder: Path, **settings: object) -> RunResult:
-    """Run a scenario quietly and without plots."""
-    return run(load(name), Settings(fmus=fmus, plots=False, **settings), folder, Progress())
+@pytest.fixture(scope="module")
+def study_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the files of `study` are."""
+    return tmp_path_factory.mktemp("study")
 
 
 @pytest.fixture(scope="module")
-def study(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
-    return run_scenario("study", fmu_folder, tmp_path_factory.mktemp("study"))
+def study(fmu_folder: Path, study_folder: Path) -> Result:
+    return run_scenario(load("study"), study_folder, fmus=fmu_folder)
 
 
-def as_table(m: JointMetrics) -> tuple[float, float, float, float]:
-    return m.position_error_m, m.velocity_error_m_s, m.torque_effort_N_m, m.convergence_time_s
+def as_table(result: Result, joint: str) -> tuple[float, float, float, float]:
+    m = result.metrics["joints"][joint]
+    return m["position_error_m"], m["velocity_error_m_s"], m["torque_effort_N_m"], m["convergence_time_s"]
 
 
 @pytest.mark.parametrize("joint", JOINTS)
-def test_study_beats_every_cell_of_table_vi(study: RunResult, joint: str) -> None:
+def test_study_beats_every_cell_of_table_vi(study: Result, joint: str) -> None:
     assert study.problem is None
     assert study.steps == 100_000
-    for found, published in zip(as_table(study.metrics[joint]), TABLE_VI[joint], strict=True):
+    for found, published in zip(as_table(study, joint), TABLE_VI[joint], strict=True):
         assert 0 < found < published
 
 
 @pytest.mark.parametrize("joint", JOINTS)
-def test_study_runs_into_its_limits_and_respects_them(study: RunResult, joint: str) -> None:
+def test_study_runs_into_its_limits_and_respects_them(study: Result, study_folder: Path, joint: str) -> None:
     names = [f"{joint}.{x}" for x in ("plant.inverter.u_q", "plant.inverter.u_d", "plant.tau_m", "plant.i_q")]
-    u_q, u_d, tau_m, i_q = read_csv(study.folder / "results.csv", names).values()
+    u_q, u_d, tau_m, i_q = read_csv(study_folder / "results.csv", names).values()
     emla = EMLAS[joint]
-    assert study.metrics[joint].saturated_fraction > 0
+    assert study.metrics["joints"][joint]["saturated_fraction"] > 0
     assert np.hypot(u_q, u_d).max() <= emla.u_max * (1 + 1e-12)
     assert np.abs(tau_m).max() <= emla.tau_max
     # true torque: the actual current drives the screw
@@ -74,20 +77,22 @@ def test_study_has_the_observer_in_the_loop_and_everything_that_disturbs() -> No
         assert disturbance["d_2.amplitude[1]"] in (0.8, 0.9)
 
 
-def test_a_joint_alone_behaves_as_in_the_study(study: RunResult, fmu_folder: Path, tmp_path: Path) -> None:
-    alone = run_scenario("telescope", fmu_folder, tmp_path, stop_time=1.0)
+def test_a_joint_alone_behaves_as_in_the_study(
+    study: Result, study_folder: Path, fmu_folder: Path, tmp_path: Path
+) -> None:
+    alone = run_scenario(load("telescope"), tmp_path, fmus=fmu_folder, stop_time=1.0)
     name = ["telescope.plant.x_L"]
-    in_study = read_csv(study.folder / "results.csv", name)[name[0]][:1001]
+    in_study = read_csv(study_folder / "results.csv", name)[name[0]][:1001]
     assert np.array_equal(read_csv(tmp_path / "results.csv", name)[name[0]], in_study)
-    assert list(alone.metrics) == ["telescope"]
+    assert list(alone.metrics["joints"]) == ["telescope"]
 
 
 def test_as_printed_with_true_states_has_the_papers_magnitudes(fmu_folder: Path, tmp_path: Path) -> None:
     """Errors within a factor of two of Table VI for lift and tilt, torques within a fifth."""
-    result = run_scenario("published-true-states", fmu_folder, tmp_path, stop_time=3.0)
+    result = run_scenario(load("published-true-states"), tmp_path, fmus=fmu_folder, stop_time=3.0)
     assert result.problem is None
     for joint in ("lift", "tilt"):
-        position, speed, torque, _ = as_table(result.metrics[joint])
+        position, speed, torque, _ = as_table(result, joint)
         assert TABLE_VI[joint][0] / 2 < position < TABLE_VI[joint][0] * 2
         assert speed < TABLE_VI[joint][1]
         assert torque == pytest.approx(TABLE_VI[joint][2], rel=0.2)
@@ -95,23 +100,22 @@ def test_as_printed_with_true_states_has_the_papers_magnitudes(fmu_folder: Path,
 
 def test_as_printed_with_its_observer_loses_every_joint(fmu_folder: Path, tmp_path: Path) -> None:
     """The observer does not know the load: errors of decimetres, not of 60 micrometres, after 1 s."""
-    result = run_scenario("published", fmu_folder, tmp_path)
+    result = run_scenario(load("published"), tmp_path, fmus=fmu_folder)
     assert result.problem is None
     for joint in JOINTS:
-        assert result.metrics[joint].position_error_m > 0.2
+        assert result.metrics["joints"][joint]["position_error_m"] > 0.2
 
 
 def test_as_printed_with_its_observer_overflows_at_a_tenth_of_a_millisecond(
     fmu_folder: Path, tmp_path: Path
 ) -> None:
-    result = run_scenario("published", fmu_folder, tmp_path, step_size=1e-4)
+    result = run_scenario(load("published"), tmp_path, fmus=fmu_folder, step_size=1e-4)
     assert result.problem is not None
     assert result.times.step * result.steps < 1e-2
 
 
-def test_every_scenario_starts_with_every_controller(fmu_folder: Path, tmp_path: Path) -> None:
-    for name in scenario_names():
-        for controller in ("robust", "published"):
-            scenario = load(name, controller)
-            settings = Settings(fmus=fmu_folder, plots=False, step_size=1e-6, stop_time=1e-5)
-            assert run(scenario, settings, tmp_path, Progress()).problem is None
+def test_every_scenario_starts_with_all_gains(fmu_folder: Path, tmp_path: Path) -> None:
+    for name in SCENARIOS:
+        for gains in ("robust", "published"):
+            scenario = load(name, gains=gains, step_size=1e-6, stop_time=1e-5)
+            assert run_scenario(scenario, tmp_path, fmus=fmu_folder).problem is None

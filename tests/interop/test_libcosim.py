@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from emla_cosim.run import Progress, run
-from emla_cosim.settings import Settings
 from libcosimpy.CosimEnums import CosimVariableType
 from libcosimpy.CosimExecution import CosimExecution
 from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
@@ -20,6 +18,7 @@ from libcosimpy.CosimSlave import CosimLocalSlave
 
 from emla_cosim.loading import load
 from tests.support.joint_run import STEP, Array, Case, differences, our_run
+from tests.support.scenario_runs import run_scenario
 
 
 def libcosim_run(case: Case) -> Array:
@@ -65,10 +64,8 @@ def test_the_study_is_bit_for_bit_what_our_command_writes(fmu_folder: Path, tmp_
     """Three joints, 15 FMUs, as `emla run study --algorithm jacobi` leaves them in results.csv."""
     study = load("study")
     case = Case(study.system, fmu_folder, "native", 2000, STEP)
-    settings = Settings(
-        algorithm="jacobi", stop_time=case.times.stop, output_interval=STEP, fmus=fmu_folder, plots=False
-    )
-    assert run(study, settings, tmp_path, Progress()).problem is None
+    options = {"algorithm": "jacobi", "stop_time": case.times.stop, "output_interval": STEP}
+    assert run_scenario(study, tmp_path, fmus=fmu_folder, **options).problem is None
     rows = np.genfromtxt(
         tmp_path / "results.csv", delimiter=",", names=True, deletechars="", encoding="utf-8"
     )

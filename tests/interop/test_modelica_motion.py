@@ -336,6 +336,6 @@ def test_the_study_moves_as_its_fmus(fmu_folder: Path) -> None:
     found = simulated_by_rumoca(compiled(source, "Three"), times, 1e-6)
     expected = native_run(system, fmu_folder, GaussSeidel("fmu"), 1e-5, times)
     for name, tolerance in STUDY_TOLERANCES.items():
-        signals = {s: expected[s] for s in (f"{joint}.{name}" for joint in system.joints)}
+        signals = {s: expected[s] for s in (f"{joint}.{name}" for joint in system.branches)}
         different = differences({s: found[f"study.{s}"] for s in signals}, signals)
         assert {s: d for s, d in different.items() if d > tolerance} == {}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from emla_cosim.fmu.file import open_fmu
+from emla_cosim.fmu.variables import typed_values
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.master.slaves.fmu_slave import FmuSlave
 from emla_cosim.master.slaves.slave import EntryPoints, Slave
@@ -31,9 +32,10 @@ def fmu_slave(
 ) -> Iterator[FmuSlave]:
     """One instance of an FMU, with start values set, freed afterwards."""
     with TemporaryDirectory() as folder:
-        slave = FmuSlave("test", open_fmu(path, Path(folder)), inputs, outputs, FmuLog())
+        file = open_fmu(path, Path(folder))
+        slave = FmuSlave("test", file, inputs, outputs, FmuLog())
         try:
-            slave.set_start_values(parameters or {})
+            slave.set_start_values(typed_values("test", file.interface, parameters or {}))
             yield slave
         finally:
             slave.close()

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..errors import called_as_in
 from ..experiment import run_times
 from ..options import Options
 from ..preparation import prepared
@@ -49,8 +50,9 @@ class Scenario:
         """
         chosen, told = self.options.updated(options), progress or Progress()
         times = run_times(chosen, self.name)
-        system, fmus = prepared(self.system, chosen, told)
         experiment = Experiment(times.start, times.stop, times.step)
-        write_ssp(Path(file), self.name, self.description, system, fmus, experiment, nested)
+        with called_as_in(self.unpacked):
+            system, fmus = prepared(self.system, chosen, told)
+            write_ssp(Path(file), self.name, self.description, system, fmus, experiment, nested)
         told.advance(1)
         return Path(file)

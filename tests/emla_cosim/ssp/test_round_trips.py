@@ -4,14 +4,13 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from emla_cosim.run import Progress
-from emla_cosim.settings import Settings
 from typer.testing import CliRunner
 
 from emla_cosim.cli import app
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.loading import load
 from emla_cosim.preparation import prepared
+from emla_cosim.progress import Progress
 from emla_cosim.system.resolution import resolved
 from tests.support.paths import FOREIGN_MAPPING
 from tests.support.ssp_documents import folder, understood
@@ -84,7 +83,8 @@ def test_one_name_with_a_value_for_each_component(nested: bool, fmu_folder: Path
 def test_what_is_read_is_what_was_exported(nested: bool, fmu_folder: Path) -> None:
     """Names, connections and values."""
     export("study", "first.ssp", fmu_folder, *(NESTED if nested else []))
-    system, fmus = prepared(load("study").system, Settings(fmus=fmu_folder), Progress())
+    study = load("study", fmus=fmu_folder)
+    system, fmus = prepared(study.system, study.options, Progress())
     interfaces = {name: read_interface(file) for name, file in fmus.items()}
     expected, found = resolved(system, interfaces), understood(Path("first.ssp")).plain
     assert found.connections == expected.connections

@@ -5,8 +5,10 @@ from typing import Any
 
 import polars
 import pytest
-from emla_cosim.run import Progress, Settings, results_folder, run
 
+from emla_cosim.loading import load
+from emla_cosim.results.output_folder import results_folder
+from tests.support.scenario_runs import run_scenario
 from tests.support.ssp_documents import (
     binding,
     component,
@@ -25,11 +27,10 @@ def gain(name: str, ports: str, b: float = 1.0, **values: Any) -> str:
     return component(name, "Faulty.fmu", ports, binding(ssv(a=0.0, b=b, **values)))
 
 
-def results(path: Path, folder: Path, *signals: str, **settings: Any) -> dict[str, float]:
+def results(path: Path, folder: Path, *signals: str, **options: Any) -> dict[str, float]:
     """The last row of a run of three steps."""
-    with opened_scenario(str(path)) as scenario:
-        options = {"stop_time": 0.3, "step_size": 0.1, "output_interval": 0.1, "plots": False, **settings}
-        assert run(scenario, Settings(**options), folder, Progress()).problem is None
+    times = {"stop_time": 0.3, "step_size": 0.1, "output_interval": 0.1}
+    assert run_scenario(load(path), folder, **times, **options).problem is None
     (row,) = polars.read_csv(folder / "results.csv").tail(1).to_dicts()
     return {name: row[name] for name in signals}
 

@@ -124,7 +124,7 @@ def test_a_component_inside_a_component(tmp_path: Path) -> None:
     system = System((Component("a.b"), Component("a.b.c")), ())
     with pytest.raises(CommandError, match=r"'a\.b\.c' is inside of the component 'a\.b'"):
         exported(tmp_path, system, dict.fromkeys(("a.b", "a.b.c"), fmu), nested=True)
-    assert exported(tmp_path, system, dict.fromkeys(("a.b", "a.b.c"), fmu)).system.joints == ["a"]
+    assert exported(tmp_path, system, dict.fromkeys(("a.b", "a.b.c"), fmu)).system.branches == ["a"]
 
 
 def test_a_name_with_nothing_between_dots(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import unquote, urlsplit
 
-from ...errors import CommandError, CosimError, listed
+from ...errors import CommandError, called_as_in, listed
 from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..documents.structure import DEFAULT_SSD
 
@@ -74,7 +74,7 @@ def opened(path: Path, variant: str = "") -> Iterator[Package]:
     elif file.suffix.lower() == ".ssd":
         yield Package(file.parent, file, file.name)
     else:
-        with _temporary() as temporary, _names_of_users(f"{temporary}/"):
+        with _temporary() as temporary, called_as_in(Path(temporary)):
             folder = Path(temporary) / file.name
             _unpack(file, folder)
             yield replace(_package(folder, variant, name), unpacked=Path(temporary))
@@ -85,16 +85,6 @@ def _temporary() -> Iterator[str]:
     """A temporary folder by the name that files in it have when links are resolved."""
     with TemporaryDirectory(prefix="emla-ssp-") as folder:
         yield str(Path(folder).resolve())
-
-
-@contextlib.contextmanager
-def _names_of_users(temporary: str) -> Iterator[None]:
-    """Messages call files inside a package PACKAGE.ssp/resources/..., not by where they were unpacked."""
-    try:
-        yield
-    except CosimError as error:
-        error.args = (str(error).replace(temporary, ""),)
-        raise
 
 
 def _variant(path: Path) -> tuple[Path, str]:
