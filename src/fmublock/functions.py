@@ -99,7 +99,9 @@ def log(x: Any) -> Any:
 
 def sqrt(x: Any) -> Any:
     """Square root; NaN below zero, so that the branch not taken of a `where` may be undefined."""
-    return _defined(math.sqrt, x) if isinstance(x, _NUMBER) else _on_symbols("sqrt", x)
+    if not isinstance(x, _NUMBER):
+        return _on_symbols("sqrt", x)
+    return math.sqrt(x) if x >= 0.0 else math.nan
 
 
 def floor(x: Any) -> Any:
@@ -120,14 +122,14 @@ def minimum(x: Any, y: Any) -> Any:
     """The smaller of x and y; the other one where one is NaN; of two zeros either (C's `fmin`)."""
     if not isinstance(x, _NUMBER) or not isinstance(y, _NUMBER):
         return _on_symbols("fmin", x, y)
-    return float(x if x <= y or math.isnan(y) else y)
+    return 1.0 * (x if x <= y or y != y else y)
 
 
 def maximum(x: Any, y: Any) -> Any:
     """The larger of x and y; the other one where one is NaN; of two zeros either (C's `fmax`)."""
     if not isinstance(x, _NUMBER) or not isinstance(y, _NUMBER):
         return _on_symbols("fmax", x, y)
-    return float(x if x >= y or math.isnan(y) else y)
+    return 1.0 * (x if x >= y or y != y else y)
 
 
 def sign(x: Any) -> Any:

@@ -4,6 +4,7 @@ from typing import Any
 
 from .block import Block
 from .functions import Symbolic
+from .variables import Variable
 
 METHODS = {"derivatives": "states", "update": "discrete_states", "outputs": "outputs"}
 """The methods of a block, in the order in which a step uses them, and the variables that each computes."""
@@ -20,7 +21,7 @@ class Results:
     """
 
     def __init__(self, block: Block, method: str) -> None:
-        self._variables = getattr(block.layout(), METHODS[method])
+        self._variables: tuple[Variable, ...] = getattr(block.layout(), METHODS[method])
         self.attributes = [x.attribute for x in self._variables for _ in x.scalars()]
         self._expected = set(self.attributes)
         self._method = f"{type(block).__name__}.{method}"
@@ -38,15 +39,19 @@ class Results:
         found: list[Any] = []
         for variable in self._variables:
             value = values[variable.attribute]
-            if type(value) is float and not variable.shape:  # the frequent case first
+            if type(value) is float and not variable.shape:  # by far the most frequent
                 found.append(value)
-                continue
-            try:
-                elements = variable.flat(value)
-            except ValueError as error:
-                raise EquationError(f"{self._method}: {variable.attribute} is wrong: {error}.") from None
-            found += [self._number(variable.attribute, x) for x in elements]
+            else:
+                found += self._elements(variable, value)
         return found
+
+    def _elements(self, variable: Variable, value: Any) -> list[Any]:
+        vector = type(value) is list and variable.shape == (len(value),)
+        try:
+            elements = value if vector else variable.flat(value)
+        except ValueError as error:
+            raise EquationError(f"{self._method}: {variable.attribute} is wrong: {error}.") from None
+        return [x if type(x) is float else self._number(variable.attribute, x) for x in elements]
 
     def _wrong_names(self, values: dict[str, Any]) -> str:
         if unknown := [str(name) for name in values if name not in self._expected]:
