@@ -1,8 +1,14 @@
-"""Files of others, read with one sentence for whatever is wrong with their names or contents."""
+"""Files: read with one sentence for whatever is wrong with them, written whole and where nothing else is."""
 
+import os
+from collections.abc import Mapping
 from pathlib import Path
 
+from fmublock.files import NoFileError, real_place, written_whole
+
 from .errors import CommandError
+
+__all__ = ["NoFileError", "check_places", "place_of", "read_file", "read_text", "real_place", "written_whole"]
 
 
 def read_file(path: Path, what: str) -> bytes:
@@ -21,3 +27,28 @@ def read_text(path: Path, what: str) -> str:
         return read_file(path, what).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CommandError(f"{what} '{path}' is not a text in UTF-8.") from error
+
+
+def place_of(path: Path, what: str) -> Path:
+    """Where a file that is to be written lies; CommandError where it cannot, see `real_place`."""
+    try:
+        place = real_place(path)
+        if not place.parent.is_dir():
+            raise NoFileError(0, f"there is no folder '{path.parent}'")
+    except OSError as error:
+        raise CommandError(f"{what} '{path}' cannot be written: {error.strerror or error}.") from error
+    return place
+
+
+def check_places(written: Mapping[Path, str], used: Mapping[Path, str]) -> None:
+    """Raise CommandError where a file cannot be written, or is used for something else.
+
+    Both say by path what the files are.
+    """
+    others = {os.path.realpath(path): (path, role) for path, role in used.items()}
+    for path, what in written.items():
+        place = place_of(path, what)
+        if str(place) in others:
+            other, role = others[str(place)]
+            named = "" if other == path else f" '{other}'"
+            raise CommandError(f"{what} '{path}' is {role}{named} too; write it to another file.")

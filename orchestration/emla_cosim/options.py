@@ -154,6 +154,17 @@ class Options:
             found[name] = dataclasses.replace(found[name], mapping=file)
         return found
 
+    def files_read(self) -> dict[Path, str]:
+        """The files that a run reads, and what they are."""
+        found = dict.fromkeys(self.parameters, "the parameter set")
+        for replacement in self.replacements().values():
+            found[replacement.fmu] = "the FMU"
+            if replacement.mapping is not None:
+                found[replacement.mapping] = "the mapping"
+        if isinstance(self.controller, str) and self.controller.lower().endswith(".fmu"):
+            found[Path(self.controller)] = "the FMU"
+        return found
+
     def make_algorithm(self) -> Algorithm:
         """The algorithm with its options; CommandError for one that it does not have."""
         given = {n: v for n, v in self.own.items() if any(n in _names(k) for k in ALGORITHMS.values())}

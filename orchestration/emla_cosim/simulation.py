@@ -71,6 +71,7 @@ class Simulation:
         self.options = options or Options()
         self._unpacked, self._holds = unpacked, holds
         told = progress or Progress()
+        self._here = Path.cwd()  # an FMU may go elsewhere
         with called_as_in(unpacked):
             self.system, fmus = prepared(system, self.options, told)
             self._assembly = Assembly(self.system, fmus)
@@ -170,7 +171,7 @@ class Simulation:
                 resumed = resumable(chosen.resume, identity, times) if chosen.resume else None
                 if chosen.checkpoint is not None:
                     check_can_save(chosen.checkpoint, assembly.network)
-                    taking.append(Checkpoints(chosen.checkpoint, identity))
+                    taking.append(Checkpoints(self._here / chosen.checkpoint, identity))
             outline = Outline(assembly.network.names, list(self.units.values()), times, recorded, every)
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
         except BaseException:

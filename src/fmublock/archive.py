@@ -1,13 +1,13 @@
 """FMU files whose bytes depend on their content alone."""
 
 import hashlib
-import os
-import tempfile
 import uuid
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from .files import written_whole
 
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 _KEY = "fmublock key "  # a zip's comment is no part of the FMU; repacking leaves it out
@@ -59,17 +59,10 @@ def read_built(path: Path) -> Built:
 def write_archive(path: Path, files: Mapping[str, bytes], comment: bytes = b"") -> None:
     """Zip the files to `path`; a reader never sees half a file there. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as stream, zipfile.ZipFile(stream, "w") as archive:
-            for name in sorted(files):
-                entry = zipfile.ZipInfo(name, _ZIP_EPOCH)
-                entry.compress_type = zipfile.ZIP_DEFLATED
-                entry.external_attr = 0o644 << 16
-                archive.writestr(entry, files[name], compresslevel=9)
-            archive.comment = comment
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with written_whole(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+        for name in sorted(files):
+            entry = zipfile.ZipInfo(name, _ZIP_EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, files[name], compresslevel=9)
+        archive.comment = comment

@@ -7,7 +7,6 @@ import hashlib
 import re
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from .block import Block
@@ -128,6 +127,8 @@ def _own_files() -> tuple[str, ...]:
 
 @cache
 def _version(tool: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version  # takes a while
+
     try:
         return version(tool)
     except PackageNotFoundError:

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from ..bars import BarProgress
+from ..files import check_places
 from ..loading import load
 from ..option import EXPORT
 from ..terminal import OUT
@@ -24,7 +25,9 @@ def command(
     ] = False,
 ) -> None:
     """Write a scenario as an SSP package."""
+    chosen = load(scenario, **given)
+    check_places({file: "the package"}, {Path(scenario): "the scenario"} | chosen.options.files_read())
     with BarProgress() as progress:
-        load(scenario, **given).export(file, nested, progress)
+        chosen.export(file, nested, progress)
     size = file.stat().st_size / 1024
     OUT.print(f"{file}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)

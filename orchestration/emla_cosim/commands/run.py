@@ -1,5 +1,6 @@
 """`emla run`."""
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -7,8 +8,10 @@ import typer
 from ..bars import BarProgress
 from ..errors import CosimError
 from ..experiment import check_run
+from ..files import check_places
 from ..loading import load
 from ..option import RUN
+from ..options import Options
 from ..recorders.progress import ProgressRecorder
 from ..results.output_folder import OutputFolder, results_folder
 from ..terminal import show_result
@@ -25,10 +28,23 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
     check_run(options, chosen.name)
     with BarProgress() as progress:
         output = OutputFolder(options.output or results_folder(chosen.name), options.output_format)
-        with chosen.prepare(progress) as simulation:
-            recorders = [*output.recorders(continued=options.resume is not None), ProgressRecorder(progress)]
-            result = simulation.attempt(recorders=recorders)
-        result, pictures = output.keep(result, options.plots, progress)
+        _check_places(scenario, options, output)
+        with output.alone():
+            with chosen.prepare(progress) as simulation:
+                writing = output.recorders(continued=options.resume is not None)
+                result = simulation.attempt(recorders=[*writing, ProgressRecorder(progress)])
+            result, pictures = output.keep(result, options.plots, progress)
     show_result(result, chosen.notes, output, pictures)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {output.path}.")
+
+
+def _check_places(scenario: str, options: Options, output: OutputFolder) -> None:
+    """Raise CommandError where a file would be written that is read, or written twice."""
+    results = dict.fromkeys(output.files, "a file of the results")
+    read = {Path(scenario): "the scenario"} | options.files_read()
+    if options.checkpoint is not None:
+        check_places({options.checkpoint: "the checkpoint"}, results | read)
+    if options.resume is not None:
+        read[options.resume] = "the checkpoint to continue"
+    check_places(results, read)

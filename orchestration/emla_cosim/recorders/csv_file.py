@@ -11,6 +11,7 @@ import numpy as np
 import polars
 
 from ..arrays import Vector
+from ..files import real_place
 from .recorder import Outline
 from .table import Table
 
@@ -36,6 +37,7 @@ class CsvFile(Table):
         """Create the file with its header, or open it to continue; raises OSError."""
         super().begin(outline, memory)
         header = polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
+        real_place(self.path)  # a device or a folder is no place for it
         if memory is not None and _continues(self.path, header, memory):
             self._stream = self.path.open("r+b", buffering=0)
             self._stream.truncate(memory["bytes"])

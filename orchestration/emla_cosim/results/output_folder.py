@@ -14,6 +14,8 @@ import numpy as np
 
 from ..arrays import Vector
 from ..errors import CommandError, RunError
+from ..files import place_of, written_whole
+from ..locking import alone
 from ..progress import Progress
 from ..recorders.recorder import Outline, Recorder, recording
 from ..recorders.registry import TABLES
@@ -41,28 +43,43 @@ class OutputFolder:
         self._make = TABLES[form]
         try:
             path.mkdir(parents=True, exist_ok=True)
+            self._place = path.resolve()
             with TemporaryFile(dir=path):
                 pass
-        except OSError as error:
-            raise CommandError(f"the output folder '{path}' cannot be written: {error.strerror}.") from error
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise CommandError(f"the output folder '{path}' cannot be written: {reason}.") from error
+        for file in self.files:
+            place_of(file, "the file of results")
+
+    @property
+    def files(self) -> list[Path]:
+        """All files that a run may write here."""
+        return [self.results, *(self.path / name for name in _names())]
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """No other run writes here meanwhile; CommandError where one does."""
+        with alone(self._place):
+            yield
 
     def recorders(self, continued: bool) -> list[Recorder]:
         """What writes the table of results while a run goes on, which may continue one in this folder."""
-        return [_Clearing(self, continued), self._make(self.results)]
+        return [_Clearing(self, continued), self._make(self._place / self.results.name)]
 
     def clear(self, keep_results: bool = False) -> None:
-        """Remove what an earlier run left under the same names. May raise OSError."""
-        for name in (METRICS, RECORD, *(f"{figure}.png" for figure in FIGURES)):
-            (self.path / name).unlink(missing_ok=True)
-        for form in TABLES if not keep_results else ():
-            (self.path / f"results.{form}").unlink(missing_ok=True)
+        """Remove what an earlier run left under the same names, but no links. May raise OSError."""
+        tables = [] if keep_results else [f"results.{form}" for form in TABLES]
+        for name in (*_names(), *tables):
+            if not (self._place / name).is_symlink():
+                (self._place / name).unlink(missing_ok=True)
 
     def write_table(self, result: Result) -> None:
         """Write the table of a result that has it in memory. Raises RunError."""
         kept = result.read(["time", *result.names])
         columns = list(kept)[1:]
         units = [result.units[name] for name in columns]
-        table = self._make(self.results)
+        table = self._make(self._place / self.results.name)
         with recording(table):
             self.clear()
             table.begin(Outline(columns, units, result.times, range(len(columns))))
@@ -87,10 +104,11 @@ class OutputFolder:
             if not plots or result.steps == 0 or result.table is None:
                 return []
             told.begin("drawing plots", len(FIGURES))
-            return draw(result, self.path, lambda _: told.advance(1))
+            return draw(result, self._place, lambda _: told.advance(1))
 
     def _write_json(self, name: str, content: object) -> None:
-        (self.path / name).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        with written_whole(self._place / name) as stream:
+            stream.write((json.dumps(content, indent=2) + "\n").encode())
 
     @contextlib.contextmanager
     def _written(self) -> Iterator[None]:
@@ -100,6 +118,11 @@ class OutputFolder:
             raise RunError(
                 f"the output folder '{self.path}' cannot be written: {error.strerror or error}."
             ) from error
+
+
+def _names() -> list[str]:
+    """Names of all files but the table of results."""
+    return [METRICS, RECORD, *(f"{figure}.png" for figure in FIGURES)]
 
 
 class _Clearing(Recorder):

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arrays import Vector
 from ..errors import CommandError
+from ..files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -175,4 +176,5 @@ def _tidied(axes: "Axes", legend: bool) -> None:
 def _save(figure: "Figure", path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    FigureCanvasAgg(figure).print_png(path)
+    with written_whole(path) as stream:
+        FigureCanvasAgg(figure).print_png(stream)

@@ -98,8 +98,9 @@ class Result:
         from .output_folder import OutputFolder
 
         output = OutputFolder(Path(folder), self.record["settings"]["output_format"])
-        output.write_table(self)
-        return output.write(self, plots)
+        with output.alone():
+            output.write_table(self)
+            return output.write(self, plots)
 
     @property
     def _table(self) -> Table:

@@ -1,7 +1,6 @@
 """A run put aside in a file, to be continued bit for bit."""
 
 import json
-import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy as np
 
 from ...arrays import Vector
 from ...errors import CommandError
+from ...files import place_of, written_whole
 from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping import Stepping
@@ -43,13 +43,14 @@ class Checkpoint:
 
 def check_can_save(path: Path, network: Network) -> None:
     """Raise CommandError unless all slaves can be put aside, and the file can be written."""
+    place = place_of(path, "the checkpoint")
     try:
-        with TemporaryFile(dir=path.parent):
+        with TemporaryFile(dir=place.parent):
             pass
     except OSError as error:
         raise CommandError(f"the checkpoint '{path}' cannot be written: {error.strerror}.") from error
-    if path.is_dir():
-        raise CommandError(f"the checkpoint '{path}' cannot be written: it is a folder.")
+    if place.exists() and place.stat().st_size and not _is_checkpoint(place):
+        raise CommandError(f"'{path}' is no checkpoint, so none is written there; give it another name.")
     require(network.slaves, "serializes", "canSerializeFMUstate", "a checkpoint")
 
 
@@ -66,15 +67,8 @@ def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) ->
     content[_MEMORY + "signals"] = network.signals
     header = json.dumps({"format": FORMAT, "notes": notes, "arrays": list(content)})
     content["header"] = np.frombuffer(header.encode(), dtype=np.uint8)
-    unfinished = path.parent / f"{path.name}.part"
-    try:
-        with unfinished.open("wb") as stream:
-            np.savez(stream, allow_pickle=False, **content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with written_whole(path) as stream:
+        np.savez(stream, allow_pickle=False, **content)
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
@@ -93,6 +87,15 @@ def load_checkpoint(path: Path) -> Checkpoint:
     states = {n.removeprefix(_STATE): arrays[n].tobytes() for n in arrays if n.startswith(_STATE)}
     memory = {n.removeprefix(_MEMORY): arrays[n] for n in arrays if n.startswith(_MEMORY)}
     return Checkpoint(states, memory, notes)
+
+
+def _is_checkpoint(path: Path) -> bool:
+    """Whether a file looks like one, of any format and however damaged inside."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return "header.npy" in archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, Vector]]:

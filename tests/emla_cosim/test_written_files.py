@@ -1,0 +1,289 @@
+"""What is written goes to regular files of its own, whole or not at all, one run per folder."""
+
+import errno
+import json
+import os
+import stat
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import emla_cosim as ec
+import fmublock.files
+from emla_cosim.locking import alone
+from fmublock.files import real_place, written_whole
+from tests.support.commands import Emla, sentence
+
+SHORT = ("--stop-time", "0.002", "--no-plots")
+
+
+def a_pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def a_folder(path: Path) -> None:
+    path.mkdir()
+
+
+KINDS: list[tuple[Callable[[Path], None], str]] = [(a_pipe, "it is a pipe"), (a_folder, "it is a folder")]
+
+
+# ---- what is no file -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("make", "words"), KINDS)
+@pytest.mark.parametrize("link", [False, True], ids=["itself", "a link"])
+def test_what_is_no_file_is_not_replaced(
+    make: Callable[[Path], None], words: str, link: bool, emla: Emla, tmp_path: Path
+) -> None:
+    place = tmp_path / "place"
+    make(place)
+    kind = stat.S_IFMT(place.lstat().st_mode)
+    named = tmp_path / "link"
+    if link:
+        named.symlink_to(place)
+    target = str(named if link else place)
+    (tmp_path / "out").mkdir()
+    for name in ("results.csv", "metrics.json", "tracking.png"):
+        (tmp_path / "out" / name).symlink_to(target)
+        assert words in sentence(emla("run", "lift", *SHORT, "--output", "out"), 2)
+        (tmp_path / "out" / name).unlink()
+    assert words in sentence(emla("run", "lift", *SHORT, "--checkpoint", target), 2)
+    exported = tmp_path / "x.ssp"
+    exported.symlink_to(target)
+    assert words in sentence(emla("export", "lift", "x.ssp"), 2)
+    assert stat.S_IFMT(place.lstat().st_mode) == kind
+    assert exported.is_symlink()
+
+
+def test_names_that_no_file_can_have(emla: Emla, fmu_folder: Path) -> None:
+    name = "n" * 300
+    assert "the checkpoint" in sentence(emla("run", "lift", *SHORT, "--checkpoint", name), 2)
+    assert "the output folder" in sentence(emla("run", "lift", *SHORT, "--output", name), 2)
+    assert "cannot be written" in sentence(emla("export", "lift", f"{name}.ssp"), 2)
+    with ec.load("lift", stop_time=0.002).prepare(fmus=fmu_folder) as simulation:
+        with pytest.raises(ec.CommandError, match=r"the checkpoint .* cannot be written: .*null"):
+            simulation.run(checkpoint="x\0y")
+        with pytest.raises(ec.CommandError, match=r"the output folder .* cannot be written: .*null"):
+            simulation.run().save("x\0y")
+
+
+def test_a_link_stays_and_its_target_gets_the_content(emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out").mkdir()
+    links = {"out/metrics.json": "m", "out/results.csv": "r", "c": "checkpoint", "x.ssp": "package"}
+    for link, target in links.items():
+        (tmp_path / link).symlink_to(tmp_path / "elsewhere" / target)
+    assert emla("run", "lift", *SHORT, "--output", "out", "--checkpoint", "c").exit_code == 0
+    assert emla("export", "lift", "x.ssp").exit_code == 0
+    assert emla("run", "lift", "--stop-time", "0.004", "--no-plots", "--resume", "c").exit_code == 0
+    for link, target in links.items():
+        assert (tmp_path / link).is_symlink()
+        assert (tmp_path / "elsewhere" / target).stat().st_size > 0
+
+
+# ---- one use of one name ---------------------------------------------------------------------------
+
+
+def test_a_file_is_not_used_for_two_things(emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "my.toml").write_text('system = "lift"\nstop_time = 0.002\nplots = false\n')
+    assert emla("export", "lift", "x.ssp").exit_code == 0
+    (tmp_path / "link.ssp").symlink_to("x.ssp")
+    before = (tmp_path / "x.ssp").read_bytes()
+    for arguments, words in (
+        (("run", "lift", "--output", "o", "--checkpoint", "o/results.csv"), "is a file of the results too"),
+        (("run", "lift", "--output", "o", "--checkpoint", "o/../o/run.json"), "is a file of the results"),
+        (("run", "my.toml", "--checkpoint", "my.toml"), "the checkpoint 'my.toml' is the scenario too"),
+        (("run", "x.ssp", "--checkpoint", "link.ssp"), "the checkpoint 'link.ssp' is the scenario 'x.ssp'"),
+        (("run", "lift", "--replace", "lift.plant=x.ssp", "--checkpoint", "x.ssp"), "is the FMU too"),
+        (("export", "x.ssp", "x.ssp"), "the package 'x.ssp' is the scenario too"),
+        (("export", "x.ssp", "link.ssp"), "the package 'link.ssp' is the scenario 'x.ssp' too"),
+    ):
+        more = SHORT if arguments[0] == "run" else ()
+        assert words in sentence(emla(*arguments, *more), 2)
+    assert (tmp_path / "x.ssp").read_bytes() == before
+
+
+def test_a_checkpoint_replaces_checkpoints_only(emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "thesis").write_text("years of work")
+    text = sentence(emla("run", "lift", *SHORT, "--checkpoint", "thesis"), 2)
+    assert "'thesis' is no checkpoint, so none is written there" in text
+    assert (tmp_path / "thesis").read_text() == "years of work"
+    (tmp_path / "empty").touch()
+    for _ in range(2):
+        assert emla("run", "lift", *SHORT, "--checkpoint", "empty").exit_code == 0
+
+
+def test_an_fmu_that_goes_elsewhere_does_not_move_results(
+    fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+
+    class Going(ec.Recorder):
+        def pause(self, run: Any) -> None:
+            os.chdir(tmp_path / "elsewhere")
+
+    with ec.load("lift", stop_time=0.002).prepare(fmus=fmu_folder) as simulation:
+        simulation.run(recorders=[Going(), ec.TimeSeries()], checkpoint="c").save(tmp_path / "out")
+    assert (tmp_path / "c").exists()
+    assert not any((tmp_path / "elsewhere").iterdir())
+
+
+# ---- one run per folder ----------------------------------------------------------------------------
+
+
+def test_a_second_run_into_a_folder_is_refused(emla: Emla, tmp_path: Path) -> None:
+    code = "from emla_cosim.locking import alone; from pathlib import Path; import sys\n"
+    code += "with alone(Path(sys.argv[1])): print('held', flush=True); sys.stdin.read()"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    (tmp_path / "out").mkdir()
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path / "out")],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment,
+    ) as other:  # fmt: skip
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        text = sentence(emla("run", "lift", *SHORT, "--output", "out"), 2)
+        assert f"another run writes to '{tmp_path / 'out'}', process {other.pid} since 20" in text
+        other.kill()
+    assert emla("run", "lift", *SHORT, "--output", "out").exit_code == 0
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"results.csv", "metrics.json", "run.json"}
+
+
+def test_runs_into_other_folders_go_on(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+    with alone(tmp_path / "a"), alone(tmp_path / "b"):
+        pass
+    assert not any((tmp_path / "a").iterdir())
+
+
+# ---- whole or not at all ---------------------------------------------------------------------------
+
+
+def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "f"
+    path.write_bytes(b"before")
+    path.chmod(0o640)
+    with pytest.raises(KeyError), written_whole(path) as stream:
+        stream.write(b"half")
+        raise KeyError
+    assert path.read_bytes() == b"before"
+    with written_whole(path) as stream:
+        stream.write(b"after")
+        stream.flush()
+        assert path.read_bytes() == b"before"
+    assert path.read_bytes() == b"after"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+    assert [p.name for p in tmp_path.iterdir()] == ["f"]
+
+
+CALLS = ("fsync", "replace", "chmod", "write")
+
+
+@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("what", ["run", "checkpoint", "export"])
+def test_a_call_that_fails_leaves_whole_files(
+    call: str, what: str, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each place where our files are put down is made to fail, one after the other."""
+    arguments = {
+        "run": ["run", "lift", "--stop-time", "0.4", "--output", "out"],
+        "checkpoint": ["run", "lift", *SHORT, "--output", "out", "--checkpoint", "c"],
+        "export": ["export", "lift", "x.ssp"],
+    }[what]
+    assert emla(*arguments).exit_code == 0
+    kept = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file() and p.suffix != ".csv"}
+    places, failures = 0, 0
+    while True:
+        made = {"count": 0}
+
+        def failing(made: dict[str, int] = made, at: int = places) -> None:
+            made["count"] += 1
+            if made["count"] == at + 1:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        with monkeypatch.context() as patch:
+            break_call(patch, call, failing)
+            result = emla(*arguments)
+        if made["count"] <= places:
+            break
+        places += 1
+        assert "No space left on device" in sentence(result, 1)
+        failures += 1
+        for path in tmp_path.rglob("*"):
+            assert not path.name.startswith(".unfinished")
+            if path.suffix == ".json":
+                json.loads(path.read_text())
+            elif path.suffix == ".png":
+                assert path.read_bytes().endswith(b"IEND\xaeB`\x82")
+            elif path in kept and path.name in ("c", "x.ssp"):
+                assert path.read_bytes() == kept[path]
+    assert failures == places > 0
+
+
+def break_call(patch: pytest.MonkeyPatch, call: str, failing: Callable[[], None]) -> None:
+    """Let one of the calls of `written_whole` do something first."""
+    if call == "fsync":
+        original = os.fsync
+        patch.setattr(fmublock.files.os, "fsync", lambda handle: (failing(), original(handle)))
+        return
+    if call == "write":
+        opened = os.fdopen
+
+        def fdopen(handle: int, mode: str) -> Any:
+            stream = opened(handle, mode)
+            failing_once = stream.write
+
+            class Stream:
+                def __getattr__(self, name: str) -> Any:
+                    return getattr(stream, name)
+
+                def __enter__(self) -> Any:
+                    return self
+
+                def __exit__(self, *error: object) -> None:
+                    stream.close()
+
+                def write(self, content: bytes) -> int:
+                    if not getattr(self, "begun", False):
+                        self.begun = True
+                        failing()
+                    return failing_once(content)
+
+            return Stream()
+
+        patch.setattr(fmublock.files.os, "fdopen", fdopen)
+        return
+    method = getattr(Path, call)
+
+    def broken(self: Path, *arguments: Any) -> Any:
+        if self.name.startswith(".unfinished"):
+            failing()
+        return method(self, *arguments)
+
+    patch.setattr(Path, call, broken)
+
+
+def test_real_places(tmp_path: Path) -> None:
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(OSError):
+        real_place(tmp_path / "a")
+    (tmp_path / "dangling").symlink_to("new")
+    assert real_place(tmp_path / "dangling") == (tmp_path / "new").resolve()
+
+
+def test_the_time_of_a_lock_is_told(tmp_path: Path) -> None:
+    with alone(tmp_path):
+        found = json.loads((tmp_path / ".running.json").read_text())
+        assert found["process"] == os.getpid()
+        assert found["began"].startswith(time.strftime("%Y"))
+        with pytest.raises(ec.CommandError, match=f"process {os.getpid()} since"), alone(tmp_path):
+            pass
