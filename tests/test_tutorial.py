@@ -24,6 +24,7 @@ import pytest
 from typer.testing import CliRunner
 
 from emla_cosim.cli import app
+from tests.support.commands import widen_terminal
 
 DOCS = Path(__file__).parents[1] / "docs"
 TEXT = (DOCS / "tutorial.md").read_text(encoding="utf-8")
@@ -96,7 +97,7 @@ def missing(expected: str, shown: str) -> list[str]:
 
 def test_everything_works_as_shown(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "100")  # of the terminal, so that no table is folded
+    widen_terminal(monkeypatch)
     shutil.copytree(fmu_folder, "fmus")  # as the first run would build them
     shown, kinds = "", set()
     for block in blocks():

@@ -6,14 +6,14 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from emla_cosim.cli import app
-from tests.support.commands import Emla
+from tests.support.commands import Emla, widen_terminal
 
 
 @pytest.fixture
 def emla(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Emla:
     """Run `emla` in an empty folder; it finds the FMUs that the session has built."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "100")  # of the terminal, so that no table is folded
+    widen_terminal(monkeypatch)
 
     def call(*arguments: str) -> Result:
         takes_fmus = arguments[0] in ("run", "export") and "--fmus" not in arguments

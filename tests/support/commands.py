@@ -2,9 +2,19 @@
 
 from collections.abc import Callable
 
+import pytest
 from typer.testing import Result
 
+from emla_cosim.terminal import ERR, OUT
+
 Emla = Callable[..., Result]
+
+
+def widen_terminal(monkeypatch: pytest.MonkeyPatch, columns: int = 100) -> None:
+    """Make the terminal so wide that no table is folded, whatever it was when it was first used."""
+    monkeypatch.setenv("COLUMNS", str(columns))
+    for console in (OUT, ERR):
+        monkeypatch.setattr(console, "width", columns)
 
 
 def sentence(result: Result, exit_code: int) -> str:

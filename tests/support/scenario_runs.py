@@ -13,6 +13,7 @@ def run_scenario(scenario: Scenario, folder: Path, **options: Any) -> Result:
     """Run a scenario with other options, quietly and without plots."""
     chosen = scenario.options.updated({"plots": False, **options})
     output = OutputFolder(folder, chosen.output_format)
-    with scenario.prepare(**options) as simulation:
-        result = simulation.attempt(recorders=output.recorders(continued=chosen.resume is not None))
-    return output.keep(result, chosen.plots, Progress())[0]
+    with output.alone():
+        with scenario.prepare(**options) as simulation:
+            result = simulation.attempt(recorders=output.recorders(continued=chosen.resume is not None))
+        return output.keep(result, chosen.plots, Progress())[0]
