@@ -8,6 +8,7 @@ import typer
 from ..bars import BarProgress
 from ..errors import CommandError, check_choice
 from ..models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
+from ..terminal import show_file
 
 
 def command(

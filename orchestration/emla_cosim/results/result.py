@@ -87,7 +87,9 @@ class Result:
         try:
             import pandas
         except ImportError as error:
-            raise CommandError("a pandas data frame needs pandas: pip install 'emla-cosim[pandas]'.") from error
+            raise CommandError(
+                "a pandas data frame needs pandas: pip install 'emla-cosim[pandas]'."
+            ) from error
 
         return pandas.DataFrame(self.read(self._table.names)).set_index("time")
 
