@@ -4,11 +4,21 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from fmublock.cache import cache_folder
 from fmublock.files import NoFileError, real_place, written_whole
 
 from .errors import CommandError
 
-__all__ = ["NoFileError", "check_places", "place_of", "read_file", "read_text", "real_place", "written_whole"]
+__all__ = [
+    "NoFileError",
+    "cache_folder",
+    "check_places",
+    "place_of",
+    "read_file",
+    "read_text",
+    "real_place",
+    "written_whole",
+]
 
 
 def read_file(path: Path, what: str) -> bytes:

@@ -14,13 +14,13 @@ import rsba_fmu
 from fmublock import Block
 from fmublock.archive import Built, read_built
 from fmublock.cache import cache_folder
-from fmublock.errors import BuildError
+from fmublock.errors import BuildError, LoadError
 from fmublock.platforms import TARGETS, host_platform
 from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe
 
-from .errors import RunError, check_choice
+from .errors import CommandError, RunError, check_choice
 
-__all__ = ["FLAVOURS", "FMU_FOLDER", "MODELS", "PLATFORMS", "build", "fmu_path"]
+__all__ = ["FLAVOURS", "FMU_FOLDER", "MODELS", "PLATFORMS", "block_of", "build", "fmu_path"]
 
 MODELS: dict[str, type[Block]] = {b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS)}
 """Blocks by the name of their model."""
@@ -30,6 +30,19 @@ PLATFORMS = tuple(TARGETS)
 
 FMU_FOLDER = Path("fmus")
 """Where `emla build` builds to, and whose FMUs come before those of the user's cache."""
+
+
+def block_of(name: str) -> type[Block]:
+    """The block that a name means: one of our models, or FILE.py:BLOCK. Raises CommandError."""
+    if ".py:" not in name:
+        check_choice("model", name, MODELS)
+        return MODELS[name]
+    from fmublock import load_block
+
+    try:
+        return load_block(name)
+    except LoadError as error:
+        raise CommandError(str(error), name=name) from error
 
 
 def fmu_path(model: str, flavour: str, folder: Path) -> Path:

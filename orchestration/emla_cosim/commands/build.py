@@ -7,12 +7,15 @@ import typer
 
 from ..bars import BarProgress
 from ..errors import CommandError, check_choice
-from ..models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build
+from ..models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, block_of, build
 from ..terminal import show_file
 
 
 def command(
-    models: Annotated[list[str] | None, typer.Argument(help="Models; all without any.")] = None,
+    models: Annotated[
+        list[str] | None,
+        typer.Argument(help="Models, or blocks as FILE.py:BLOCK; without any, all our models."),
+    ] = None,
     flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
     platform: Annotated[
         list[str] | None,
@@ -28,12 +31,11 @@ def command(
     if platform and flavour != "native":
         raise CommandError("PythonFMU FMUs bring PythonFMU's own binaries; leave --platform out.")
     platforms = platform or list(PLATFORMS)
-    for model in chosen:
-        check_choice("model", model, MODELS)
+    blocks = {name: name if name in MODELS else block_of(name) for name in chosen}
     with BarProgress() as progress:
         paths = []
-        for model in chosen:
-            progress.begin(model, len(platforms) if flavour == "native" else 1)
+        for name, model in blocks.items():
+            progress.begin(name, len(platforms) if flavour == "native" else 1)
             paths.append(build(model, flavour, platforms, output, lambda: progress.advance(1)))
             progress.finish()
     for path in paths:

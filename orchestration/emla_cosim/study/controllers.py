@@ -10,6 +10,7 @@ from fmublock import Block
 from rsba_fmu import RsbaController, gains
 
 from ..errors import CommandError, check_choice, listed
+from ..models import block_of
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,8 @@ def _controller(name: str | type) -> Controller:
         return Controller(name)
     if name.lower().endswith(".fmu"):
         return Controller(Path(name))
+    if ".py:" in name:
+        return Controller(block_of(name))
     sets = dict.fromkeys(s for controller in CONTROLLERS.values() for s in controller.gains)
     if name in sets and name not in CONTROLLERS:
         raise CommandError(
@@ -76,7 +79,8 @@ def _controller(name: str | type) -> Controller:
         )
     if name not in CONTROLLERS:
         raise CommandError(
-            f"there is no controller '{name}'; choose from {listed(CONTROLLERS)}, or name FILE.fmu.",
+            f"there is no controller '{name}'; choose from {listed(CONTROLLERS)}, or name FILE.fmu or "
+            "FILE.py:BLOCK.",
             name=name,
         )
     return CONTROLLERS[name]

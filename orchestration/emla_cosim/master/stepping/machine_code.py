@@ -14,7 +14,8 @@ from pathlib import Path
 
 import llvmlite
 import llvmlite.binding as llvm
-from platformdirs import user_cache_path
+
+from ...files import cache_folder
 
 _DIGEST = hashlib.sha256
 
@@ -41,7 +42,7 @@ def load(name: str, source: bytes, generate: Callable[[], str]) -> int:
 
 
 def _folder() -> Path:
-    return user_cache_path("emla-cosim", appauthor=False) / "code"
+    return cache_folder() / "code"
 
 
 def _key(source: bytes) -> str:
