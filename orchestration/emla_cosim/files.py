@@ -4,12 +4,13 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from fmublock.cache import cache_folder
+from fmublock.cache import CacheError, cache_folder
 from fmublock.files import NoFileError, real_place, written_whole
 
 from .errors import CommandError
 
 __all__ = [
+    "CacheError",
     "NoFileError",
     "cache_folder",
     "check_places",

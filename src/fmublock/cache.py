@@ -5,7 +5,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from .errors import BuildError
+from .errors import CacheError
 
 VARIABLE = "EMLA_COSIM_CACHE"
 """Environment variable that names another folder."""
@@ -16,13 +16,13 @@ def cache_folder() -> Path:
 
     The environment variable's folder; else the user's cache of the operating system; else, where
     there is no home or it cannot be written to (containers), a folder of ours among the temporary
-    files. Raises BuildError where the variable's folder cannot be written to.
+    files. Raises CacheError where the variable's folder cannot be written to.
     """
     named = os.environ.get(VARIABLE)
     if named:
         folder = Path(named).absolute()
         if not _is_writable(folder):
-            raise BuildError(f"the folder '{named}' of {VARIABLE} cannot be written to.")
+            raise CacheError(f"the folder '{named}' of {VARIABLE} cannot be written to.")
         return folder
     home = _home_cache()
     return _temporary() if home is None else home / "emla-cosim"

@@ -7,3 +7,7 @@ class BuildError(Exception):
 
 class LoadError(BuildError):
     """There is no such block: the file, the class in it, or the file's text is wrong."""
+
+
+class CacheError(BuildError):
+    """The folder that was named for what can be made again cannot be written to."""

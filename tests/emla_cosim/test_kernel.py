@@ -230,7 +230,7 @@ def test_without_numba_everything_is_stepped_in_python(
         if not compiled:
             kernel._advance.cache_clear()
             monkeypatch.delitem(sys.modules, f"{STEPPING}.loop", raising=False)
-            monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+            monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path))
             monkeypatch.setitem(sys.modules, "numba", None)
         with open_system(wired([faulty("j.a", faulty_fmu, u=1.0)])) as assembly:
             stepping = FixedSteps(begun(assembly.network, Jacobi(), times), times)
@@ -273,7 +273,7 @@ def test_the_second_start_needs_no_compiler(faulty_fmu: Path, tmp_path: Path) ->
     """Nor the library for loops of links, of which there are none."""
     environment = {
         **os.environ,
-        "XDG_CACHE_HOME": str(tmp_path),
+        "EMLA_COSIM_CACHE": str(tmp_path),
         "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
     }
     for imported in ("True False", "False False"):

@@ -21,7 +21,7 @@ Load = Callable[..., int]
 @pytest.fixture
 def triple(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Load:
     """Load the function from a cache of its own, call it, and say how often it has been compiled so far."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path / "cache"))
     compiled = []
 
     def generate() -> str:

@@ -5,8 +5,6 @@ up as if it were to compile. Code that calls nothing of numba is loaded by LLVM 
 """
 
 import hashlib
-import os
-import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -15,7 +13,7 @@ from pathlib import Path
 import llvmlite
 import llvmlite.binding as llvm
 
-from ...files import cache_folder
+from ...files import CacheError, cache_folder, written_whole
 
 _DIGEST = hashlib.sha256
 
@@ -29,7 +27,7 @@ def load(name: str, source: bytes, generate: Callable[[], str]) -> int:
     `generate` gives LLVM's text of the function `name`, compiled from `source`; it is called only where
     the code for this source, processor and LLVM is not known yet.
     """
-    path = _folder() / f"{name}-{_key(source)}.o"
+    path = _path(f"{name}-{_key(source)}.o")
     code = _read(path)
     if code is None:
         code = _compiled(generate())
@@ -41,8 +39,12 @@ def load(name: str, source: bytes, generate: Callable[[], str]) -> int:
     return engine.get_function_address(name)
 
 
-def _folder() -> Path:
-    return cache_folder() / "code"
+def _path(name: str) -> Path | None:
+    """Where code of this name is kept; None where nothing can be."""
+    try:
+        return cache_folder() / "code" / name
+    except CacheError:
+        return None
 
 
 def _key(source: bytes) -> str:
@@ -72,10 +74,10 @@ def _compiled(text: str) -> bytes:
     return _machine().emit_object(module)
 
 
-def _read(path: Path) -> bytes | None:
+def _read(path: Path | None) -> bytes | None:
     """What was kept; None where there is nothing, or something else than was written."""
     try:
-        content = path.read_bytes()
+        content = path.read_bytes() if path is not None else b""
     except OSError:
         return None
     size = _DIGEST().digest_size
@@ -83,11 +85,10 @@ def _read(path: Path) -> bytes | None:
     return code if digest == _DIGEST(code).digest() else None
 
 
-def _keep(path: Path, code: bytes) -> None:
+def _keep(path: Path | None, code: bytes) -> None:
     """Write the code for later processes, in one go; without a place for it, they will compile again."""
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, draft = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(_DIGEST(code).digest() + code)
-        Path(draft).replace(path)
+    if path is not None:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with written_whole(path) as stream:
+                stream.write(_DIGEST(code).digest() + code)
