@@ -255,3 +255,15 @@ def test_importing_fmublock_is_light() -> None:
     code = f"import fmublock, sys; fmublock.Instance; print([m for m in {heavy} if m in sys.modules])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "[]\n"
+
+
+def test_a_unit_that_the_fmi_does_not_know_is_named(folder: Path) -> None:
+    class Drive(fmublock.Block):
+        """A mass that is pushed."""
+
+        F = fmublock.Input(unit="kN", description="Force")
+
+    with pytest.raises(
+        fmublock.BuildError, match="F of Drive has a wrong unit: 'kN' in the unit 'kN' is not"
+    ):
+        fmublock.build(Drive, folder / "Drive.fmu")

@@ -55,6 +55,11 @@ class Replacement:
     fmu: Path
     mapping: Path | None = None
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "fmu", Path(self.fmu))
+        if self.mapping is not None:
+            object.__setattr__(self, "mapping", Path(self.mapping))
+
 
 @dataclass(frozen=True)
 class Connection:
@@ -155,6 +160,21 @@ class System:
         added = {x.ends[1]: x for x in map(self._connection, connections)}
         kept = (x for x in self.connections if x.ends[1] not in added)
         return replace(self, connections=(*kept, *added.values()))
+
+    def without_connections(self, *inputs: str) -> "System":
+        """The system with nothing that drives these inputs, given by full name, so that they can be set.
+
+        Raises CommandError for an input that nothing drives.
+        """
+        freed = set()
+        for name in inputs:
+            component, variable = self.split(name)
+            freed.add((component.name, variable))
+        missing = freed - {x.ends[1] for x in self.connections}
+        if missing:
+            named = listed(sorted(".".join(end) for end in missing))
+            raise CommandError(f"nothing drives {named}.", names=sorted(missing))
+        return replace(self, connections=tuple(x for x in self.connections if x.ends[1] not in freed))
 
     def _connection(self, text: str) -> Connection:
         source, arrow, target = (part.strip() for part in text.partition("->"))
