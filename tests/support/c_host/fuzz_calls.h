@@ -278,7 +278,12 @@ static void do_step(Instance *instance) {
     /* an instance counts steps of one length, so that it may end some rounding off the sum */
     const double rounding = nextafter(fabs(expected), HUGE_VAL) - fabs(expected);
     const int is_there = is_done ? fabs(end - expected) <= 2e-6 * step + rounding : end == expected;
-    if (instance->type == fmi2CoSimulation && !is_there)
+    /* a sliver within rounding of the time is OK and does nothing */
+    const int is_sliver = is_done && end == now;
+    for (size_t i = 0; is_sliver && i < n_outputs; i++)
+        if (was_readable && memcmp(&before[i], &after[i], sizeof *after) != 0)
+            fail("a step that did not move the time has changed output %u", outputs[i]);
+    if (instance->type == fmi2CoSimulation && !is_there && !is_sliver)
         fail("a step from %a by %a that was %s ended at %a", time, step, status_name(status), end);
     free(before), free(after);
 }
