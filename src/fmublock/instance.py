@@ -255,9 +255,14 @@ class Instance:
         return SAME_TIME * max(step, last) + TIME_ROUNDING * abs(time)
 
     def _is_sliver(self, time: float, step: float) -> bool:
-        """Whether a tool makes a step only because its times are rounded in another way."""
+        """Whether a tool makes a step only because its times are rounded in another way.
+
+        A first step is none: it has nothing to make up for, and only a step makes sure of finite outputs.
+        """
         rounding = self._rounding(time, step)
-        return abs(time - self.time) <= rounding and abs(time + step - self.time) <= rounding
+        is_there = abs(time - self.time) <= rounding and abs(time + step - self.time) <= rounding
+        _, last, _ = self._clock
+        return last > 0.0 and is_there
 
     def _begin_step(self, time: float, step: float) -> None:
         """Begin a step on the instance's own clock.

@@ -175,6 +175,13 @@ def test_a_short_step_is_no_sliver(session: Session, part: float) -> None:
     assert session.get(slave, *NAMES) == values(instance)
 
 
+def test_a_first_step_is_no_sliver(session: Session) -> None:
+    """However short: there is nothing yet that it could make up for."""
+    slave = session.instance(time=1.0)
+    slave.doStep(1.0, 1e-18)
+    assert session.get(slave, "step_count") == [1.0]
+
+
 @pytest.mark.parametrize(
     ("time", "step"),
     [(0.3 - 1e-9, 1.7e-14), (0.3 + 1e-9, 1.7e-14), (0.3 - 1e-6, STEP), (0.3 + 1e-6, STEP), (0.29, 0.01)],

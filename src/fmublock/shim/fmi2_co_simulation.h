@@ -6,10 +6,12 @@ static double rounding(const State *now, double time, double step) {
     return SAME_TIME * fmax(step, last) + TIME_ROUNDING * fabs(time);
 }
 
-/* Whether a host makes a step only because its times are rounded in another way. */
+/* Whether a host makes a step only because its times are rounded in another way. A first step is none: it
+   has nothing to make up for, and only a step makes sure of finite outputs. */
 static int is_sliver(const State *now, double time, double step) {
     const double rounded = rounding(now, time, step);
-    return fabs(time - now->time) <= rounded && fabs(time + step - now->time) <= rounded;
+    const int is_there = fabs(time - now->time) <= rounded && fabs(time + step - now->time) <= rounded;
+    return now->clock.step > 0.0 && is_there;
 }
 
 /* How many digits it takes to see that two times differ, no fewer than 9. */
@@ -126,6 +128,7 @@ fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *va
 
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value) {
     if (s != fmi2LastSuccessfulTime) return no_status(c);
+    if (check_place(c, value, "the status") != fmi2OK) return fmi2Error;
     *value = ((Instance *)c)->now.time;
     return fmi2OK;
 }
@@ -137,6 +140,7 @@ fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Int
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value) {
     if (s != fmi2Terminated) return no_status(c);
+    if (check_place(c, value, "the status") != fmi2OK) return fmi2Error;
     *value = fmi2False; /* the block never ends a run by itself */
     return fmi2OK;
 }
