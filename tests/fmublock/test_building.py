@@ -12,7 +12,7 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from fmublock import Block, BuildError, Output, Parameter, Producer, build, load_block
+from fmublock import Block, BuildError, Input, Output, Parameter, Producer, build, load_block
 from fmublock.__main__ import main
 from fmublock.errors import LoadError
 from tests.support.paths import ROOT
@@ -258,12 +258,10 @@ def test_importing_fmublock_is_light() -> None:
 
 
 def test_a_unit_that_the_fmi_does_not_know_is_named(folder: Path) -> None:
-    class Drive(fmublock.Block):
+    class Drive(Block):
         """A mass that is pushed."""
 
-        F = fmublock.Input(unit="kN", description="Force")
+        F = Input(unit="kN", description="Force")
 
-    with pytest.raises(
-        fmublock.BuildError, match="F of Drive has a wrong unit: 'kN' in the unit 'kN' is not"
-    ):
-        fmublock.build(Drive, folder / "Drive.fmu")
+    with pytest.raises(BuildError, match="F of Drive has a wrong unit: 'kN' in the unit 'kN' is not"):
+        build(Drive, folder / "Drive.fmu")
