@@ -351,6 +351,26 @@ def test_what_is_no_scenario_is_one_sentence(
     assert str(found.value).count("\n") == str(source).count("\n")
 
 
+def test_what_is_of_another_type_is_one_sentence(lift: ec.Simulation) -> None:
+    class Unheard:
+        pass
+
+    result = lift.run()
+    for use, words in (
+        (lambda: ec.System.of({"a": 3}), "a is 3; it must be an FMU file, a class of block or"),  # type: ignore
+        (lambda: ec.System.of({"a": "Reference"}, [3]), "'3' is not a connection"),  # type: ignore
+        (lambda: lift.run(recorders=[Unheard()]), "is no Recorder"),  # type: ignore
+        (lambda: lift.advance("soon"), "the time to advance to is 'soon'; it must be a number"),  # type: ignore
+        (lambda: lift.advance(float("nan")), "t = nan s is no communication point"),
+        (lambda: lift[3], "'3' is not a variable"),  # type: ignore
+        (lambda: result[3], "no signal '3' was kept"),  # type: ignore
+    ):
+        with pytest.raises(ec.CommandError) as found:
+            use()
+        assert words in str(found.value)
+    assert lift.run().problem is None
+
+
 # ---- what users add --------------------------------------------------------------------------------
 
 
