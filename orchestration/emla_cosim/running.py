@@ -81,7 +81,7 @@ class Run:
 
         `stop_time` is what slaves are told, in s; None where states must outlive it.
         """
-        with self._ending_on_failure():
+        with self._ending_on_failure(), self._trusting_no_checkpoint():
             memories = self._resumed.notes["recorders"] if self._resumed is not None else {}
             for recorder in self._waiting:
                 with recording(recorder):
@@ -128,6 +128,16 @@ class Run:
         for recorder in self._recorders:
             with recording(recorder):
                 recorder.pause(self)
+
+    @contextlib.contextmanager
+    def _trusting_no_checkpoint(self) -> Iterator[None]:
+        """Whatever a checkpoint brings about that is whole but was not made by a run is its fault."""
+        try:
+            yield
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            if self._resumed is None:
+                raise
+            raise RunError(f"the checkpoint is not one of this run: {error!r}.") from error
 
     @contextlib.contextmanager
     def _ending_on_failure(self) -> Iterator[None]:

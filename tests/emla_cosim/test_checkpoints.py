@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -424,3 +424,53 @@ def test_a_checkpoint_is_written_when_the_last_is_long_ago(
     again = run_system(system, tmp_path, resume=tmp_path / "c")
     assert again.problem == result.problem
     assert len((tmp_path / "results.csv").read_text().splitlines()) == 5
+
+
+# ---- made by hand ----------------------------------------------------------------------------------
+
+ODD: list[Any] = [None, 0, -1, 1e308, "x", [], {}, [[1]], {"a": {"b": []}}, True]
+
+
+def places(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Where something stands in nested tables and lists, the outermost first."""
+    inner = content.items() if isinstance(content, dict) else ()
+    for key, value in inner:
+        yield (*path, key)
+        yield from places(value, (*path, key))
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_a_checkpoint_made_by_hand_is_one_sentence_at_the_most(
+    data: st.DataObject, made: Path, emla: Emla, tmp_path: Path
+) -> None:
+    """Whole files in which one entry of the header, or one array, is another."""
+    with np.load(made / "c") as archive:
+        arrays = {name: archive[name] for name in archive}
+    header = json.loads(arrays["header"].tobytes())
+    if data.draw(st.booleans()):
+        path = data.draw(st.sampled_from([p for p in places(header) if p[:2] != ("notes", "identity")]))
+        inside = header
+        for key in path[:-1]:
+            inside = inside[key]
+        odd = data.draw(st.sampled_from([*ODD, "gone"]))
+        if odd == "gone":
+            del inside[path[-1]]
+        else:
+            inside[path[-1]] = odd
+    else:
+        name = data.draw(st.sampled_from([n for n in arrays if n != "header"]))
+        array = arrays[name]
+        arrays[name] = data.draw(
+            st.sampled_from(
+                [array[:0], np.append(array, array[-1:]), array.astype("U5"), array[..., None], -array]
+            )
+        )
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    with (tmp_path / "odd").open("wb") as stream:
+        np.savez(stream, **arrays)
+    result = emla("--stop-time", "0.02", "--resume", "odd")
+    assert result.exit_code in (0, 1, 2)
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    if result.exit_code:
+        sentence(result, result.exit_code)

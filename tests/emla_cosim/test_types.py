@@ -2,6 +2,7 @@
 
 from enum import IntEnum
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from emla_cosim.errors import CommandError
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
+from emla_cosim.master.slaves.fmu_slave import _nominal
 from emla_cosim.system.model import Component, Connection, System
 from emla_cosim.units import LinearTransformation
 from fmublock import Block, DiscreteState, Input, Output, Parameter, build, where
@@ -132,3 +134,11 @@ def test_an_integer_is_a_whole_number(fmu: Path, given: object, reason: str) -> 
 def test_a_whole_number_may_be_written_as_a_float(fmu: Path) -> None:
     system = pair(("a.count", "b.by")).with_parameters({"a.first": 3.0})
     assert rows(system, fmu, 1)["a.count"].tolist() == [3, 4]
+
+
+NOMINALS = [("0", 1.0), ("nan", 1.0), ("inf", 1.0), ("-3", 3.0), ("2.5", 2.5), (None, 1.0)]
+
+
+@pytest.mark.parametrize(("declared", "taken"), NOMINALS)
+def test_a_nominal_that_the_standard_forbids_counts_as_none(declared: str | None, taken: float) -> None:
+    assert _nominal(SimpleNamespace(nominal=declared)) == taken  # type: ignore[arg-type]

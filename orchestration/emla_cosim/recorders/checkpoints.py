@@ -48,6 +48,8 @@ def resumable(path: Path, identity: Mapping[str, Any], times: Timing) -> Checkpo
     checkpoint = load_checkpoint(path)
     try:
         was, reached = checkpoint.notes["identity"], checkpoint.notes["time"]
+        if not (isinstance(was, dict) and isinstance(reached, (int, float))):
+            raise TypeError
     except (KeyError, TypeError) as error:
         raise CommandError(f"'{path}' is not a checkpoint of a run.") from error
     for what, value in identity.items():

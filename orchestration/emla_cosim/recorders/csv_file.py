@@ -38,11 +38,12 @@ class CsvFile(Table):
         super().begin(outline, memory)
         header = polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
         real_place(self.path)  # a device or a folder is no place for it
-        if memory is not None and _continues(self.path, header, memory):
+        length, line = (int(memory["bytes"]), str(memory["line"])) if memory is not None else (0, "")
+        if memory is not None and _continues(self.path, header, length, line.encode()):
             self._stream = self.path.open("r+b", buffering=0)
-            self._stream.truncate(memory["bytes"])
-            self._stream.seek(memory["bytes"])
-            self._length, self._line = memory["bytes"], memory["line"]
+            self._stream.truncate(length)
+            self._stream.seek(length)
+            self._length, self._line = length, line
         else:
             self._stream = self.path.open("wb", buffering=0)
             self._length, self._line = 0, ""
@@ -86,14 +87,13 @@ class CsvFile(Table):
             self._line = text[text.rfind(b"\n", 0, max(written - 1, 0)) + 1 : written].decode() or self._line
 
 
-def _continues(path: Path, header: bytes, memory: Any) -> bool:
-    """Whether a file has these columns and was once where the memory says."""
-    line = memory["line"].encode()
+def _continues(path: Path, header: bytes, length: int, line: bytes) -> bool:
+    """Whether a file has these columns and was once of this length, with this last line."""
     if not path.is_file():
         return False
     with path.open("rb") as stream:
         begins = stream.read(len(header)) == header
-        stream.seek(max(memory["bytes"] - len(line), 0))
+        stream.seek(max(length - len(line), 0))
         return begins and stream.read(len(line)) == line
 
 

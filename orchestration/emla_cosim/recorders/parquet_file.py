@@ -41,7 +41,7 @@ class ParquetFile(Table):
         self._metadata = {UNITS: json.dumps({"time": "s"} | {n: u for n, u in units.items() if u != "None"})}
         self._blocks: list[polars.DataFrame] = []
         self._held = self._count = self._rows = 0
-        earlier = self._earlier(memory["kept"]) if memory is not None else None
+        earlier = self._earlier(int(memory["kept"])) if memory is not None else None
         shutil.rmtree(self._parts, ignore_errors=True)
         self._parts.mkdir()
         if earlier is not None:

@@ -21,7 +21,7 @@ class Table(Recorder):
         self._columns = [0, *(1 + i for i in outline.recorded)]
         self._whole = len(outline.recorded) == len(outline.names)
         self._every = outline.every
-        self._seen = memory["rows"] if memory is not None else 0
+        self._seen = int(memory["rows"]) if memory is not None else 0
         self._last: Vector | None = None
 
     def write(self, rows: Vector) -> None:

@@ -170,7 +170,7 @@ class _JointAccumulator:
 
     def remember(self, memory: Sequence[float]) -> None:
         """Go on from what `memory` gave."""
-        initial, self._start, self._last_outside, self._peak, rows, limited, *largest = memory
+        initial, self._start, self._last_outside, self._peak, rows, limited, *largest = map(float, memory)
         self._initial_error = None if initial != initial else initial
         self._rows, self._limited = int(rows), int(limited)
         self._largest[:] = largest

@@ -46,6 +46,9 @@ _PROTOTYPES = {
 }
 _DEAD_LIBRARIES: set[Path] = set()
 
+LARGEST_STATE = 2**32
+"""Bytes that a serialized state may have; an FMU that answers more is not believed."""
+
 
 class FmuSlave(Slave):
     """One instance of an FMU; see `Slave`.
@@ -100,7 +103,7 @@ class FmuSlave(Slave):
         self._derivative_orders = np.ones(len(read), dtype=np.int32)
         self.continuous_inputs = np.array([v.variability == "continuous" for v in read], dtype=bool)
         self.continuous_outputs = np.array([v.variability == "continuous" for v in written], dtype=bool)
-        self.nominals = np.array([abs(float(v.nominal or 1.0)) for v in written])
+        self.nominals = np.array([_nominal(v) for v in written])
         self._input_starts = np.array([_start(v) for v in read])
         self.inputs = self._input_starts.copy()
         self._typed = None
@@ -221,6 +224,9 @@ class FmuSlave(Slave):
         state, size = self._copied(ctypes.c_void_p()), ctypes.c_size_t()
         try:
             self._call("fmi2SerializedFMUstateSize", state, ctypes.byref(size))
+            if size.value > LARGEST_STATE:
+                answer = f"{size.value} bytes, more than {LARGEST_STATE}"
+                raise SlaveError(self.name, "SerializedFMUstateSize", answer, [])
             content = ctypes.create_string_buffer(size.value)
             self._call("fmi2SerializeFMUstate", state, content, size.value)
             return content.raw
@@ -305,6 +311,12 @@ class FmuSlave(Slave):
 
 def _start(variable: ModelVariable) -> float:
     return float({"true": "1", "false": "0", None: "0"}.get(variable.start, str(variable.start)))
+
+
+def _nominal(variable: ModelVariable) -> float:
+    """The usual size of a variable: what is declared if that is a positive number, as it must be, else 1."""
+    declared = abs(float(variable.nominal or 1.0))
+    return declared if 0.0 < declared < float("inf") else 1.0
 
 
 def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ...]:

@@ -77,12 +77,12 @@ def load_checkpoint(path: Path) -> Checkpoint:
         raise CommandError(f"there is no checkpoint '{path}'.")
     try:
         header, arrays = _read(path)
-        form, notes, names = header["format"], header["notes"], header["arrays"]
+        form, notes, names = header["format"], header["notes"], sorted(header["arrays"])
     except Exception as error:  # zip, JSON and array readers raise whatever they like
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: {error}.") from error
     if form != FORMAT:
         raise CommandError(f"the checkpoint '{path}' has the format {form}; this version reads {FORMAT}.")
-    if sorted(names) != sorted(arrays):
+    if names != sorted(arrays):
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: parts of it are missing.")
     states = {n.removeprefix(_STATE): arrays[n].tobytes() for n in arrays if n.startswith(_STATE)}
     memory = {n.removeprefix(_MEMORY): arrays[n] for n in arrays if n.startswith(_MEMORY)}
