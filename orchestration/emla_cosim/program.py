@@ -1,14 +1,19 @@
 """The `emla` command as a program: its streams, and how it ends, whatever they and its host are."""
 
+import gc
 import os
 import sys
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
+COLLECT = 50_000
+"""Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
+
 
 def main() -> None:
     """Run the command; it ends with 0, 1 or 2, and where that is not 0 with one sentence."""
+    gc.set_threshold(COLLECT)
     sys.stdout, sys.stderr = (_usable(stream) for stream in (sys.stdout, sys.stderr))
     try:
         from .cli import app
