@@ -9,6 +9,7 @@ import pytest
 from hypothesis import settings
 
 from emla_cosim.models import MODELS, build, fmu_path
+from fmublock.cache import VARIABLE
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.handwritten_fmu import build_handwritten_fmu
 from tests.support.paths import FOREIGN_PLANT
@@ -25,11 +26,22 @@ for size in ("COLUMNS", "LINES"):
     os.environ.pop(size, None)
 
 
+def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for what all processes of a test run have in common."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
+@pytest.fixture(scope="session")
+def user_cache(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What has to be in the environment for built FMUs not to go into the user's own cache."""
+    return {VARIABLE: str(_shared(tmp_path_factory) / "cache")}
+
+
 @pytest.fixture(scope="session")
 def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the native FMUs of all models, which all processes of a test run share."""
-    base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "fmus"
+    folder = _shared(tmp_path_factory) / "fmus"
     for model in MODELS:
         build(model, "native", [], folder)
     return folder

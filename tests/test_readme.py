@@ -13,12 +13,13 @@ from emla_cosim.cli import app
 from emla_cosim.loading import load
 from emla_cosim.models import MODELS
 from fmublock import build
+from tests.support.pages import fences
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_block_of_the_readme_becomes_an_fmu(tmp_path: Path) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    (code,) = (fence.content for fence in fences(README) if "class Drive" in fence.content)
     namespace: dict[str, type] = {}
     exec(compile(code, "README.md", "exec"), namespace)
     build(namespace["Drive"], tmp_path / "Drive.fmu")
@@ -36,7 +37,7 @@ def test_the_commands_of_the_readme_exist(
     monkeypatch.chdir(tmp_path)
     shown = [line for line in README.splitlines() if re.match("emla (run|export) ", line)]
     lines = [re.split(r"\s{3,}", line)[0] for line in shown]
-    runnable = [x for x in lines if "Other.fmu" not in x and "python" not in x and "my.toml" not in x]
+    runnable = [x for x in lines if not re.search(r"Other\.fmu|python|mine\.py|my\.toml", x)]
     assert len(runnable) >= 6
     for line in runnable:
         arguments = re.sub(r"--stop-time \S+", "", line).split()[1:]

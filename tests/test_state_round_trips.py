@@ -1,5 +1,7 @@
 """Saved states of every FMU, of both flavours: continued anywhere, a run gives the same bits."""
 
+import json
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -215,6 +217,32 @@ def test_a_foreign_state_is_refused_and_the_run_goes_on(
         free(sessions[other], stranger)
         refuse(session, target, state, flavour)
         assert runs[0].go_on(TWO_STEPS) == runs[1].go_on(TWO_STEPS)
+    free(session, target, straight)
+
+
+def test_the_python_flavour_refuses_a_whole_state_of_another_content(
+    sessions: dict[tuple[str, str], Session],
+) -> None:
+    """The same model with other equations: everything but the hash of its content fits."""
+    session = sessions["RsbaController", "python"]
+    target, straight = start(session, "target"), start(session, "straight")
+    runs = [Run(slave, str(session.folder)) for slave in (target, straight)]
+    for run in runs:
+        run.go_on(TWO_STEPS)
+    saved = target.getFMUstate()
+    state = json.loads(target.serializeFMUstate(saved)[8:])
+    target.freeFMUstate(saved)
+
+    def serialized(content: str) -> bytes:
+        text = json.dumps({**state, "content": content}).encode()
+        return b"%08x" % zlib.crc32(text) + text
+
+    own = target.deSerializeFMUstate(serialized(state["content"]))
+    target.setFMUstate(own)
+    target.freeFMUstate(own)
+    other = serialized(f"{int(state['content'], 16) ^ 1:0{len(state['content'])}x}")
+    assert "this is not a state of RsbaController." in refuse(session, target, other, "python")
+    assert runs[0].go_on(TWO_STEPS) == runs[1].go_on(TWO_STEPS)
     free(session, target, straight)
 
 

@@ -34,3 +34,5 @@ from .system.model import Component as Component
 from .system.model import Connection as Connection
 from .system.model import Replacement as Replacement
 from .system.model import System as System
+from .units import LinearTransformation as LinearTransformation
+from .units import Unit as Unit

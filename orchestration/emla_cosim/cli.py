@@ -28,7 +28,10 @@ class _Later(TyperCommand):
         module = import_module(f"emla_cosim.commands.{self.name}")
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=_SETTINGS)
         alone.command(self.name, help=self.help)(_ready(module))
-        return typer.main.get_command(alone).make_context(info_name, args, parent=parent, **extra)
+        command = typer.main.get_command(alone)
+        if not command.params and not args:
+            command.add_help_option = False  # see `_Commands.parse_args`
+        return command.make_context(info_name, args, parent=parent, **extra)
 
 
 def _ready(module: Any) -> Any:
@@ -45,6 +48,15 @@ def _ready(module: Any) -> Any:
 
 class _Commands(TyperGroup):
     """All commands, none of which is imported yet."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take what stands before the command.
+
+        Where that comes first, no option is looked at: to read one imports more than `emla list` needs.
+        """
+        if args and args[0] in COMMANDS:
+            self.params, self.add_help_option = [], False
+        return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Their names."""

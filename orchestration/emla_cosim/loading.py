@@ -16,7 +16,5 @@ def load(source: str | Path | System, **options: Any) -> Scenario:
 
     `options` are those of `Options`, by name, and win over what a file says. Raises CommandError for
     whatever is wrong.
-
-    >>> simulation = load("study").prepare()
     """
     return load_scenario(source, options)

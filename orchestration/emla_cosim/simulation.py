@@ -1,6 +1,7 @@
 """A system prepared once and run many times: what every run in this project goes through."""
 
 import contextlib
+import math
 import threading
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,6 +35,7 @@ from .run_record import run_identity, run_record
 from .running import Run
 from .system.model import System
 from .units import Unit
+from .values import converted
 
 PREPARED = ("parameters", "replace", "mapping", "controller", "gains", "flavour", "fmus", "platform")
 """Options that decide what is prepared: a run of a prepared simulation cannot change them."""
@@ -164,6 +166,8 @@ class Simulation:
         stepping = _stepping(algorithm, chosen, times)
         try:
             metrics, resumed = MetricsRecorder(), None
+            if wrong := [r for r in recorders or () if not isinstance(r, Recorder)]:
+                raise CommandError(f"{wrong[0]!r} is no Recorder.")
             taking = [*([TimeSeries()] if recorders is None else recorders), metrics]
             taking += chosen.make_recorders()
             if chosen.resume or chosen.checkpoint:
@@ -191,9 +195,10 @@ class Simulation:
             self.start()
         assert self._run is not None
         times = self._run.run.stepping.times
+        time = converted(time, float, "the time to advance to")
         if isinstance(self._run.run.stepping, FixedSteps):
             ahead = (time - times.start) / times.step
-            if abs(ahead - round(ahead)) > ROUNDING * max(1.0, abs(ahead) * 1e-3):
+            if not math.isfinite(ahead) or abs(ahead - round(ahead)) > ROUNDING * max(1.0, abs(ahead) * 1e-3):
                 raise CommandError(
                     f"t = {time:.9g} s is no communication point: steps have {times.step:g} s.", time=time
                 )

@@ -1,20 +1,50 @@
 """What a person sees of a run in the terminal: progress bars and the table of results."""
 
+import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any, cast
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
+
+from .errors import CosimError
 
 if TYPE_CHECKING:
     from .recorders.metrics import Figures, Shown
     from .results.output_folder import OutputFolder
     from .results.result import Result
 
-OUT, ERR = Console(), Console(stderr=True)
+
+class _Stderr:
+    """Standard error as it is now, which nobody misses where it cannot be written."""
+
+    def write(self, text: str) -> int:
+        with suppress(OSError, ValueError):
+            sys.stderr.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError, ValueError):
+            sys.stderr.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(sys.stderr, name)
+
+
+OUT, ERR = Console(), Console(file=cast(IO[str], _Stderr()))
 """Results go to standard output, progress and errors to standard error."""
+
+
+def show(shown: RenderableType, **how: Any) -> None:
+    """Put something out; CosimError where standard output cannot be written."""
+    try:
+        OUT.print(shown, **how)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise CosimError(f"the standard output cannot be written: {reason}.") from error
 
 
 def show_result(
@@ -26,7 +56,7 @@ def show_result(
     span = result.end_s - result.times.start
     for kind, figures in result.metrics.items():
         if result.shown[kind]:
-            OUT.print(_figures(f"{result.name}, {span:g} s simulated", figures, result.shown[kind]))
+            show(_figures(f"{result.name}, {span:g} s simulated", figures, result.shown[kind]))
     for note in notes:
         _say(f"Note: {note}.")
     for line in _speed(result):
@@ -39,12 +69,12 @@ def show_result(
 def show_file(path: Path) -> None:
     """A file that was written, and its size."""
     size = path.stat().st_size / 1024
-    OUT.print(f"{escape(str(path))}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)
+    show(f"{escape(str(path))}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)
 
 
 def _say(text: str) -> None:
     """One line as it is: names in it are no markup."""
-    OUT.print(text, markup=False, highlight=False, soft_wrap=True)
+    show(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:

@@ -110,7 +110,11 @@ class Disturbance(Block):
     d_4 = Output(unit="V", nominal=10.0, description="Disturbance of the d-axis voltage", terminal="load")
 
     def update(self, v: Any) -> dict[str, Any]:
-        """A new random value once a sample time has passed (at most one per communication step)."""
+        """A new random value once a sample time has passed (at most one per communication step).
+
+        Samples count from t = 0. A run that starts earlier holds the first value until the end of
+        the first sample, so that from t = 0 on it draws what every other run draws.
+        """
         sample = floor(v.time / v.sample_time + 1e-6)
         return {
             "random": where(sample > v.sample, lehmer(v.random), v.random),

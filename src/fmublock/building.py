@@ -11,6 +11,7 @@ from .native import native_binaries, native_draft
 from .platforms import host_platform
 from .python_flavour import python_binaries, python_draft
 from .recipe import Documents, Producer, Recipe
+from .units import parse_unit
 
 
 def build(
@@ -44,6 +45,11 @@ def build(
 
 def draft_of(recipe: Recipe) -> Draft:
     """The FMU of a recipe, but for its binaries. Raises BuildError."""
+    for scalar in recipe.block.layout().scalars:
+        try:
+            parse_unit(scalar.variable.unit or "1")
+        except ValueError as error:
+            raise BuildError(f"{scalar.name} of {recipe.model} has a wrong unit: {error}.") from error
     make = native_draft if recipe.flavour == "native" else python_draft
     return make(recipe.block, recipe.producer, recipe.documents)
 

@@ -22,6 +22,9 @@ STEP_TOLERANCE = 1e-3
 SAME_TIME, SAME_STEP = 1e-6, 1e-9
 """As a part of the step: what differs by less from the instance's own time and step is rounding."""
 
+TIME_ROUNDING = 2.0**-50
+"""As a part of the time, four units in its last place: what no tool can be asked to resolve."""
+
 SAME_COUNT = 1e-9
 """A step that is longer than whole internal steps by less than this part of one needs no further one."""
 
@@ -178,11 +181,17 @@ class Instance:
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` to `time + step`, both in s, with the inputs held.
 
+        A step that begins and ends within rounding of the instance's time does nothing: tools that
+        add their steps up meet such a sliver before the end. Rounding is 1e-6 of this or the last
+        step, whichever is longer, and a few units in the last place of the time.
+
         Raises StepDiscardedError if a state or output becomes infinite or NaN, BlockError if the
         step makes no sense.
         """
         self._require(Phase.STEP, "do a step")
         self._check_step(time, step)
+        if self._is_sliver(time, step):
+            return
         before = self.time, self._clock, self.get(self._evolving)
         try:
             self._begin_step(time, step)
@@ -227,18 +236,33 @@ class Instance:
     def _check_step(self, time: float, step: float) -> None:
         if not (math.isfinite(time + step) and step > 0.0):
             raise BlockError(f"{self.name}: the step size {step} s is not a positive, finite number.")
-        if not abs(time - self.time) <= STEP_TOLERANCE * step:
+        if not abs(time - self.time) <= max(STEP_TOLERANCE * step, self._rounding(time, step)):
+            asked, own = _told_apart(time, self.time)
             raise BlockError(
-                f"{self.name}: the step starts at t = {time} s, but the instance is at t = {self.time} s."
+                f"{self.name}: the step starts at t = {asked} s, but the instance is at t = {own} s."
             )
-        if time + step > self._stop_time + STEP_TOLERANCE * step:
-            raise BlockError(
-                f"{self.name}: the step to t = {time + step} s goes past the stop time {self._stop_time} s."
-            )
+        if time + step > self._stop_time + STEP_TOLERANCE * step + TIME_ROUNDING * abs(time):
+            end, stop = _told_apart(time + step, self._stop_time)
+            raise BlockError(f"{self.name}: the step to t = {end} s goes past the stop time {stop} s.")
         if self._states and not step / self._v.internal_step <= MAXIMUM_SUBSTEPS:
             raise BlockError(
                 f"{self.name}: the step of {step} s needs more than {MAXIMUM_SUBSTEPS:g} internal steps."
             )
+
+    def _rounding(self, time: float, step: float) -> float:
+        """By how much a tool's time may differ from the instance's own through rounding alone."""
+        _, last, _ = self._clock
+        return SAME_TIME * max(step, last) + TIME_ROUNDING * abs(time)
+
+    def _is_sliver(self, time: float, step: float) -> bool:
+        """Whether a tool makes a step only because its times are rounded in another way.
+
+        A first step is none: it has nothing to make up for, and only a step makes sure of finite outputs.
+        """
+        rounding = self._rounding(time, step)
+        is_there = abs(time - self.time) <= rounding and abs(time + step - self.time) <= rounding
+        _, last, _ = self._clock
+        return last > 0.0 and is_there
 
     def _begin_step(self, time: float, step: float) -> None:
         """Begin a step on the instance's own clock.
@@ -358,3 +382,9 @@ class Instance:
     def _evaluate_outputs(self) -> None:
         outputs = self._output_results.flat(self.block.outputs(self._v))
         self._write(self._output_references, outputs)
+
+
+def _told_apart(a: float, b: float) -> tuple[str, str]:
+    """Two times with as many digits as it takes to see that they differ, but no fewer than 9."""
+    texts = ((f"{a:.{digits}g}", f"{b:.{digits}g}") for digits in range(9, 18))
+    return next((pair for pair in texts if pair[0] != pair[1]), (repr(a), repr(b)))

@@ -147,6 +147,7 @@ def _constants() -> list[str]:
         "STEP_TOLERANCE": instance.STEP_TOLERANCE,
         "SAME_TIME": instance.SAME_TIME,
         "SAME_STEP": instance.SAME_STEP,
+        "TIME_ROUNDING": instance.TIME_ROUNDING,
         "SAME_COUNT": instance.SAME_COUNT,
         "MAXIMUM_SUBSTEPS": instance.MAXIMUM_SUBSTEPS,
     }

@@ -53,6 +53,8 @@ class BlockSlave(Fmi2Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
+        if not self.instance_name:
+            raise BlockError("an instance needs a name; this one is empty.")
         self.instance = Instance(self.block(), self.instance_name)
         self._types = [_TYPES[s.variable.fmi_type] for s in self.instance.layout.scalars]
 

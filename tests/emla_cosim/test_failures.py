@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import polars
 import pytest
+from fmpy.fmi2 import FMU2Slave
 from typer.testing import CliRunner
 from typer.testing import Result as Finished
 
@@ -151,6 +152,27 @@ def test_a_failing_slave_ends_the_run_with_its_words(
     assert result.stepping["compiled"] == stepped.startswith("compiled")
     assert_ended(result, tmp_path, ENDINGS[fault].last, ENDINGS[fault].sentence)
     assert_tidy(counts, died=fault == Fault.FATAL)
+
+
+@pytest.mark.parametrize("stepped", STEPPED)
+@pytest.mark.parametrize("fault", [Fault.DISCARD, Fault.ERROR, Fault.GET_REAL, Fault.SET_REAL])
+def test_a_slave_is_not_terminated_after_an_error(
+    fault: Fault, stepped: str, faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The standard forbids it after fmi2Error, and asks for it after fmi2Discard."""
+    terminated: list[str] = []
+    terminate = FMU2Slave.terminate
+
+    def noted(slave: FMU2Slave) -> None:
+        terminated.append(slave.instanceName)
+        terminate(slave)
+
+    monkeypatch.setattr(FMU2Slave, "terminate", noted)
+    system = line_with_a_fault(faulty_fmu, fault, AT)
+    run_system(system, tmp_path, **STEPPED[stepped])
+    others = {c.name for c in system.components} - {"j.bad"}
+    assert others and set(terminated) == others | ({"j.bad"} if fault == Fault.DISCARD else set())
+    assert len(terminated) == len(set(terminated))
 
 
 @pytest.mark.parametrize("stepped", STEPPED)

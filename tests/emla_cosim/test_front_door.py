@@ -148,6 +148,7 @@ def test_plots_have_a_panel_per_unit(lift: ec.Simulation, tmp_path: Path) -> Non
         ["lift.plant.x_L", "lift.reference.x_d"],
         [n for n in result.names if n.startswith("lift.plant.i_") and len(n) == len("lift.plant.i_q")],
     ]
+    assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
     with pytest.raises(ec.CommandError, match=r"no signal 'lift\.x' was kept"):
         result.plot("lift.x")
 
@@ -350,6 +351,26 @@ def test_what_is_no_scenario_is_one_sentence(
     assert str(found.value).count("\n") == str(source).count("\n")
 
 
+def test_what_is_of_another_type_is_one_sentence(lift: ec.Simulation) -> None:
+    class Unheard:
+        pass
+
+    result = lift.run()
+    for use, words in (
+        (lambda: ec.System.of({"a": 3}), "a is 3; it must be an FMU file, a class of block or"),  # type: ignore
+        (lambda: ec.System.of({"a": "Reference"}, [3]), "'3' is not a connection"),  # type: ignore
+        (lambda: lift.run(recorders=[Unheard()]), "is no Recorder"),  # type: ignore
+        (lambda: lift.advance("soon"), "the time to advance to is 'soon'; it must be a number"),  # type: ignore
+        (lambda: lift.advance(float("nan")), "t = nan s is no communication point"),
+        (lambda: lift[3], "'3' is not a variable"),  # type: ignore
+        (lambda: result[3], "no signal '3' was kept"),  # type: ignore
+    ):
+        with pytest.raises(ec.CommandError) as found:
+            use()
+        assert words in str(found.value)
+    assert lift.run().problem is None
+
+
 # ---- what users add --------------------------------------------------------------------------------
 
 
@@ -367,6 +388,29 @@ def test_a_component_of_the_users_own_makes_a_system(fmu_folder: Path, tmp_path:
         system.with_connections("rig.toi.x -> rig.toy.force")
     with pytest.raises(ec.CommandError, match=r"'rig\.toy\.x' is not a connection; write a\.out"):
         system.with_connections("rig.toy.x")
+
+
+def test_an_input_is_freed_to_be_set_by_hand(fmu_folder: Path) -> None:
+    lift = ec.load("lift").system
+    system = lift.without_connections("lift.plant.F_L")
+    assert len(system.connections) == len(lift.connections) - 1
+    with ec.load(system, stop_time=0.01, step_size=1e-4).prepare(fmus=fmu_folder) as simulation:
+        simulation["lift.plant.F_L"] = 1e4
+        simulation.advance(0.01)
+        assert simulation["lift.plant.P_L"] == pytest.approx(1e4 * simulation["lift.plant.v_L"])
+    for name, words in (
+        ("lift.plant.start.x_L", r"nothing drives lift\.plant\.start\.x_L"),
+        ("lift.pump.p", "no component"),
+    ):
+        with pytest.raises(ec.CommandError, match=words):
+            lift.without_connections(name)
+
+
+def test_a_replacement_is_named_by_texts_or_paths(fmu_folder: Path) -> None:
+    plant = fmu_path("EmlaPlant", "native", fmu_folder)
+    for given in (str(plant), plant, ec.Replacement(str(plant)), {"fmu": str(plant)}):  # type: ignore[arg-type]
+        with ec.load("lift", replace={"lift.plant": given}, stop_time=0.001).prepare(fmus=fmu_folder) as it:
+            assert it.run().problem is None
 
 
 @pytest.mark.parametrize("name", ["rsba", "block", "fmu"])

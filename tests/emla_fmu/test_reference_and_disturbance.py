@@ -13,6 +13,7 @@ from emla_cosim.study.systems import STUDY, VOLTAGE_DISTURBANCES
 from emla_fmu import Disturbance, DisturbanceReading, Reference
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, rest_to_rest
+from fmublock import Instance
 from tests.support.slaves import BlockSlave, interface
 
 
@@ -132,6 +133,27 @@ def test_random_values_hold_for_their_sample_time_whatever_the_step() -> None:
     coarse = outputs_at(Disturbance(), np.arange(0, 0.01, 1e-4), 1e-4, high_2=2.0).d_2
     fine = outputs_at(Disturbance(), np.arange(0, 0.01, 2.5e-5), 2.5e-5, high_2=2.0).d_2
     assert np.array_equal(fine, np.repeat(coarse, 4))
+
+
+def test_before_zero_the_first_random_value_holds() -> None:
+    """A run from t < 0 comes to the same values from t = 0 on."""
+
+    def drawn(start: float, count: int) -> list[float]:
+        instance = Instance(Disturbance())
+        instance["d_2.high"] = 2.0
+        instance.setup_experiment(start)
+        instance.enter_initialization()
+        instance.exit_initialization()
+        values = [instance["d_2"]]
+        for k in range(count):
+            instance.do_step(start + k * 1e-4, 1e-4)
+            values.append(instance["d_2"])
+        return values
+
+    early, usual = drawn(-0.01, 200), drawn(0.0, 100)
+    assert early[:100] == [usual[0]] * 100
+    assert early[100:] == usual
+    assert len(set(usual)) == 101
 
 
 def test_read_as_force_the_disturbance_leaves_the_acceleration_alone() -> None:

@@ -12,7 +12,7 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from fmublock import Block, BuildError, Output, Parameter, Producer, build, load_block
+from fmublock import Block, BuildError, Input, Output, Parameter, Producer, build, load_block
 from fmublock.__main__ import main
 from fmublock.errors import LoadError
 from tests.support.paths import ROOT
@@ -255,3 +255,13 @@ def test_importing_fmublock_is_light() -> None:
     code = f"import fmublock, sys; fmublock.Instance; print([m for m in {heavy} if m in sys.modules])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "[]\n"
+
+
+def test_a_unit_that_the_fmi_does_not_know_is_named(folder: Path) -> None:
+    class Drive(Block):
+        """A mass that is pushed."""
+
+        F = Input(unit="kN", description="Force")
+
+    with pytest.raises(BuildError, match="F of Drive has a wrong unit: 'kN' in the unit 'kN' is not"):
+        build(Drive, folder / "Drive.fmu")

@@ -192,8 +192,3 @@ def test_every_message_begins_with_the_instances_name(session: Session) -> None:
         heard(session, session.new(name))
         assert {line.instance for line in session.log.all} == {name}
         assert all(line.text.startswith(f"{name}: ") for line in session.log.all)
-
-
-def test_an_instance_without_a_name_is_called_by_its_model(session: Session) -> None:
-    session.instance("")
-    assert session.log.all == [Line("Toy", OK, EVENT, "Toy: initialized at t = 0 s.")]

@@ -7,7 +7,7 @@ from ..options import table
 from ..scenarios.built_in import SCENARIOS, built_in
 from ..study.controllers import CONTROLLERS
 from ..study.registration import register
-from ..terminal import OUT
+from ..terminal import show
 
 register()
 
@@ -28,4 +28,4 @@ def command() -> None:
     for name, controller in CONTROLLERS.items():
         choices.add_row(f"--gains, for {name}", ", ".join(controller.gains))
     for shown in (scenarios, models, choices):
-        OUT.print(shown)
+        show(shown)

@@ -3,8 +3,9 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -74,7 +75,8 @@ def draw(result: "Result", folder: Path, done: Callable[[str], None]) -> list[Pa
         figure = _drawn(picture, list(result.metrics.get(picture.of, ())), data)
         if figure is not None:
             path = folder / f"{name}.png"
-            _save(figure, path)
+            with written_whole(path) as stream:
+                _save(figure, stream)
             written.append(path)
         done(name)
     return written
@@ -160,7 +162,15 @@ def _draw_panel(axes: "Axes", panel: Panel, column: str, data: Mapping[str, Vect
 def _figure(rows: int, columns: int, width: float) -> "tuple[Figure, np.ndarray]":
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(1.2 + width * columns, 0.8 + 2.1 * rows), dpi=120, layout="constrained")
+    class Shown(Figure):
+        """A figure that a notebook shows as a picture, whatever it was told of matplotlib."""
+
+        def _repr_png_(self) -> bytes:
+            content = BytesIO()
+            _save(self, content)
+            return content.getvalue()
+
+    figure = Shown(figsize=(1.2 + width * columns, 0.8 + 2.1 * rows), dpi=120, layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, sharex="col")
 
 
@@ -173,8 +183,7 @@ def _tidied(axes: "Axes", legend: bool) -> None:
     axes.margins(x=0.01)
 
 
-def _save(figure: "Figure", path: Path) -> None:
+def _save(figure: "Figure", stream: IO[bytes]) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    with written_whole(path) as stream:
-        FigureCanvasAgg(figure).print_png(stream)
+    FigureCanvasAgg(figure).print_png(stream)

@@ -71,7 +71,7 @@ class Result:
         known = self._table.names
         for name in names:
             if name not in known:
-                near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+                near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5)
                 meant = f"; did you mean {' or '.join(near)}?" if near else "; `names` has those that are."
                 raise CommandError(f"no signal '{name}' was kept{meant}", name=name, near=near)
         return self._table.read(names, most)

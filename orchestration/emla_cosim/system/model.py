@@ -55,6 +55,11 @@ class Replacement:
     fmu: Path
     mapping: Path | None = None
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "fmu", Path(self.fmu))
+        if self.mapping is not None:
+            object.__setattr__(self, "mapping", Path(self.mapping))
+
 
 @dataclass(frozen=True)
 class Connection:
@@ -121,6 +126,7 @@ class System:
 
     def split(self, path: str) -> tuple[Component, str]:
         """component.variable as component and variable name, both of which may hold dots."""
+        path = str(path)
         inside = [c for c in self.components if path.startswith(f"{c.name}.") and path != f"{c.name}."]
         if not inside:
             longest = max(c.name.count(".") for c in self.components) + 1 if self.components else 1
@@ -156,8 +162,23 @@ class System:
         kept = (x for x in self.connections if x.ends[1] not in added)
         return replace(self, connections=(*kept, *added.values()))
 
+    def without_connections(self, *inputs: str) -> "System":
+        """The system with nothing that drives these inputs, given by full name, so that they can be set.
+
+        Raises CommandError for an input that nothing drives.
+        """
+        freed = set()
+        for name in inputs:
+            component, variable = self.split(name)
+            freed.add((component.name, variable))
+        missing = freed - {x.ends[1] for x in self.connections}
+        if missing:
+            named = listed(sorted(".".join(end) for end in missing))
+            raise CommandError(f"nothing drives {named}.", names=sorted(missing))
+        return replace(self, connections=tuple(x for x in self.connections if x.ends[1] not in freed))
+
     def _connection(self, text: str) -> Connection:
-        source, arrow, target = (part.strip() for part in text.partition("->"))
+        source, arrow, target = (part.strip() for part in str(text).partition("->"))
         if not (source and arrow and target):
             raise CommandError(f"'{text}' is not a connection; write a.output -> b.input.", name=text)
         (source, output), (target, input_) = self.split(source), self.split(target)
@@ -177,6 +198,8 @@ def _component(name: str, what: str | Path | type) -> Component:
     """A component that is a file, a block, or one of our models by its name."""
     if isinstance(what, type):
         return Component(name, model=what)
+    if not isinstance(what, (str, Path)):
+        raise CommandError(f"{name} is {what!r}; it must be an FMU file, a class of block or a model's name.")
     if isinstance(what, Path) or what.lower().endswith(".fmu"):
         return Component(name, fmu=Path(what))
     return Component(name, model=what)

@@ -73,7 +73,9 @@ def transformed(connection: Connection, interfaces: Mapping[str, Interface]) -> 
     try:
         return conversion(source, target)
     except ValueError as error:
-        raise CommandError(f"the connection {connection} joins {error}.") from error
+        raise CommandError(
+            f"the connection {connection} joins {error}.", connection=str(connection)
+        ) from error
 
 
 def _type(component: Component, interfaces: Mapping[str, Interface], name: str, causality: str) -> str:

@@ -1,15 +1,46 @@
 /* Co-simulation: the communication step and its status. */
 
+/* By how much a host's time may differ from the instance's own through rounding alone. */
+static double rounding(const State *now, double time, double step) {
+    const double last = now->clock.step;
+    return SAME_TIME * fmax(step, last) + TIME_ROUNDING * fabs(time);
+}
+
+/* Whether a host makes a step only because its times are rounded in another way. A first step is none: it
+   has nothing to make up for, and only a step makes sure of finite outputs. */
+static int is_sliver(const State *now, double time, double step) {
+    const double rounded = rounding(now, time, step);
+    const int is_there = fabs(time - now->time) <= rounded && fabs(time + step - now->time) <= rounded;
+    return now->clock.step > 0.0 && is_there;
+}
+
+/* How many digits it takes to see that two times differ, no fewer than 9. */
+static int digits_apart(double a, double b) {
+    char texts[2][32];
+    for (int digits = 9; digits < 17; digits++) {
+        snprintf(texts[0], sizeof texts[0], "%.*g", digits, a);
+        snprintf(texts[1], sizeof texts[1], "%.*g", digits, b);
+        if (strcmp(texts[0], texts[1]) != 0) return digits;
+    }
+    return 17;
+}
+
 static fmi2Status check_step(const Instance *instance, double time, double step) {
     const State *now = &instance->now;
     if (!(isfinite(time + step) && step > 0.0))
         return report(instance, fmi2Error, "the step size %g s is not a positive, finite number.", step);
-    if (!(fabs(time - now->time) <= STEP_TOLERANCE * step))
+    const double end = time + step;
+    if (!(fabs(time - now->time) <= fmax(STEP_TOLERANCE * step, rounding(now, time, step)))) {
+        const int digits = digits_apart(time, now->time);
         return report(instance, fmi2Error,
-                      "the step starts at t = %.9g s, but the instance is at t = %.9g s.", time, now->time);
-    if (time + step > now->stop_time + STEP_TOLERANCE * step)
-        return report(instance, fmi2Error, "the step to t = %.9g s goes past the stop time %.9g s.",
-                      time + step, now->stop_time);
+                      "the step starts at t = %.*g s, but the instance is at t = %.*g s.", digits, time,
+                      digits, now->time);
+    }
+    if (end > now->stop_time + STEP_TOLERANCE * step + TIME_ROUNDING * fabs(time)) {
+        const int digits = digits_apart(end, now->stop_time);
+        return report(instance, fmi2Error, "the step to t = %.*g s goes past the stop time %.*g s.", digits,
+                      end, digits, now->stop_time);
+    }
     if (!(substeps(now, step) <= MAXIMUM_SUBSTEPS))
         return report(instance, fmi2Error, "the step of %g s needs more than %g internal steps.", step,
                       MAXIMUM_SUBSTEPS);
@@ -33,6 +64,15 @@ static int find_not_finite(const State *now) {
     return -1;
 }
 
+/* What the host gave for one step is used up; `begin` is the time before which it will not go back. */
+static fmi2Status end_step(Instance *instance, double begin, fmi2Boolean will_not_go_back) {
+    State *now = &instance->now;
+    memset(now->input_derivatives, 0, sizeof now->input_derivatives);
+    now->inputs_move = 0;
+    if (will_not_go_back) instance->no_return_before = begin;
+    return fmi2OK;
+}
+
 static void advance(State *now, const double *u0) {
     Clock *clock = &now->clock;
     const double step = clock->step;
@@ -53,6 +93,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
     double u0[ROOM(N_INPUTS)], before[ROOM(N_EVOLVING)];
     if (require(instance, STEP, "do a step") != fmi2OK) return fmi2Error;
     if (check_step(instance, time, step) != fmi2OK) return fmi2Error;
+    if (is_sliver(now, time, step)) return end_step(instance, start, noSetFMUStatePriorToCurrentPoint);
     memcpy(u0, now->values, N_INPUTS * sizeof(double));
     memcpy(before, now->values + FIRST_STATE, N_EVOLVING * sizeof(double));
     begin_step(now, time, step);
@@ -70,10 +111,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
                       variables[bad].name, value);
     }
     hold_inputs(now, now->clock.step);
-    memset(now->input_derivatives, 0, sizeof now->input_derivatives);
-    now->inputs_move = 0;
-    if (noSetFMUStatePriorToCurrentPoint) instance->no_return_before = begin;
-    return fmi2OK;
+    return end_step(instance, begin, noSetFMUStatePriorToCurrentPoint);
 }
 
 /* Steps are never asynchronous, so there is nothing to cancel and no pending status. */
@@ -90,6 +128,7 @@ fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *va
 
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value) {
     if (s != fmi2LastSuccessfulTime) return no_status(c);
+    if (check_place(c, value, "the status") != fmi2OK) return fmi2Error;
     *value = ((Instance *)c)->now.time;
     return fmi2OK;
 }
@@ -101,6 +140,7 @@ fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Int
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value) {
     if (s != fmi2Terminated) return no_status(c);
+    if (check_place(c, value, "the status") != fmi2OK) return fmi2Error;
     *value = fmi2False; /* the block never ends a run by itself */
     return fmi2OK;
 }

@@ -6,7 +6,10 @@ const char *fmi2GetVersion(void) { return fmi2Version; }
 
 /* ---- create and free ------------------------------------------------------------------- */
 
-static fmi2Status check_identity(const Instance *instance, fmi2Type type, fmi2String guid) {
+static fmi2Status check_identity(const Instance *instance, fmi2String name, fmi2Type type, fmi2String guid) {
+    if (name == NULL || *name == '\0')
+        return report(instance, fmi2Error, "an instance needs a name; this one is %s.",
+                      name == NULL ? "NULL" : "empty");
 #ifndef MODEL_EXCHANGE
     if (type == fmi2ModelExchange)
         return report(instance, fmi2Error, "this FMU is for co-simulation only.");
@@ -37,7 +40,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     instance->logged = loggingOn ? EVERYTHING : FAILURES;
     instance->no_return_before = -HUGE_VAL;
     set_start_values(&instance->now, (int)fmuType);
-    if (check_identity(instance, fmuType, fmuGUID) == fmi2OK) return instance;
+    if (check_identity(instance, instanceName, fmuType, fmuGUID) == fmi2OK) return instance;
     fmi2FreeInstance(instance);
     return NULL;
 }

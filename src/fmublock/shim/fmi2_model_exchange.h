@@ -6,7 +6,7 @@
  */
 
 static fmi2Status check_size(const Instance *instance, size_t n, size_t expected, const void *array) {
-    if (n == expected && (n == 0 || array != NULL)) return fmi2OK;
+    if (n == expected) return check_arrays(instance, n, array, array);
     return report(instance, fmi2Error, "an array of %u values was given, not of %u.", (unsigned)n,
                   (unsigned)expected);
 }
@@ -23,6 +23,7 @@ fmi2Status fmi2EnterEventMode(fmi2Component c) {
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     Instance *instance = c;
     if (require(instance, EVENT, "find new discrete states") != fmi2OK) return fmi2Error;
+    if (check_place(instance, info, "the event information") != fmi2OK) return fmi2Error;
     memset(info, 0, sizeof *info); /* nothing changed, nothing to come */
     return fmi2OK;
 }
@@ -38,6 +39,8 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStat
                                        fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation) {
     Instance *instance = c;
     if (require(instance, CONTINUOUS_TIME, "complete an integrator step") != fmi2OK) return fmi2Error;
+    if (check_place(instance, enterEventMode, "enterEventMode") != fmi2OK) return fmi2Error;
+    if (check_place(instance, terminateSimulation, "terminateSimulation") != fmi2OK) return fmi2Error;
     if (noSetFMUStatePriorToCurrentPoint) instance->no_return_before = instance->now.time;
     *enterEventMode = fmi2False;
     *terminateSimulation = fmi2False;

@@ -22,6 +22,7 @@ static fmi2Status check_state(const Instance *instance, const State *state) {
 }
 
 static fmi2Status copy_state(const Instance *instance, const State *source, fmi2FMUstate *target) {
+    if (check_place(instance, target, "the state") != fmi2OK) return fmi2Error;
     if (*target != NULL && check_state(instance, *target) != fmi2OK) return fmi2Error;
     if (*target == NULL) *target = malloc(sizeof(State));
     if (*target == NULL) return report(instance, fmi2Error, "out of memory.");
@@ -56,6 +57,7 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate FMUstate, size_t *size) {
     if (check_state(c, FMUstate) != fmi2OK) return fmi2Error;
+    if (check_place(c, size, "the size") != fmi2OK) return fmi2Error;
     *size = sizeof(Serialized);
     return fmi2OK;
 }
@@ -64,7 +66,8 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byt
                                  size_t size) {
     Serialized serialized = {0};
     if (check_state(c, FMUstate) != fmi2OK) return fmi2Error;
-    if (size < sizeof serialized || serializedState == NULL)
+    if (check_place(c, serializedState, "the bytes") != fmi2OK) return fmi2Error;
+    if (size < sizeof serialized)
         return report(c, fmi2Error, "a state needs %u bytes, not %u.", (unsigned)sizeof serialized,
                       (unsigned)size);
     memcpy(&serialized.state, FMUstate, sizeof serialized.state);
@@ -76,7 +79,8 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byt
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedState[], size_t size,
                                    fmi2FMUstate *FMUstate) {
     Serialized serialized;
-    if (size != sizeof serialized || serializedState == NULL)
+    if (check_place(c, serializedState, "the bytes") != fmi2OK) return fmi2Error;
+    if (size != sizeof serialized)
         return report(c, fmi2Error, "a state has %u bytes, not %u.", (unsigned)sizeof serialized,
                       (unsigned)size);
     memcpy(&serialized, serializedState, sizeof serialized);

@@ -118,3 +118,9 @@ static fmi2Status check_arrays(const Instance *instance, size_t n, const void *a
     if (n == 0 || (a != NULL && b != NULL)) return fmi2OK;
     return report(instance, fmi2Error, "%u values were announced, but the array is NULL.", (unsigned)n);
 }
+
+/* Whether there is a place for what a call gives back. */
+static fmi2Status check_place(const Instance *instance, const void *place, const char *what) {
+    if (place != NULL) return fmi2OK;
+    return report(instance, fmi2Error, "the pointer to %s is NULL.", what);
+}

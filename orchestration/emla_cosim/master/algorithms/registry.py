@@ -1,4 +1,4 @@
-"""Algorithms by name; whoever adds a class of their own here can choose it wherever a name is given."""
+"""Which algorithms there are."""
 
 from .algorithm import Algorithm
 from .gauss_seidel import GaussSeidel
@@ -6,3 +6,4 @@ from .jacobi import Jacobi
 from .strong import Strong
 
 ALGORITHMS: dict[str, type[Algorithm]] = {"jacobi": Jacobi, "gauss-seidel": GaussSeidel, "strong": Strong}
+"""Algorithms by name; whoever adds a class here can choose it wherever a name is given."""

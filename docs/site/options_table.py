@@ -1,0 +1,49 @@
+"""The table of options, from where each is written down."""
+
+from collections.abc import Iterator
+
+from emla_cosim.option import OUTPUT, RUN, STEPPING, SYSTEM, Option
+from emla_cosim.options import table
+
+_VALUES = {"Path": "PATH", "float": "NUMBER", "str": "NAME"}
+
+PLACE = "<!-- table of options -->"
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Put the table into its place."""
+    return markdown.replace(PLACE, "\n".join(_lines())) if PLACE in markdown else markdown
+
+
+def _lines() -> Iterator[str]:
+    for group in (SYSTEM, STEPPING, OUTPUT):
+        yield f"### {group}\n\n| Command line | Name elsewhere | Meaning |\n|---|---|---|"
+        yield from (_row(option) for option in table().values() if option.about.group == group)
+        yield ""
+
+
+def _row(option: Option) -> str:
+    about = option.about
+    flag = f"{option.flag}, --no-{option.flag.removeprefix('--')}" if option.type is bool else option.flag
+    choices = f" One of {', '.join(about.choices())}." if about.choices is not None else ""
+    unit = f" In {about.unit}." if about.unit else ""
+    place = "" if about.in_file else " Not in scenario files."
+    place += "" if RUN in about.commands else " Of `emla export`."
+    meaning = f"{about.help}{choices}{unit}{_default(option)}{place}"
+    return f"| `{flag}{_value(option)}` | `{option.name}` | {meaning} |"
+
+
+def _value(option: Option) -> str:
+    """What stands for the value on the command line."""
+    if option.about.metavar or option.type is bool:
+        return f" {option.about.metavar}" if option.about.metavar else ""
+    kind = str(option.type)
+    if option.about.unit:
+        return f" {option.about.unit.upper()}"
+    return next((f" {what}" for of, what in _VALUES.items() if of in kind), "")
+
+
+def _default(option: Option) -> str:
+    if option.default is None or isinstance(option.default, (bool, list, dict)):
+        return ""
+    return f" Without: {option.default}."

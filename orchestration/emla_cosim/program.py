@@ -1,0 +1,34 @@
+"""The `emla` command as a program: its streams, and how it ends, whatever they and its host are."""
+
+import os
+import sys
+from io import TextIOWrapper
+from pathlib import Path
+from typing import TextIO
+
+
+def main() -> None:
+    """Run the command; it ends with 0, 1 or 2, and where that is not 0 with one sentence."""
+    sys.stdout, sys.stderr = (_usable(stream) for stream in (sys.stdout, sys.stderr))
+    try:
+        from .cli import app
+
+        app()
+    except KeyboardInterrupt:  # while something was imported
+        _end("Interrupted.")
+    except (ImportError, MemoryError) as error:
+        _end(f"Error: emla cannot be started: {str(error) or 'there is not enough memory'}.")
+
+
+def _usable(stream: TextIO | None) -> TextIO:
+    """A stream that can take any text, where its encoding lacks a letter with another in its place."""
+    if stream is None:  # it was closed
+        return Path(os.devnull).open("w", encoding="utf-8")
+    if isinstance(stream, TextIOWrapper):
+        stream.reconfigure(errors="replace")
+    return stream
+
+
+def _end(sentence: str) -> None:
+    sys.stderr.write(f"{sentence}\n")
+    sys.exit(1)

@@ -1,0 +1,122 @@
+"""The command where its streams, its memory or its end are not what one is used to."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+EMLA = [sys.executable, "-c", "from emla_cosim.program import main; main()"]
+RUN = ("run", "lift", "--no-plots", "--output", "out")
+FULL = Path("/dev/full")
+
+
+def surroundings(fmus: Path, folder: Path, **more: str) -> dict[str, str]:
+    """An environment with temporary files in a folder of the test's."""
+    (folder / "temporary").mkdir(exist_ok=True)
+    path = os.pathsep.join(p for p in sys.path if p)
+    return {**os.environ, "PYTHONPATH": path, "TMPDIR": str(folder / "temporary"), **more}
+
+
+def ended(
+    fmus: Path, folder: Path, *arguments: str, environment: dict[str, str] | None = None, **how: Any
+) -> Any:
+    """The command in a process of its own; its output is bytes."""
+    return subprocess.run(
+        [*EMLA, *arguments, "--fmus", str(fmus)],
+        cwd=folder,
+        env=surroundings(fmus, folder, **(environment or {})),
+        check=False,
+        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **how},
+    )
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "gbk", "shift_jis", "cp949", "latin-1", "utf-16"])
+def test_any_encoding_shows_the_table(encoding: str, fmu_folder: Path, tmp_path: Path) -> None:
+    done = ended(
+        fmu_folder, tmp_path, *RUN, "--stop-time", "0.35", environment={"PYTHONIOENCODING": encoding}
+    )
+    assert done.returncode == 0, done.stderr
+    text = done.stdout.decode(encoding)
+    assert "position error" in text
+    assert "Wrote out/: results.csv" in text
+    assert b"Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="needs the device that is always full")
+def test_a_full_standard_output_is_told_and_the_files_are_there(fmu_folder: Path, tmp_path: Path) -> None:
+    with FULL.open("wb") as full:
+        done = ended(fmu_folder, tmp_path, *RUN, "--stop-time", "0.35", stdout=full)
+        assert done.returncode == 1
+        errors = [line for line in done.stderr.decode().splitlines() if line.startswith("Error")]
+        assert errors == ["Error: the standard output cannot be written: No space left on device."]
+        assert {p.name for p in (tmp_path / "out").iterdir()} == {"results.csv", "metrics.json", "run.json"}
+        quiet = ended(fmu_folder, tmp_path, *RUN, "--stop-time", "0.35", stderr=full)
+        assert quiet.returncode == 0
+        assert b"position error" in quiet.stdout
+
+
+@pytest.mark.parametrize("closed", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"])
+def test_closed_streams_harm_nobody(closed: str, fmu_folder: Path, tmp_path: Path) -> None:
+    command = " ".join([f"exec '{sys.executable}' -c '{EMLA[2]}'", *RUN, "--stop-time 0.002", "--fmus", "$F"])
+    environment = surroundings(fmu_folder, tmp_path, F=str(fmu_folder))
+    done = subprocess.run(
+        ["sh", "-c", f"{command} {closed}"], cwd=tmp_path, env=environment, check=False, capture_output=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert b"Traceback" not in done.stderr
+    assert (tmp_path / "out/run.json").exists()
+
+
+@pytest.mark.parametrize("error", ["KeyboardInterrupt", "MemoryError", "ImportError('no such library')"])
+def test_what_happens_while_importing_is_one_line(error: str, fmu_folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken/typer.py").write_text(f"raise {error}\n")
+    path = os.pathsep.join([str(tmp_path / "broken"), *(p for p in sys.path if p)])
+    done = ended(fmu_folder, tmp_path, "list", environment={"PYTHONPATH": path})
+    assert done.returncode == 1
+    assert len(done.stderr.decode().splitlines()) == 1
+    assert done.stdout == b""
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+@pytest.mark.parametrize("phase", ["preparing", "simulating"])
+def test_a_polite_end_keeps_what_was_computed_and_tidies_up(
+    name: str, phase: str, fmu_folder: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    arguments = [*RUN, "--stop-time", "100000", "--fmus", str(fmu_folder)]
+    slowly = (
+        "import emla_cosim.preparation as p, time\n"
+        "original = p.build\n"
+        "def build(*a, **k):\n"
+        "    open('preparing', 'w').close(); time.sleep(20); return original(*a, **k)\n"
+        "p.build = build\n"
+    )
+    code = (slowly if phase == "preparing" else "") + "from emla_cosim.program import main; main()"
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        cwd=tmp_path,
+        env=surroundings(fmu_folder, tmp_path),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        awaited = tmp_path / "preparing" if phase == "preparing" else out / "results.csv"
+        deadline = time.monotonic() + 60.0
+        while not awaited.exists() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        time.sleep(0.3)
+        process.send_signal(signal.Signals[name])
+        _, errors = process.communicate(timeout=60.0)
+    assert process.returncode == 1
+    assert b"Traceback" not in errors
+    assert not any((tmp_path / "temporary").iterdir())
+    if phase == "simulating":
+        assert b"interrupted at t = " in errors
+        assert {p.name for p in out.iterdir()} == {"results.csv", "metrics.json", "run.json"}
+    else:
+        assert b"Interrupted." in errors

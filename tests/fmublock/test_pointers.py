@@ -1,0 +1,163 @@
+"""NULL where the FMI wants a name, a place to write to or something to read from."""
+
+import ctypes
+from collections.abc import Iterator, Sequence
+from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fmpy.fmi2 import FMU2Model, fmi2LastSuccessfulTime, fmi2Terminated
+
+from tests.support.sessions import ERROR, OK, Session, opened
+from tests.support.toy import Toy
+
+NULL = c_void_p(None)
+REFERENCE = (c_uint * 1)(Toy.layout().reference("force"))
+COUNT = (c_uint * 1)(Toy.layout().reference("count"))
+DAMPED = (c_uint * 1)(Toy.layout().reference("damped"))
+VALUE, ORDER = (c_double * 1)(0.5), (c_int * 1)(1)
+ONE = c_size_t(1)
+ARRAY = "1 values were announced, but the array is NULL."
+
+
+@pytest.fixture
+def session(native_toy_fmu: Path, tmp_path: Path) -> Iterator[Session]:
+    with opened(native_toy_fmu, tmp_path / "fmu") as session:
+        yield session
+
+
+def answer(slave: Any, function: str, *arguments: Any) -> int:
+    """The status of a function of the library, called as a host in C would."""
+    library = ctypes.CDLL(slave.dll._name)
+    return library[function](c_void_p(slave.component), *arguments)
+
+
+def instantiate(session: Session, name: bytes | None) -> int | None:
+    """The address of a new instance, or None."""
+    function = ctypes.CDLL(session.new("loaded").dll._name)["fmi2Instantiate"]
+    function.restype = c_void_p
+    resources = (session.folder / "resources").as_uri().encode()
+    callbacks = byref(session.log.callbacks)
+    return function(
+        c_char_p(name), 1, c_char_p(session.description.guid.encode()), c_char_p(resources), callbacks, 0, 1
+    )
+
+
+# ---- names -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "said"), [(None, "NULL"), (b"", "empty")])
+def test_an_instance_needs_a_name(session: Session, name: bytes | None, said: str) -> None:
+    assert instantiate(session, name) is None
+    assert session.log.all == [
+        ("Toy", ERROR, "logStatusError", f"Toy: an instance needs a name; this one is {said}.")
+    ]
+
+
+def test_an_instance_of_the_python_flavour_needs_a_name(python_toy_fmu: Path, tmp_path: Path) -> None:
+    """PythonFMU's library itself ends the process where the name is NULL."""
+    with opened(python_toy_fmu, tmp_path / "fmu") as session:
+        for _ in range(20):
+            assert instantiate(session, b"") is None
+        assert all("an instance needs a name; this one is empty." in line.text for line in session.log.all)
+        assert len(session.log.all) == 20
+        slave = session.instance("named")
+        slave.doStep(0.0, 0.1)
+        assert session.get(slave, "step_count") == [1.0]
+
+
+# ---- places ------------------------------------------------------------------------------------
+
+CO_SIMULATION: list[tuple[str, Sequence[Any], str]] = [
+    ("fmi2GetReal", (REFERENCE, ONE, NULL), ARRAY),
+    ("fmi2GetReal", (NULL, ONE, VALUE), ARRAY),
+    ("fmi2SetReal", (REFERENCE, ONE, NULL), ARRAY),
+    ("fmi2SetReal", (NULL, ONE, VALUE), ARRAY),
+    ("fmi2GetInteger", (COUNT, ONE, NULL), ARRAY),
+    ("fmi2SetInteger", (COUNT, ONE, NULL), ARRAY),
+    ("fmi2GetBoolean", (DAMPED, ONE, NULL), ARRAY),
+    ("fmi2SetBoolean", (DAMPED, ONE, NULL), ARRAY),
+    ("fmi2GetString", (REFERENCE, ONE, NULL), ARRAY),
+    ("fmi2SetString", (NULL, ONE, NULL), ARRAY),
+    ("fmi2SetDebugLogging", (c_int(1), ONE, NULL), ARRAY),
+    ("fmi2GetDirectionalDerivative", (NULL, ONE, REFERENCE, ONE, VALUE, VALUE), ARRAY),
+    ("fmi2GetDirectionalDerivative", (REFERENCE, ONE, REFERENCE, ONE, VALUE, NULL), ARRAY),
+    ("fmi2GetDirectionalDerivative", (REFERENCE, ONE, NULL, ONE, VALUE, VALUE), ARRAY),
+    ("fmi2GetDirectionalDerivative", (REFERENCE, ONE, REFERENCE, ONE, NULL, VALUE), ARRAY),
+    ("fmi2SetRealInputDerivatives", (REFERENCE, ONE, NULL, VALUE), ARRAY),
+    ("fmi2SetRealInputDerivatives", (REFERENCE, ONE, ORDER, NULL), ARRAY),
+    ("fmi2GetRealOutputDerivatives", (REFERENCE, ONE, NULL, VALUE), ARRAY),
+    ("fmi2GetRealOutputDerivatives", (REFERENCE, ONE, ORDER, NULL), ARRAY),
+    ("fmi2GetFMUstate", (NULL,), "the pointer to the state is NULL."),
+    ("fmi2SetFMUstate", (NULL,), "this is not a state of Toy"),
+    ("fmi2SerializedFMUstateSize", (NULL, byref(c_size_t())), "this is not a state of Toy"),
+    ("fmi2SerializeFMUstate", (NULL, VALUE, c_size_t(8)), "this is not a state of Toy"),
+    ("fmi2DeSerializeFMUstate", (NULL, c_size_t(8), byref(c_void_p())), "the pointer to the bytes is NULL."),
+    ("fmi2GetRealStatus", (c_int(fmi2LastSuccessfulTime), NULL), "the pointer to the status is NULL."),
+    ("fmi2GetBooleanStatus", (c_int(fmi2Terminated), NULL), "the pointer to the status is NULL."),
+]
+
+
+@pytest.mark.parametrize(("function", "arguments", "sentence"), CO_SIMULATION)
+def test_nothing_is_read_from_nowhere_nor_written_there(
+    session: Session, function: str, arguments: Sequence[Any], sentence: str
+) -> None:
+    slave = session.instance()
+    session.log.all.clear()
+    assert answer(slave, function, *arguments) == ERROR
+    (line,) = session.log.lines("toy")
+    assert line.startswith(f"toy: {sentence}")
+    slave.doStep(0.0, 0.1)  # still usable
+
+
+def test_a_state_is_not_put_nowhere(session: Session) -> None:
+    slave = session.instance()
+    saved = slave.getFMUstate()
+    bytes_ = slave.serializeFMUstate(saved)
+    session.log.all.clear()
+    assert answer(slave, "fmi2SerializedFMUstateSize", saved, NULL) == ERROR
+    assert answer(slave, "fmi2SerializeFMUstate", saved, NULL, c_size_t(len(bytes_))) == ERROR
+    assert answer(slave, "fmi2DeSerializeFMUstate", bytes_, c_size_t(len(bytes_)), NULL) == ERROR
+    assert len(session.log.lines("toy")) == 3
+    assert answer(slave, "fmi2FreeFMUstate", NULL) == OK
+    slave.freeFMUstate(saved)
+
+
+def test_no_values_need_no_arrays(session: Session) -> None:
+    slave, none = session.instance(), c_size_t(0)
+    for name in ("Real", "Integer", "Boolean", "String"):
+        for verb in ("Get", "Set"):
+            assert answer(slave, f"fmi2{verb}{name}", NULL, none, NULL) == OK
+    assert answer(slave, "fmi2GetDirectionalDerivative", NULL, none, NULL, none, NULL, NULL) == OK
+    for function in ("fmi2SetRealInputDerivatives", "fmi2GetRealOutputDerivatives"):
+        assert answer(slave, function, NULL, none, NULL, NULL) == OK
+    assert answer(slave, "fmi2SetDebugLogging", c_int(1), none, NULL) == OK
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments"),
+    [
+        ("fmi2SetContinuousStates", (NULL, c_size_t(3))),
+        ("fmi2GetContinuousStates", (NULL, c_size_t(3))),
+        ("fmi2GetNominalsOfContinuousStates", (NULL, c_size_t(3))),
+        ("fmi2GetDerivatives", (NULL, c_size_t(3))),
+        ("fmi2CompletedIntegratorStep", (c_int(1), NULL, byref(c_int()))),
+        ("fmi2CompletedIntegratorStep", (c_int(1), byref(c_int()), NULL)),
+    ],
+)
+def test_model_exchange_does_not_write_nowhere(
+    session: Session, function: str, arguments: Sequence[Any]
+) -> None:
+    model = session.instance(kind=FMU2Model)
+    session.log.all.clear()
+    assert answer(model, function, *arguments) == ERROR
+    (line,) = session.log.lines("toy")
+    assert line.endswith(" is NULL.")
+
+
+def test_events_need_a_place(session: Session) -> None:
+    model = session.instance(kind=FMU2Model)
+    model.enterEventMode()
+    assert answer(model, "fmi2NewDiscreteStates", NULL) == ERROR
+    assert session.log.lines("toy") == ["toy: the pointer to the event information is NULL."]

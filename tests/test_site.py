@@ -1,0 +1,105 @@
+"""The documentation as a site: built strictly, complete, and in need of nothing from elsewhere."""
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from lxml import html
+
+import fmublock
+from emla_cosim.options import table
+from tests.support.paths import ROOT
+
+pytest.importorskip("mkdocs", reason="the extra 'docs' is not installed")
+nbformat = pytest.importorskip("nbformat", reason="the extra 'docs' is not installed")
+
+CONFIGURATION = "docs/site/mkdocs.yml"
+NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
+LOADED = "//script/@src | //link[@rel!='canonical']/@href | //img/@src | //iframe/@src | //source/@src"
+"""What a browser fetches by itself."""
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory, user_cache: dict[str, str]) -> Path:
+    """The site; its notebooks were executed."""
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", CONFIGURATION, "-d", str(folder)],
+        cwd=ROOT,
+        env={**os.environ, **user_cache, "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def page(site: Path, name: str) -> html.HtmlElement:
+    return html.parse(str(site / name)).getroot()
+
+
+def of_stub(text: str) -> set[str]:
+    """Names that a stub imports for its users: `from .x import y as y`."""
+    imports = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.ImportFrom)]
+    return {alias.asname for node in imports for alias in node.names if alias.asname == alias.name}
+
+
+@pytest.mark.parametrize(
+    ("module", "names"),
+    [
+        ("emla_cosim", of_stub((ROOT / "orchestration/emla_cosim/__init__.pyi").read_text())),
+        ("fmublock", {*fmublock.__all__, *of_stub(Path(str(fmublock.__file__)).read_text())}),
+    ],
+)
+def test_every_public_name_is_in_the_reference(site: Path, module: str, names: set[str]) -> None:
+    assert len(names) > 30
+    documented = {}
+    for entry in page(site, f"api/{module}.html").xpath("//div[contains(@class, 'doc-object')]"):
+        (heading, *_) = entry.xpath("./*[@id]/@id")
+        said = entry.xpath("./div[contains(@class, 'doc-contents')]/p[1]")
+        documented[heading.rpartition(".")[2]] = said[0].text_content() if said else ""
+    assert names <= set(documented)
+    assert [n for n in sorted(names) if len(documented[n]) < 10] == []
+
+
+def test_every_option_is_in_the_table(site: Path) -> None:
+    words = page(site, "command-line.html").xpath("//td[1]/code/text()")
+    flags = {word.split()[0].rstrip(",") for word in words}
+    assert {option.flag for option in table().values()} <= flags
+
+
+def test_pages_need_nothing_from_elsewhere(site: Path) -> None:
+    pages = [p.relative_to(site) for p in site.rglob("*.html")]
+    assert len(pages) > 20
+    for name in pages:
+        loaded = page(site, str(name)).xpath(LOADED)
+        assert loaded
+        assert [x for x in loaded if x.startswith(("http:", "https:", "//"))] == [], name
+
+
+def test_equations_are_typeset(site: Path) -> None:
+    plant = page(site, "fmus/EmlaPlant.html")
+    assert len(plant.xpath("//*[local-name() = 'math']")) > 30
+    assert not plant.xpath("//*[@class = 'arithmatex']")
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_shows_what_it_computed(site: Path, notebook: Path) -> None:
+    shown = page(site, f"notebooks/{notebook.stem}.html")
+    pictures = shown.xpath("//article//img/@src")
+    assert pictures
+    assert all((site / "notebooks" / picture).stat().st_size > 10_000 for picture in pictures)
+    assert "Traceback" not in shown.text_content()
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_is_kept_without_outputs(notebook: Path) -> None:
+    read = nbformat.read(notebook, as_version=4)
+    nbformat.validate(read)
+    code = [cell for cell in read.cells if cell.cell_type == "code"]
+    assert len(code) > 5
+    assert [cell.source for cell in code if cell.outputs or cell.execution_count] == []
