@@ -217,11 +217,21 @@ def test_a_checkpoint_goes_on(emla: Emla, foreign: tuple[str, ...]) -> None:
     assert metrics("whole") == metrics("parts")
 
 
-def test_a_scenario_file_does_the_same(emla: Emla, foreign: tuple[str, ...], foreign_plant: Path) -> None:
+@pytest.mark.parametrize(
+    "tables",
+    [
+        '[replace]\n"lift.plant" = {{ fmu = "{fmu}", mapping = "{mapping}" }}\n',
+        '[replace]\n"lift.plant" = "{fmu}"\n[mapping]\n"lift.plant" = "{mapping}"\n',
+    ],
+    ids=["in one", "apart"],
+)
+def test_a_scenario_file_does_the_same(
+    tables: str, emla: Emla, foreign: tuple[str, ...], foreign_plant: Path
+) -> None:
     ran(emla, "options", "lift", "--stop-time", "0.02", *IDEAL, *foreign)
     Path("my.toml").write_text(
         'system = "lift"\nstop_time = 0.02\n[set]\n"lift.plant.sensor.resolution" = 0\n'
-        f'[replace]\n"lift.plant" = {{ fmu = "{foreign_plant}", mapping = "{FOREIGN}" }}\n',
+        + tables.format(fmu=foreign_plant, mapping=FOREIGN),
         encoding="utf-8",
     )
     ran(emla, "file", "my.toml")

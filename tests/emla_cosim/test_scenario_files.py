@@ -87,7 +87,7 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 """Keys by what they bring to the settings in run.json."""
 
 ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "signals"}
-"""Keys of the tests below."""
+"""Keys of the tests below; `mapping` is in test_replacement.py."""
 
 
 @pytest.mark.parametrize("key", SETTINGS)
@@ -151,6 +151,10 @@ def test_the_output_is_as_the_file_says(emla: Emla) -> None:
     ran(emla, "my.toml", "--no-plots", "--signals", "lift.plant.i_q", "--output", "other", output="other")
     assert polars.read_csv("other/results.csv").columns == ["time", "lift.plant.i_q"]
     assert not Path("other/tracking.png").exists()
+    write(f'{SHORT}signals = ["lift.plant.i_q"]\noutput_format = "parquet"\n')
+    ran(emla, "my.toml")
+    table = polars.read_csv("other/results.csv", schema_overrides=[polars.Float64] * 2)
+    assert polars.read_parquet("out/results.parquet").equals(table)
 
 
 def test_without_an_output_the_file_gives_the_folder_its_name(emla: Emla) -> None:
