@@ -3,9 +3,10 @@
 import importlib.util
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.machinery import SourceFileLoader
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 
@@ -68,6 +69,19 @@ def _run(file: Path) -> ModuleType:
     return module
 
 
+class _Beside(MetaPathFinder):
+    """Finds modules in one folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """The module in the folder; None for one that is not there, or inside a package."""
+        return PathFinder.find_spec(fullname, [str(self._folder)], target) if path is None else None
+
+
 @contextmanager
 def _importing_from(folder: Path) -> Iterator[None]:
     """Import from this folder first, and leave no module of its behind."""
@@ -80,12 +94,13 @@ def _importing_from(folder: Path) -> Iterator[None]:
     before = {name: module for name, module in sys.modules.items() if lies_here(name)}
     for name in before:
         del sys.modules[name]
-    sys.path.insert(0, str(folder))
+    finder = _Beside(folder)
+    sys.meta_path.insert(0, finder)
     importlib.invalidate_caches()
     try:
         yield
     finally:
-        sys.path.remove(str(folder))
+        sys.meta_path.remove(finder)
         for name in [n for n in sys.modules if lies_here(n)]:
             del sys.modules[name]
         sys.modules.update(before)

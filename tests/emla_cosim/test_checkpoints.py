@@ -47,10 +47,9 @@ def command(fmus: Path, *options: str) -> list[str]:
 
 def elsewhere(fmus: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
     """The same in a process of its own."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     return subprocess.Popen(
         [sys.executable, "-m", "emla_cosim.cli", *command(fmus, *options)],
-        cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment,
+        cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
 
 

@@ -468,11 +468,10 @@ def test_rows_that_fit_on_the_disk_are_whole(tmp_path: Path) -> None:
 
 def started(fmus: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
     """A run of a simulated quarter of an hour in a process of its own, which has begun to step."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     arguments = ["run", "lift", "--stop-time", "1000", "--no-plots", "--fmus", str(fmus), *options]
     process = subprocess.Popen(
         [sys.executable, "-m", "emla_cosim.cli", *arguments, "--output", "out"],
-        cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment,
+        cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
     results, deadline = folder / "out" / "results.csv", time.monotonic() + 60.0
     while not (results.exists() and results.stat().st_size > 10_000):

@@ -141,11 +141,10 @@ def test_an_fmu_that_goes_elsewhere_does_not_move_results(
 def test_a_second_run_into_a_folder_is_refused(emla: Emla, tmp_path: Path) -> None:
     code = "from emla_cosim.locking import alone; from pathlib import Path; import sys\n"
     code += "with alone(Path(sys.argv[1])): print('held', flush=True); sys.stdin.read()"
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     (tmp_path / "out").mkdir()
     with subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path / "out")],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     ) as other:  # fmt: skip
         assert other.stdout is not None
         assert other.stdout.readline() == "held\n"

@@ -242,11 +242,11 @@ def test_a_module_of_a_package_is_loaded_as_such() -> None:
 
 
 def test_loading_leaves_no_trace(folder: Path) -> None:
-    before, modules = list(sys.path), dict(sys.modules)
+    before, modules = list(sys.meta_path), dict(sys.modules)
     load_block("mine.py:Drive")
     with pytest.raises(LoadError):
         load_block("mine.py:Nothing")
-    assert sys.path == before
+    assert sys.meta_path == before
     assert {n for n in sys.modules.keys() - modules.keys() if n in ("mine", "helper")} == set()
 
 

@@ -88,15 +88,18 @@ def test_the_fmu_runs_without_any_package_installed(tmp_path: Path) -> None:
         archive.extractall(tmp_path)
         slave = archive.read("resources/slavemodule.txt").decode()
     code = (
-        f"import sys; sys.path.insert(0, {str(tmp_path / 'resources')!r})\n"
-        f"from {slave} import Toy\n"
+        f"import sys\nfrom {slave} import Toy\n"
         "toy = Toy(instance_name='t', resources='', visible=False)\n"
         "toy.setup_experiment(0.0); toy.enter_initialization_mode(); toy.exit_initialization_mode()\n"
         "assert toy.do_step(0.0, 0.1)\n"
         "print(toy.get_real([0]), 'fmublock' in sys.modules)\n"
     )
     run = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=False
+        [sys.executable, "-E", "-s", "-S", "-c", code],
+        cwd=tmp_path / "resources",
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert run.stdout.strip() == "[0.5] False", run.stderr
 
