@@ -25,8 +25,6 @@ class CsvFile(Table):
     file is there, the file is cut and continued; without it a new one begins with the rows that follow.
     """
 
-    suffix = ".csv"
-
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
 
