@@ -31,7 +31,17 @@ class _Later(TyperCommand):
         command = typer.main.get_command(alone)
         if not command.params and not args:
             command.add_help_option = False  # see `_Commands.parse_args`
-        return command.make_context(info_name, args, parent=parent, **extra)
+        return command.make_context(info_name, _complete(module, args), parent=parent, **extra)
+
+
+def _complete(module: Any, args: list[str]) -> list[str]:
+    """The arguments of a command as it reads them."""
+    taken = getattr(module, "OPTIONS", None)
+    if taken is None:
+        return args
+    from .commands.options import with_values
+
+    return with_values(args, taken)
 
 
 def _ready(module: Any) -> Any:
@@ -92,7 +102,3 @@ def emla(
     ] = False,
 ) -> None:
     """Co-simulate electromechanical linear actuators as FMUs."""
-
-
-if __name__ == "__main__":
-    app()

@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,10 @@ class CosimError(Exception):
         super().__init__(sentence)
         self.fields = fields
 
+    def __reduce__(self) -> Any:
+        """As it goes from one process to another, whatever a subclass is made of."""
+        return _same, (type(self), str(self), self.fields)
+
 
 class CommandError(CosimError):
     """The command, or a file it names, was wrong; nothing was run."""
@@ -28,6 +32,12 @@ class CommandError(CosimError):
 
 class RunError(CosimError):
     """The run failed; what was computed before is kept."""
+
+
+def _same(kind: type[CosimError], sentence: str, fields: Mapping[str, Any]) -> CosimError:
+    error = kind.__new__(kind)
+    CosimError.__init__(error, sentence, **fields)
+    return error
 
 
 @contextlib.contextmanager

@@ -8,6 +8,7 @@ from .errors import CommandError
 from .master.stepping.pacing import Pacing
 from .master.stepping.timing import MAXIMUM_STEPS, Timing, timing
 from .options import Options
+from .system.model import System
 
 DEFAULT_INTERVAL = 1e-3
 """Time in s between rows of a table unless told otherwise."""
@@ -57,12 +58,23 @@ def selected(patterns: Sequence[str], names: Sequence[str]) -> Sequence[int]:
     """Positions of the signals to keep, all without a pattern; CommandError for one that finds nothing."""
     if not patterns:
         return range(len(names))
+    return _matching(patterns, names, "signal", "results have all without.")
+
+
+def isolated(patterns: Sequence[str], system: System) -> list[str]:
+    """Components to run in processes of their own; CommandError for a pattern that finds none."""
+    names = [c.name for c in system.components]
+    return [names[i] for i in _matching(patterns, names, "component", "--isolate alone isolates all.")]
+
+
+def _matching(patterns: Sequence[str], names: Sequence[str], kind: str, otherwise: str) -> list[int]:
+    """Positions of names that one of the patterns finds; CommandError for a pattern that finds none."""
     chosen: set[int] = set()
     for pattern in patterns:
         found = [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
         if not found:
             near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.5)
-            meant = f"did you mean {' or '.join(near)}?" if near else "results have all without."
-            raise CommandError(f"no signal is called '{pattern}'; {meant}", name=pattern, near=near)
+            meant = f"did you mean {' or '.join(near)}?" if near else otherwise
+            raise CommandError(f"no {kind} is called '{pattern}'; {meant}", name=pattern, near=near)
         chosen.update(found)
     return sorted(chosen)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
-from typing import Any, get_type_hints
+from typing import Any, Union, get_args, get_type_hints
 
 from .errors import CommandError, check_choice
 
@@ -24,7 +24,8 @@ class About:
     where a checkpoint can only be continued with the same value; empty where it may change. `record`
     is its name in run.json, by default its name and unit; `in_file` says whether a scenario file may
     hold it. `commands` are those that take it. `parse` makes its value of the text of the command
-    line. In Python an object of the type `takes` is a value too, and taken as it is.
+    line. In Python an object of the type `takes` is a value too, and taken as it is. `alone` is the
+    value of a flag of the command line that nothing follows.
     """
 
     help: str
@@ -42,6 +43,7 @@ class About:
     commands: tuple[str, ...] = (RUN,)
     parse: Callable[[str], Any] | None = None
     takes: type | None = None
+    alone: str = ""
 
 
 def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
@@ -70,6 +72,14 @@ class Option:
     def record(self) -> str:
         """What run.json calls it."""
         return self.about.record or self.name + (f"_{self.about.unit}" if self.about.unit else "")
+
+    @property
+    def plain_type(self) -> Any:
+        """Its type but for `takes`."""
+        inner = get_args(self.type)
+        if self.about.takes not in inner:
+            return self.type
+        return Union[tuple(t for t in inner if t is not self.about.takes)]  # noqa: UP007
 
     @property
     def noun(self) -> str:

@@ -84,6 +84,14 @@ class Options:
         below=1.0,
         identity="error tolerance",
     )
+    isolate: Sequence[str] | bool = _system(
+        [],
+        help="Run a component in a process of its own (repeatable, * for anything); without a name, all.",
+        metavar="[COMPONENT]",
+        commands=(RUN,),
+        takes=bool,
+        alone="*",
+    )
     compiled: bool = _stepping(
         True,
         help="Step in compiled code where that is possible.",
@@ -141,6 +149,13 @@ class Options:
             return self.algorithm
         kind = type(self.algorithm)
         return next((n for n, k in ALGORITHMS.items() if k is kind), kind.__name__)
+
+    @property
+    def isolated(self) -> Sequence[str]:
+        """Patterns of the components to isolate."""
+        if isinstance(self.isolate, bool):
+            return ["*"] if self.isolate else []
+        return self.isolate
 
     def replacements(self) -> dict[str, Replacement]:
         """Replacements by component, with the mappings that are given apart from them.
@@ -216,7 +231,7 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     takes = option.about.takes
     if takes is not None and isinstance(value, takes):
         return value
-    found = converted(value, option.type if takes is None else str | None, label, folder)
+    found = converted(value, option.plain_type, label, folder)
     for one in found if isinstance(found, list) else [found]:
         option.check(one)
     return found

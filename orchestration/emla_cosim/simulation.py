@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import CommandError, RunError, called_as_in
-from .experiment import run_times, selected, steps_per_row
+from .experiment import isolated, run_times, selected, steps_per_row
 from .fmu.variables import find_variable, start_value
 from .master.algorithms.algorithm import Algorithm
 from .master.assembly import Assembly
@@ -37,7 +37,17 @@ from .system.model import System
 from .units import Unit
 from .values import converted
 
-PREPARED = ("parameters", "replace", "mapping", "controller", "gains", "flavour", "fmus", "platform")
+PREPARED = (
+    "parameters",
+    "replace",
+    "mapping",
+    "controller",
+    "gains",
+    "flavour",
+    "fmus",
+    "platform",
+    "isolate",
+)
 """Options that decide what is prepared: a run of a prepared simulation cannot change them."""
 
 OF_THE_COMMAND = ("output", "plots")
@@ -76,10 +86,11 @@ class Simulation:
         self._here = Path.cwd()  # an FMU may go elsewhere
         with called_as_in(unpacked):
             self.system, fmus = prepared(system, self.options, told)
-            self._assembly = Assembly(self.system, fmus)
+            self._assembly = Assembly(self.system, fmus, isolated(self.options.isolated, self.system))
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _Going | None = None
         self._error: RunError | None = None
+        self._spent: Stepping | None = None  # freed late: an FMU may fail even there
         self._turn = threading.RLock()
         if self.options.compiled:
             self._compile()
@@ -140,6 +151,12 @@ class Simulation:
             self._run.run.advance(self._run.run.stepping.times.stop)
             return self._ended()
 
+    def so_far(self) -> Result:
+        """What came out of the run that goes on; CommandError where none does."""
+        if self._run is None:
+            raise CommandError("no run goes on; `start` begins one.")
+        return self._result(self._run)
+
     def start(
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
     ) -> None:
@@ -168,7 +185,7 @@ class Simulation:
             metrics, resumed = MetricsRecorder(), None
             if wrong := [r for r in recorders or () if not isinstance(r, Recorder)]:
                 raise CommandError(f"{wrong[0]!r} is no Recorder.")
-            taking = [*([TimeSeries()] if recorders is None else recorders), metrics]
+            taking = [metrics, *([TimeSeries()] if recorders is None else recorders)]
             taking += chosen.make_recorders()
             if chosen.resume or chosen.checkpoint:
                 identity = run_identity(system, assembly, chosen, times)
@@ -298,13 +315,17 @@ class Simulation:
         going, self._run = self._run, None
         going.run.end()
         result = self._result(going)
-        _freed(going.run.stepping)
+        self._spent = going.run.stepping
         self._error = going.run.error
         return result
 
     def _abandon(self) -> None:
+        """End the run that goes on, if one does, and free what the last one used."""
         if self._run is not None:
             self._ended()
+        if self._spent is not None:
+            _freed(self._spent)
+            self._spent = None
 
     def _result(self, going: "_Going") -> Result:
         run, stepping = going.run, going.run.stepping

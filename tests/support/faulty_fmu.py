@@ -39,6 +39,24 @@ class Fault(IntEnum):
     """fmi2GetFMUstate answers fmi2Error after `at`."""
     WARNING = 13
     """Steps that pass `at` are done with fmi2Warning."""
+    EXIT = 14
+    """The step that would pass `at` ends the process with exit code 0."""
+    SEGFAULT = 15
+    """The step that would pass `at` ends the process with SIGSEGV."""
+    ABORT = 16
+    """The step that would pass `at` ends the process with SIGABRT."""
+    HANG = 17
+    """The step that would pass `at` never returns."""
+    SEGFAULT_GET_REAL = 18
+    """fmi2GetReal ends the process with SIGSEGV after `at`."""
+    SEGFAULT_INITIALIZATION = 19
+    """fmi2ExitInitializationMode ends the process with SIGSEGV."""
+    SEGFAULT_TERMINATE = 20
+    """fmi2Terminate ends the process with SIGSEGV."""
+    SEGFAULT_FREE = 21
+    """fmi2FreeInstance ends the process with SIGSEGV."""
+    SEGFAULT_FREE_STATE = 22
+    """fmi2FreeFMUstate ends the process with SIGSEGV."""
 
 
 class Counts:

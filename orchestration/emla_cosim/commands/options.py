@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
+from itertools import pairwise
 from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, get_args, get_origin
@@ -36,6 +37,16 @@ def with_options(function: Callable[..., None], command: str) -> Callable[..., N
     return called
 
 
+def with_values(arguments: Sequence[str], command: str) -> list[str]:
+    """The arguments of a command, each flag that may stand alone followed by what it stands for then."""
+    alone = {o.flag: o.about.alone for o in table(command).values() if o.about.alone}
+    found = list[str]()
+    for argument, following in pairwise([*arguments, "-"]):
+        stands = argument in alone and following.startswith("-")
+        found.append(f"{argument}={alone[argument]}" if stands else argument)
+    return found
+
+
 def _parameter(option: Option) -> inspect.Parameter:
     about = option.about
     text = about.help
@@ -61,7 +72,7 @@ def _default(option: Option) -> str:
 
 def _text_type(option: Option) -> Any:
     """The type that the command line reads, before `_read`."""
-    origin, inner = get_origin(option.type), get_args(option.type)
+    origin, inner = get_origin(option.plain_type), get_args(option.plain_type)
     if option.about.parse is not None:
         return str
     if origin is Mapping:

@@ -1,7 +1,7 @@
 """From a system description to a network of FMU instances."""
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,8 +13,10 @@ from ..system.model import Alias, Component, System
 from ..system.resolution import in_fmu_terms, refuse_driven, resolved
 from ..units import IDENTITY, LinearTransformation
 from .network import Link, Network
+from .slaves.described_slave import DescribedSlave
 from .slaves.fmu_log import FmuLog
 from .slaves.fmu_slave import FmuSlave
+from .slaves.isolated_slave import IsolatedSlave
 
 
 class Assembly:
@@ -24,11 +26,12 @@ class Assembly:
     the FMU, `shown` says what makes the system's value, by position. `close` frees all of it.
     """
 
-    def __init__(self, system: System, fmus: Mapping[str, Path]) -> None:
+    def __init__(self, system: System, fmus: Mapping[str, Path], isolated: Container[str] = ()) -> None:
         """Open the files and wire the system.
 
-        `fmus` gives the FMU file of every component by name. Raises CommandError for anything in
-        the system or its files that does not fit.
+        `fmus` gives the FMU file of every component by name; those that are `isolated` run in
+        processes of their own. Raises CommandError for anything in the system or its files that does
+        not fit.
         """
         with contextlib.ExitStack() as held:
             folder = Path(held.enter_context(TemporaryDirectory(prefix="emla-", ignore_cleanup_errors=True)))
@@ -36,6 +39,7 @@ class Assembly:
             self.system = system
             self._wired = resolved(system, {name: file.interface for name, file in self.files.items()})
             self._instances = held.enter_context(contextlib.ExitStack())
+            self._isolated = isolated
             self._used = False
             self._instantiate()
             self.start(system)
@@ -57,12 +61,16 @@ class Assembly:
         components, connections = self._wired.components, self._wired.connections
         inputs = {c.name: [x.input for x in connections if x.target == c.name] for c in components}
         outputs = {c.name: _outputs(self.files[c.name], self._wired, c.name) for c in components}
-        self.slaves: dict[str, FmuSlave] = {}
+        self.slaves: dict[str, DescribedSlave] = {}
         log = FmuLog()
-        for name in (c.name for c in components):
-            slave = FmuSlave(name, self.files[name], inputs[name], outputs[name], log)
+        for number, name in enumerate(c.name for c in components):
+            described = (name, self.files[name], inputs[name], outputs[name])
+            isolated = name in self._isolated
+            slave = IsolatedSlave(*described) if isolated else FmuSlave(*described, log, number)
             self._instances.callback(slave.close)
             self.slaves[name] = slave
+        for slave in self.slaves.values():
+            slave.ready()
         links = _links(self._wired, self.files, inputs, outputs)
         names, self.shown = _signals(self.system, outputs)
         self.network = Network(list(self.slaves.values()), links, names)

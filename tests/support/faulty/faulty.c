@@ -57,6 +57,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
 void fmi2FreeInstance(fmi2Component c) {
     Instance *instance = c;
     if (instance == NULL) return;
+    maybe_die(&instance->now, SEGFAULT_FREE);
     instances--;
     free(instance->name);
     free(instance);
@@ -99,6 +100,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     Instance *instance = c;
     ALIVE(instance);
     if (require(instance, INITIALIZATION, "exit initialization mode") != fmi2OK) return fmi2Error;
+    maybe_die(&instance->now, SEGFAULT_INITIALIZATION);
     if (instance->now.fault == EXIT_INITIALIZATION)
         return REFUSE(instance, TOLD "not to exit initialization mode.");
     instance->now.phase = STEP;
@@ -109,6 +111,7 @@ fmi2Status fmi2Terminate(fmi2Component c) {
     Instance *instance = c;
     ALIVE(instance);
     if (require(instance, STEP, "terminate") != fmi2OK) return fmi2Error;
+    maybe_die(&instance->now, SEGFAULT_TERMINATE);
     instance->now.phase = TERMINATED;
     return fmi2OK;
 }
@@ -128,6 +131,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[]) {
     Instance *instance = c;
     ALIVE(instance);
+    if (has_fault(&instance->now, SEGFAULT_GET_REAL, instance->now.time)) raise(SIGSEGV);
     if (has_fault(&instance->now, GET_REAL, instance->now.time))
         return REFUSE(instance, TOLD "to refuse getting values at t = %.9g s.", instance->now.time);
     for (size_t i = 0; i < nvr; i++)

@@ -3,6 +3,7 @@
 #define INSTANCE_H
 
 #include <math.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>

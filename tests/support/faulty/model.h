@@ -20,6 +20,15 @@ enum {
     ENTER_INITIALIZATION,
     GET_STATE,
     WARNING,
+    EXIT,
+    SEGFAULT,
+    ABORT,
+    HANG,
+    SEGFAULT_GET_REAL,
+    SEGFAULT_INITIALIZATION,
+    SEGFAULT_TERMINATE,
+    SEGFAULT_FREE,
+    SEGFAULT_FREE_STATE,
     N_FAULTS
 };
 
@@ -54,6 +63,13 @@ static void advance(State *now, double end) {
     evaluate_outputs(now);
 }
 
+static volatile unsigned hung;
+
+/* The process ends if the fault is the one that does it here. */
+static void maybe_die(const State *now, int fault) {
+    if (now->fault == fault) raise(SIGSEGV);
+}
+
 /* A step that passes `at`. The FMU stays as it was, unless said otherwise. */
 static fmi2Status faulty_step(Instance *instance, double end) {
     State *now = &instance->now;
@@ -75,6 +91,11 @@ static fmi2Status faulty_step(Instance *instance, double end) {
         case WARNING: /* goes on */
             advance(now, end);
             return say(instance, fmi2Warning, TOLD "to warn of the step to t = %.9g s.", end);
+        case EXIT: exit(0);
+        case SEGFAULT: raise(SIGSEGV); break;
+        case ABORT: abort();
+        case HANG:
+            for (;;) hung++;
         case NAN_Y:
         case NAN_Z: /* go on */
             if (begins)

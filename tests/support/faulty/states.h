@@ -47,6 +47,7 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {
     ALIVE(instance);
     HAS_STATES(instance);
     if (FMUstate == NULL || *FMUstate == NULL) return fmi2OK;
+    maybe_die(&instance->now, SEGFAULT_FREE_STATE);
     free(*FMUstate);
     *FMUstate = NULL;
     states--;

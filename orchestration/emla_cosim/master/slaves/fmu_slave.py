@@ -2,7 +2,7 @@
 
 import contextlib
 import ctypes
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,14 @@ from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelVariable
 
+from ... import black_box
 from ...arrays import Vector
 from ...errors import CommandError, RunError
 from ...fmu.file import FmuFile
-from ...fmu.variables import TypedValue
+from .calls import CALLS, code_of
+from .described_slave import DescribedSlave
 from .fmu_log import FmuLog
-from .slave import EndRequestedError, EntryPoints, Slave, SlaveError, StepDiscardedError
+from .slave import EndRequestedError, EntryPoints, SlaveError, StepDiscardedError
 from .typed_values import CONNECTABLE, TypedValues
 
 _STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
@@ -50,41 +52,47 @@ LARGEST_STATE = 2**32
 """Bytes that a serialized state may have; an FMU that answers more is not believed."""
 
 
-class FmuSlave(Slave):
-    """One instance of an FMU; see `Slave`.
-
-    `inputs` and `outputs` name the variables of the two vectors; see `TypedValues` for other types
-    than Real.
-    """
+class FmuSlave(DescribedSlave):
+    """One instance of an FMU in this process; see `Slave` and `DescribedSlave`."""
 
     def __init__(
-        self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str], log: FmuLog
+        self,
+        name: str,
+        file: FmuFile,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        log: FmuLog,
+        number: int = 0,
     ) -> None:
-        """Instantiate the FMU; raises CommandError where its library cannot be loaded."""
+        """Instantiate the FMU; raises CommandError where its library cannot be loaded.
+
+        `number` is what this slave is called by where the present call is told.
+        """
         if file.library in _DEAD_LIBRARIES:
             raise RunError(f"the FMU '{file.path}' of {name} answered fmi2Fatal; load it anew.")
-        self.name = name
-        self.file = file
-        self.varies_step = file.can("canHandleVariableCommunicationStepSize")
-        self.rolls_back = file.can("canGetAndSetFMUstate")
-        self.serializes = self.rolls_back and file.can("canSerializeFMUstate")
-        self.interpolates = file.can("canInterpolateInputs")
+        super().__init__(name, file, inputs, outputs)
         self._log = log
         self._stepping = False
         self._no_way_back = 1  # until a state is saved, a step may forget the past
+        self._present = black_box.present()
+        self._codes = {call: code_of(number, call) for call in CALLS}
         try:
-            self._fmu = fmi2.FMU2Slave(
-                guid=file.description.guid,
-                unzipDirectory=str(file.folder),
-                modelIdentifier=file.model_identifier,
-                instanceName=name,
-                libraryPath=str(file.library),
-            )
-            self._fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
-            self._functions = {n: self._function(n, types) for n, types in _PROTOTYPES.items()}
+            with self._doing("loading its library"):
+                self._fmu = fmi2.FMU2Slave(
+                    guid=file.description.guid,
+                    unzipDirectory=str(file.folder),
+                    modelIdentifier=file.model_identifier,
+                    instanceName=name,
+                    libraryPath=str(file.library),
+                )
+            with self._doing("instantiate"):
+                self._fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
+            raw = {n: self._function(n, types) for n, types in _PROTOTYPES.items()}
         except Exception as error:  # fmpy raises bare Exception
             reasons = " ".join([str(error), *log.lines(name)])
             raise CommandError(f"the FMU '{file.path}' of {name} cannot be started: {reasons}") from error
+        self._addresses = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in raw.items()}
+        self._functions = {n: self._told(n, f) for n, f in raw.items()}
         self._component = self._fmu.component
         self._do_step = self._functions["fmi2DoStep"]
         self._set_real, self._get_real = self._functions["fmi2SetReal"], self._functions["fmi2GetReal"]
@@ -94,37 +102,24 @@ class FmuSlave(Slave):
             ctypes.c_int32(),
         )
         self._this_one = ctypes.byref(self._one_reference)
-        self._describe_vectors(inputs, outputs)
-
-    def _describe_vectors(self, inputs: Sequence[str], outputs: Sequence[str]) -> None:
-        read, written = ([self.file.variables[n] for n in names] for names in (inputs, outputs))
-        self._input_references = np.array([v.valueReference for v in read], dtype=np.uint32)
-        self._output_references = np.array([v.valueReference for v in written], dtype=np.uint32)
-        self._derivative_orders = np.ones(len(read), dtype=np.int32)
-        self.continuous_inputs = np.array([v.variability == "continuous" for v in read], dtype=bool)
-        self.continuous_outputs = np.array([v.variability == "continuous" for v in written], dtype=bool)
-        self.nominals = np.array([_nominal(v) for v in written])
-        self._input_starts = np.array([_start(v) for v in read])
-        self.inputs = self._input_starts.copy()
+        self._input_references, self._output_references = (
+            np.array([v.valueReference for v in variables], dtype=np.uint32)
+            for variables in (self.read, self.written)
+        )
+        self._derivative_orders = np.ones(len(self.read), dtype=np.int32)
         self._typed = None
-        if any(v.type != "Real" for v in (*read, *written)):
+        if self.typed:
             self._typed = (
-                TypedValues("Set", read, self._functions),
-                TypedValues("Get", written, self._functions),
+                TypedValues("Set", self.read, self._functions),
+                TypedValues("Get", self.written, self._functions),
             )
-            self.interpolates = False
-        self.bind(self.inputs.copy(), np.zeros(len(written)))
+        self.bind(self.inputs.copy(), self.outputs)
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory from now on; the slave keeps its addresses."""
         super().bind(inputs, outputs)
         self._set_arguments = _arguments(self._component, self._input_references, inputs)
         self._get_arguments = _arguments(self._component, self._output_references, outputs)
-
-    def set_start_values(self, values: Iterable[TypedValue]) -> None:
-        """Set variables before initialization; SlaveError where the FMU refuses."""
-        for variable, value in values:
-            self.set_value(variable, value)
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; SlaveError where the FMU refuses."""
@@ -161,6 +156,7 @@ class FmuSlave(Slave):
 
     def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
         """Enter initialization mode; times in s, no stop time where none is known yet."""
+        self._present.time = start_time
         self._checked("setupExperiment", self._fmu.setupExperiment, None, start_time, stop_time)
         self._checked("enterInitializationMode", self._fmu.enterInitializationMode)
 
@@ -201,6 +197,7 @@ class FmuSlave(Slave):
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
+        self._present.time = time
         status = self._do_step(self._component, time, step, self._no_way_back)
         if status not in _FINE:
             raise self.error(f"doStep at t = {time:.9g} s", status)
@@ -248,15 +245,16 @@ class FmuSlave(Slave):
             return
         with contextlib.suppress(Exception):
             if self._stepping:
-                self._fmu.terminate()
-        with contextlib.suppress(Exception):
+                with self._doing("terminate"):
+                    self._fmu.terminate()
+        with contextlib.suppress(Exception), self._doing("freeInstance"):
             self._fmu.freeInstance()
 
     def entry_points(self) -> EntryPoints | None:
         """Addresses of the FMU's functions for compiled code, which knows Reals only."""
         if self._typed is not None:
             return None
-        address = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self._functions.items()}
+        address = self._addresses
         return EntryPoints(
             component=ctypes.cast(self._component, _POINTER).value or 0,
             set_real=address["fmi2SetReal"],
@@ -297,26 +295,43 @@ class FmuSlave(Slave):
         function.argtypes, function.restype = argument_types, ctypes.c_int
         return function
 
+    def _told(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
+        """A function that says that it is called."""
+        present, code = self._present, self._codes[_plain(name)]
+
+        def called(*arguments: Any) -> int:
+            present.code = code
+            status = function(*arguments)
+            present.code = 0
+            return status
+
+        return called
+
+    @contextlib.contextmanager
+    def _doing(self, call: str) -> Iterator[None]:
+        self._present.code = self._codes[call]
+        try:
+            yield
+        finally:
+            self._present.code = 0
+
     def _call(self, name: str, *arguments: Any) -> None:
         status = self._functions[name](self._component, *arguments)
         if status not in _FINE:
-            raise self.error(name.removeprefix("fmi2"), status)
+            raise self.error(_plain(name), status)
 
     def _checked(self, call: str, function: Any, *arguments: Any) -> None:
         try:
-            function(*arguments)
+            with self._doing(call):
+                function(*arguments)
         except FMICallException as error:
             raise self.error(call, error.status) from error
 
 
-def _start(variable: ModelVariable) -> float:
-    return float({"true": "1", "false": "0", None: "0"}.get(variable.start, str(variable.start)))
-
-
-def _nominal(variable: ModelVariable) -> float:
-    """The usual size of a variable: what is declared if that is a positive number, as it must be, else 1."""
-    declared = abs(float(variable.nominal or 1.0))
-    return declared if 0.0 < declared < float("inf") else 1.0
+def _plain(name: str) -> str:
+    """The name of an FMI function as sentences have it: doStep."""
+    stem = name.removeprefix("fmi2")
+    return f"{stem[0].lower()}{stem[1:]}"
 
 
 def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ...]:

@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from ... import black_box
 from ...arrays import Vector
 from ...errors import RunError
 from ..algorithms import explicit, extrapolation
-from ..algorithms.explicit import Explicit
+from ..algorithms.explicit import Call, Explicit, Operation
+from ..slaves.calls import code_of
 from ..slaves.slave import EntryPoints
 from . import layout, machine_code
 from .layout import INPUT, LOOP, OPERATION, SLAVE, Failure
@@ -39,7 +41,10 @@ class Kernel:
         self._advance = _advance()
         self._algorithm = algorithm
         self._entry_points = entry_points  # owns arrays whose addresses are in the records
-        self._operations = np.array([(o.call, o.slave) for o in algorithm.operations], dtype=OPERATION)
+        self._present = black_box.present()
+        self._operations = np.array(
+            [(o.call, o.slave, _code(o)) for o in algorithm.operations], dtype=OPERATION
+        )
         self._inputs = _inputs(algorithm)
         self._slaves = _slaves(algorithm, entry_points, self._inputs)
         self._loop = self._whole()
@@ -60,7 +65,7 @@ class Kernel:
         reached = int(loop["reached"])
         self._algorithm.steps += reached - first
         error = self._error(failure, clock.point(reached), clock.point(reached + 1))
-        return int(loop["recorded"]), error
+        return self._present.recorded, error
 
     def _check_room(self, rows: Vector, needed: int) -> None:
         """Raise ValueError where the loop would write past the end of the rows, or into gaps."""
@@ -75,6 +80,7 @@ class Kernel:
         loop["slaves"] = self._slaves.ctypes.data
         loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
         loop["read"], loop["read_count"] = network.read.ctypes.data, len(network.read)
+        loop["present"] = ctypes.addressof(self._present)
         return loop
 
     def _error(self, failure: Failure, time: float, end: float) -> RunError | None:
@@ -97,11 +103,16 @@ def _advance() -> Any:
 
         return text()
 
-    modules = (layout, explicit, extrapolation)
+    modules = (layout, explicit, extrapolation, black_box)
     files = [Path(str(m.__file__)) for m in modules] + [Path(__file__).with_name("loop.py")]
     address = machine_code.load("advance", b"".join(f.read_bytes() for f in files), generate)
     address_type, number = ctypes.c_ssize_t, ctypes.c_int64
     return ctypes.CFUNCTYPE(number, address_type, number, number, number, address_type)(address)
+
+
+def _code(operation: Operation) -> int:
+    call = {Call.SET: "setReal", Call.STEP: "doStep", Call.GET: "getReal"}[operation.call]
+    return code_of(operation.slave, call)
 
 
 def _inputs(algorithm: Explicit) -> Any:

@@ -7,6 +7,8 @@ from enum import IntEnum
 
 import numpy as np
 
+from ...black_box import Present
+
 
 class Failure(IntEnum):
     """What ended the loop before its last step; an FMI function, or a signal that is not finite."""
@@ -29,8 +31,11 @@ def _record(**fields: str | np.dtype) -> np.dtype:
 CLOCK = _record(first="float64", per_step="float64", denominator="float64")
 """See `timing.Clock`."""
 
-OPERATION = _record(call=_NUMBER, slave=_NUMBER)
-"""A `Call` and the position of the slave."""
+PRESENT = np.dtype(Present)
+"""See `Present`."""
+
+OPERATION = _record(call=_NUMBER, slave=_NUMBER, code=_NUMBER)
+"""A `Call`, the position of the slave, and what `Present` says meanwhile."""
 
 INPUT = _record(
     signal=_ADDRESS,  # that drives the input
@@ -72,9 +77,9 @@ LOOP = _record(
     signal_count=_NUMBER,
     read=_ADDRESS,  # of positions of the signals that have to be finite
     read_count=_NUMBER,
+    present=_ADDRESS,  # of a PRESENT record
     clock=CLOCK,
     reached=_NUMBER,  # answer: the step that failed, or the one after the last
-    recorded=_NUMBER,  # answer: rows filled
     slave=_NUMBER,  # answer: the slave that failed
     status=_NUMBER,  # answer: what its FMI function returned
 )

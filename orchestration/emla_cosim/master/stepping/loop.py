@@ -13,7 +13,7 @@ from numba.extending import intrinsic
 
 from ..algorithms.explicit import Call
 from ..algorithms.extrapolation import Mode
-from .layout import INPUT, LOOP, OPERATION, SLAVE, Failure
+from .layout import INPUT, LOOP, OPERATION, PRESENT, SLAVE, Failure
 
 _SET, _STEP, _GET = int(Call.SET), int(Call.STEP), int(Call.GET)
 _HOLD, _MIDDLE, _LINE = int(Mode.HOLD), int(Mode.MIDDLE), int(Mode.LINE)
@@ -76,6 +76,7 @@ def _caller(*argument_types: types.Type) -> Any:
 
 
 _loop, _operation, _slave, _input = (_records(r) for r in (LOOP, OPERATION, SLAVE, INPUT))
+_present = _records(PRESENT)
 _doubles, _positions = _numbers(types.float64), _numbers(types.intp)
 _exchange = _caller(types.intp, types.intp, types.uintp, types.intp)
 _derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)
@@ -127,7 +128,7 @@ def _compute_inputs(slave, time, length):
 
 
 @_part
-def _set(slave, time, length):
+def _set(slave, present, time, length):
     """Give a slave its inputs for the step from `time` of this length."""
     references, count = slave.input_references, slave.input_count
     if count == 0:
@@ -138,6 +139,7 @@ def _set(slave, time, length):
         return _SET_REAL, status
     if slave.mode == _LINE:
         orders, values = slave.derivative_orders, slave.derivatives
+        present.code += 1  # see `CALLS`
         status = _derive(
             slave.set_real_input_derivatives, (slave.component, references, count, orders, values)
         )
@@ -180,17 +182,20 @@ def _all_finite(loop):
 @_part
 def _record(loop, time, rows):
     """Fill the next row: time, then all signals."""
-    row, signals = loop.recorded * (1 + loop.signal_count), _doubles(loop.signals)
+    present = _present(loop.present, 0)
+    row, signals = present.recorded * (1 + loop.signal_count), _doubles(loop.signals)
     values = _doubles(rows)
     values[row] = time
     for s in range(loop.signal_count):
         values[row + 1 + s] = signals[s]
-    loop.recorded += 1
+    present.recorded += 1
 
 
 @_part
 def _advance(loop, k, time, step):
     """Step k: all its operations; returns the failure."""
+    present = _present(loop.present, 0)
+    present.time = time
     for o in range(loop.operation_count):
         operation = _operation(loop.operations, o)
         slave, call = _slave(loop.slaves, operation.slave), operation.call
@@ -198,8 +203,9 @@ def _advance(loop, k, time, step):
         if not _divides(multiple, k + 1 if call == _GET else k):
             continue
         length = step if multiple == 1 else _point(loop.clock, k + multiple) - time
+        present.code = operation.code
         if call == _SET:
-            failure, status = _set(slave, time, length)
+            failure, status = _set(slave, present, time, length)
         elif call == _STEP:
             failure, status = _step(slave, time, length)
         else:
@@ -207,6 +213,7 @@ def _advance(loop, k, time, step):
         if failure != _NONE:
             loop.slave, loop.status = operation.slave, status
             return failure
+    present.code = 0
     return _NONE if _all_finite(loop) else _NOT_FINITE
 
 
@@ -218,7 +225,7 @@ def advance(address, first, count, every, rows):
     `every`-th point fills one.
     """
     loop = _loop(address, 0)
-    loop.recorded = 0
+    _present(loop.present, 0).recorded = 0
     next_time = _point(loop.clock, first)
     for k in range(first, first + count):
         loop.reached = k

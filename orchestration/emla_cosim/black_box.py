@@ -1,0 +1,91 @@
+"""What a process was doing, in memory that can outlive it.
+
+An FMU may end its process in any call. Whoever shares this memory knows then which call it was, has the
+rows that were not written yet, and the last message.
+"""
+
+import ctypes
+import math
+from typing import Any
+
+
+class Present(ctypes.Structure):
+    """What goes on now.
+
+    `code` says which slave does which call (0: none), `time` in s when its doStep begins. `filled` rows
+    wait to be written, and `recorded` more came since compiled code was called; they are in `room` bytes
+    of this memory, or elsewhere if that is 0. `told` is how long the messages are in bytes, and `ended`
+    is 1 when the process came to an end of its own.
+    """
+
+    _fields_ = (
+        ("code", ctypes.c_int64),
+        ("time", ctypes.c_double),
+        ("filled", ctypes.c_int64),
+        ("recorded", ctypes.c_int64),
+        ("room", ctypes.c_int64),
+        ("told", 2 * ctypes.c_int64),
+        ("ended", ctypes.c_int64),
+    )
+    code: int
+    time: float
+    filled: int
+    recorded: int
+    room: int
+    told: Any
+    ended: int
+
+
+SIZE = 64 * 2**20
+"""Bytes of memory that has room for everything; only what is used costs anything."""
+
+RUN, MEMORY = 0, 1
+"""The two messages: about the run, and what its recorders remember."""
+
+_MESSAGES, _LONGEST, _ROWS = 2**12, 2**23 - 2**12, 2**24
+
+
+class _Box:
+    """The memory of this process: its own, until it is shared."""
+
+    memory: Any = None
+    present = Present(time=math.nan)
+
+
+def present() -> Present:
+    """Where this process says what goes on."""
+    return _Box.present
+
+
+def share(memory: Any) -> None:
+    """Use this memory, all zeros, from now on; who took `present` before does not."""
+    _Box.memory, _Box.present = memory, Present.from_buffer(memory)
+    _Box.present.time = math.nan
+
+
+def shared() -> bool:
+    """Whether somebody may read a message."""
+    return _Box.memory is not None
+
+
+def tell(content: bytes, which: int = RUN) -> None:
+    """Leave a message in place of the last one of its kind; one that is too long is none."""
+    told = _Box.present.told
+    told[which] = 0
+    if shared() and len(content) <= _LONGEST:
+        first = _MESSAGES + which * _LONGEST
+        _Box.memory[first : first + len(content)] = content
+        told[which] = len(content)
+
+
+def message(which: int = RUN) -> bytes:
+    """The last message; empty if there is none."""
+    first = _MESSAGES + which * _LONGEST
+    return _Box.memory[first : first + _Box.present.told[which]]
+
+
+def room(size: int) -> memoryview:
+    """Memory for so many bytes of rows, shared where it is large enough."""
+    fits = shared() and _ROWS + size <= len(_Box.memory)
+    _Box.present.room = size if fits else 0
+    return memoryview(_Box.memory)[_ROWS : _ROWS + size] if fits else memoryview(bytearray(size))

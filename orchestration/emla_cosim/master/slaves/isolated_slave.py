@@ -1,0 +1,208 @@
+"""An FMU in a process of its own, which can end without ending the run's."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from ...arrays import Vector
+from ...black_box import Present
+from ...errors import CommandError
+from ...fmu.file import FmuFile
+from ...fmu.variables import TypedValue
+from .calls import decoded
+from .channel import Channel, Request
+from .described_slave import DescribedSlave
+from .slave import SlaveError
+
+_PATIENCE = 10.0
+"""Seconds that an FMU has to terminate and to be freed."""
+
+
+class ProcessEndedError(SlaveError):
+    """A slave whose process is no more."""
+
+    did = "ended its process in {call} ({status})"
+
+
+class IsolatedSlave(DescribedSlave):
+    """One instance of an FMU in a process of its own; see `Slave` and `DescribedSlave`.
+
+    Inputs travel with the next call, and outputs come back with a step, so that a step costs one
+    exchange of messages.
+    """
+
+    def __init__(self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str]) -> None:
+        """Start the process, which goes on to instantiate the FMU; CommandError where it cannot start."""
+        super().__init__(name, file, inputs, outputs)
+        self._inputs_to_set: bytes | None = None
+        self._slopes_to_set: bytes | None = None
+        self._outputs_of_step: bytes | None = None
+        self._end: SlaveError | None = None
+        self._calls = _CallFile()
+        try:
+            self._process = _start(self._calls.path)
+        except OSError as error:
+            self._calls.close()
+            raise CommandError(f"{name} cannot have a process of its own: {error.strerror}.") from error
+        self._channel = Channel(self._process.stdout, self._process.stdin)
+        self._send(Request("start", (name, file, list(inputs), list(outputs))))
+
+    def ready(self) -> None:
+        """Wait until the FMU is instantiated; CommandError where its library cannot be loaded."""
+        self._receive()
+
+    def set_start_values(self, values: Iterable[TypedValue]) -> None:
+        """Set variables before initialization; SlaveError where the FMU refuses."""
+        self._ask("set_values", [(str(variable.name), value) for variable, value in values])
+
+    def set_value(self, variable: ModelVariable, value: Any) -> None:
+        """Set one variable to a value of its type; SlaveError where the FMU refuses."""
+        self.set_start_values([(variable, value)])
+
+    def value(self, variable: ModelVariable) -> Any:
+        """The present value of a variable that is no String: a number, or true or false."""
+        return self._ask("value", str(variable.name))
+
+    def reset(self) -> None:
+        """Become as it was when it was new."""
+        self._inputs_to_set = self._slopes_to_set = None
+        self._ask("reset")
+        self.inputs[:] = self._input_starts
+
+    def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
+        """Enter initialization mode; times in s, no stop time where none is known yet."""
+        self._ask("enter_initialization", start_time, stop_time)
+
+    def exit_initialization(self) -> None:
+        """Leave initialization mode."""
+        self._ask("exit_initialization")
+
+    def set_inputs(self) -> None:
+        """Pass `inputs` on with the next call."""
+        self._inputs_to_set, self._outputs_of_step = self.inputs.tobytes(), None
+
+    def set_input_derivatives(self, derivatives: Vector) -> None:
+        """Say with the next call how fast the inputs change during the next step, per s."""
+        self._slopes_to_set = derivatives.tobytes()
+
+    def get_outputs(self) -> None:
+        """Read the FMU's outputs into `outputs`."""
+        found = self._outputs_of_step or self._ask("outputs")
+        self.outputs[:] = np.frombuffer(found)
+
+    def do_step(self, time: float, step: float) -> None:
+        """Advance from `time` by `step`, both in s."""
+        self._outputs_of_step = self._ask("do_step", time, step)
+
+    def save(self, state: Any = None) -> Any:
+        """A copy of the FMU's state, in the memory of an earlier one if given."""
+        return self._ask("save", state)
+
+    def restore(self, state: Any) -> None:
+        """Go back to a saved state."""
+        self._ask("restore", state)
+
+    def forget(self, state: Any) -> None:
+        """Free a saved state."""
+        with contextlib.suppress(SlaveError):
+            self._ask("forget", state)
+
+    def serialize(self) -> bytes:
+        """The FMU's state as bytes."""
+        return self._ask("serialize")
+
+    def deserialize(self, content: bytes) -> None:
+        """Go to a state that was written by `serialize`."""
+        self._ask("deserialize", content)
+
+    def close(self) -> None:
+        """Terminate the FMU where the standard allows it, free the instance, and end its process."""
+        with contextlib.suppress(Exception):
+            self._ask("close")
+        self._channel.close()
+        try:
+            self._process.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._calls.close()
+
+    def _ask(self, call: str, *arguments: Any) -> Any:
+        """Let the FMU's process do a call, after it set what is still to be set."""
+        request = Request(call, arguments, self._inputs_to_set, self._slopes_to_set)
+        self._inputs_to_set = self._slopes_to_set = self._outputs_of_step = None
+        self._send(request)
+        return self._receive()
+
+    def _send(self, request: Request) -> None:
+        if self._end is not None:
+            raise self._end
+        try:
+            self._channel.send(request)
+        except OSError as error:
+            raise self._ended() from error
+
+    def _receive(self) -> Any:
+        try:
+            answer = self._channel.receive()
+        except (EOFError, OSError) as error:
+            raise self._ended() from error
+        except KeyboardInterrupt as error:  # twice Ctrl-C, so that a call that never returns ends
+            self._process.kill()
+            raise self._ended("interrupted") from error
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def _ended(self, how: str = "") -> SlaveError:
+        """The error of a process that is no more; it is the answer to everything from now on."""
+        code = self._process.wait()
+        self._end = ProcessEndedError(self.name, self._calls.last(), how or _how(code), [])
+        return self._end
+
+
+class _CallFile:
+    """A file in which the FMU's process says what it calls."""
+
+    def __init__(self) -> None:
+        descriptor, name = tempfile.mkstemp(prefix="emla-call-")
+        self.path = Path(name)
+        with os.fdopen(descriptor, "wb") as stream:
+            stream.write(bytes(Present()))
+
+    def last(self) -> str:
+        """The call during which the process ended."""
+        return decoded(Present.from_buffer_copy(self.path.read_bytes()))[1]
+
+    def close(self) -> None:
+        """Remove it."""
+        self.path.unlink(missing_ok=True)
+
+
+def _start(calls: Path) -> subprocess.Popen[bytes]:
+    """The process, which finds what this one finds, and which Ctrl-C in a terminal does not reach."""
+    found = os.pathsep.join(folder or str(Path.cwd()) for folder in sys.path)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", f"{__package__}.worker", str(calls)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        bufsize=0,
+        env={**os.environ, "PYTHONPATH": found},
+        start_new_session=True,
+    )
+
+
+def _how(code: int) -> str:
+    """How a process ended, by its return code."""
+    if code >= 0:
+        return f"exit code {code}"
+    return signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"

@@ -1,0 +1,121 @@
+"""The process of one isolated FMU: answers requests until its parent is gone."""
+
+import mmap
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ... import black_box
+from ...errors import CosimError, RunError
+from ...fmu.file import FmuFile
+from .channel import Channel, Request
+from .fmu_log import FmuLog
+from .fmu_slave import FmuSlave
+
+
+class Worker:
+    """Calls its FMU as it is told to; every method is a request, see `IsolatedSlave`."""
+
+    def __init__(self, slave: FmuSlave) -> None:
+        self._slave = slave
+        self._states: dict[int, Any] = {}
+
+    def do(self, request: Request) -> Any:
+        """Set what is to be set, then do the call; its answer."""
+        if request.inputs is not None:
+            self._slave.inputs[:] = np.frombuffer(request.inputs)
+            self._slave.set_inputs()
+        if request.slopes is not None:
+            self._slave.set_input_derivatives(np.frombuffer(request.slopes))
+        own = getattr(self, request.call, None) or getattr(self._slave, request.call)
+        return own(*request.arguments)
+
+    def set_values(self, values: list[tuple[str, Any]]) -> None:
+        """Set variables by name."""
+        known = self._slave.file.variables
+        self._slave.set_start_values((known[name], value) for name, value in values)
+
+    def value(self, name: str) -> Any:
+        """The value of a variable."""
+        return self._slave.value(self._slave.file.variables[name])
+
+    def outputs(self) -> bytes:
+        """All outputs."""
+        self._slave.get_outputs()
+        return self._slave.outputs.tobytes()
+
+    def do_step(self, at: float, step: float) -> bytes:
+        """Do a step; the outputs after it."""
+        self._slave.do_step(at, step)
+        return self.outputs()
+
+    def save(self, known: int | None) -> int:
+        """Save the state; the number that it has."""
+        number = known if known is not None else max(self._states, default=0) + 1
+        self._states[number] = self._slave.save(self._states.get(number))
+        return number
+
+    def restore(self, number: int) -> None:
+        """Go back to a saved state."""
+        self._slave.restore(self._states[number])
+
+    def forget(self, number: int) -> None:
+        """Free a saved state."""
+        self._slave.forget(self._states.pop(number))
+
+
+def main() -> None:
+    """Serve the parent at the other end of standard input and output."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # it is the parent who ends a run
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    channel = _channel()
+    with Path(sys.argv[1]).open("r+b") as stream:
+        black_box.share(mmap.mmap(stream.fileno(), 0))
+    worker = None
+    while True:
+        try:
+            request: Request = channel.receive()
+        except EOFError:
+            os._exit(0)
+        answer = None
+        try:
+            if worker is None:
+                worker = _started(*request.arguments)
+            else:
+                answer = worker.do(request)
+        except CosimError as error:
+            answer = error
+        except Exception as error:
+            answer = RunError(f"the process of an isolated FMU failed: {error!r}.")
+        channel.send(answer)
+
+
+def _started(name: str, file: FmuFile, inputs: list[str], outputs: list[str]) -> Worker:
+    return Worker(FmuSlave(name, file, inputs, outputs, FmuLog()))
+
+
+def _channel() -> Channel:
+    """The pipes to the parent; what an FMU prints goes where errors go."""
+    incoming, outgoing = os.dup(0), os.dup(1)
+    os.dup2(2, 1)
+    os.close(0)
+    return Channel(os.fdopen(incoming, "rb", buffering=0), os.fdopen(outgoing, "wb", buffering=0))
+
+
+def _end_with(parent: int) -> None:
+    """End when the parent has: an FMU may be in a call that does not return."""
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
