@@ -1,27 +1,35 @@
 """Ctrl-C, or a polite end from outside, as a request that a run can answer between two steps."""
 
+import math
 import signal
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-_POLITE = [
+POLITE = [
     signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__
 ]
 """Ctrl-C, the end that a machine or a scheduler asks for, and a terminal that is closed."""
+
+ONE_REQUEST = 0.3
+"""Seconds within which several signals are one request."""
 
 
 @contextmanager
 def interruption() -> Iterator[Callable[[], bool]]:
     """Turn the first of these signals into a flag, given as a function; the second one acts at once."""
     requested = False
+    _Last.request = -math.inf  # what came before was meant for something else
 
     def request(signum: int, frame: FrameType | None) -> None:
         nonlocal requested
+        if repeated():
+            return
         requested = True
-        for number in _POLITE:
-            signal.signal(number, signal.default_int_handler)
+        for number in POLITE:
+            signal.signal(number, _end)
 
     with _handled(request):
         yield lambda: requested
@@ -30,14 +38,32 @@ def interruption() -> Iterator[Callable[[], bool]]:
 @contextmanager
 def ending_as_ctrl_c() -> Iterator[None]:
     """Let each of these signals raise KeyboardInterrupt, so that everything is tidied up."""
-    with _handled(signal.default_int_handler):
+    with _handled(_end):
         yield
+
+
+def _end(signum: int, frame: FrameType | None) -> None:
+    if not repeated():
+        raise KeyboardInterrupt
+
+
+class _Last:
+    request = -math.inf
+
+
+def repeated() -> bool:
+    """Whether this is the last request again: it comes to a process and to its parent, which passes it on."""
+    now = time.monotonic()
+    if now - _Last.request < ONE_REQUEST:
+        return True
+    _Last.request = now
+    return False
 
 
 @contextmanager
 def _handled(handler: Any) -> Iterator[None]:
     try:
-        previous = {number: signal.signal(number, handler) for number in _POLITE}
+        previous = {number: signal.signal(number, handler) for number in POLITE}
     except ValueError:  # not in the main thread: signals are not ours to take
         yield
         return

@@ -3,9 +3,13 @@
 import gc
 import os
 import sys
+import time
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
+
+from .guard import guarded
+from .interruption import ending_as_ctrl_c
 
 COLLECT = 50_000
 """Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
@@ -15,14 +19,29 @@ def main() -> None:
     """Run the command; it ends with 0, 1 or 2, and where that is not 0 with one sentence."""
     gc.set_threshold(COLLECT)
     sys.stdout, sys.stderr = (_usable(stream) for stream in (sys.stdout, sys.stderr))
-    try:
-        from .cli import app
+    if sys.argv[1:2] == ["run"]:  # which calls what others compiled
+        guarded(_run, _rescue)
+    else:
+        _run()
 
-        app()
+
+def _run() -> None:
+    try:
+        with ending_as_ctrl_c():
+            from .cli import app
+
+            app()
     except KeyboardInterrupt:  # while something was imported
         _end("Interrupted.")
     except (ImportError, MemoryError) as error:
         _end(f"Error: emla cannot be started: {str(error) or 'there is not enough memory'}.")
+
+
+def _rescue(how: str) -> None:
+    ended = time.monotonic()
+    from .commands.rescue import rescue
+
+    rescue(how, ended)
 
 
 def _usable(stream: TextIO | None) -> TextIO:

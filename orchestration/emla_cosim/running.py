@@ -42,6 +42,7 @@ class Run:
         self.over = False
         """Whether the last step is done."""
         self.wall_s = 0.0
+        self.shown = shown
         self._outline, self._resumed = outline, resumed
         self._waiting, self._recorders = list(recorders), list[Recorder]()
         self._buffer = RowBuffer(1 + len(outline.names), self._recorders, shown=shown)

@@ -66,6 +66,12 @@ def show_result(
         _say(f"Pictures: {', '.join(path.name for path in pictures)}")
 
 
+def show_error(sentence: str) -> None:
+    """A sentence that says what went wrong."""
+    ERR.show_cursor()  # who drew progress may not have come to that
+    ERR.print(f"[bold red]Error:[/] {escape(sentence)}", highlight=False, soft_wrap=True)
+
+
 def show_file(path: Path) -> None:
     """A file that was written, and its size."""
     size = path.stat().st_size / 1024

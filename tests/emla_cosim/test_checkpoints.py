@@ -48,7 +48,7 @@ def command(fmus: Path, *options: str) -> list[str]:
 def elsewhere(fmus: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
     """The same in a process of its own."""
     return subprocess.Popen(
-        [sys.executable, "-m", "emla_cosim.cli", *command(fmus, *options)],
+        [sys.executable, "-m", "emla_cosim", *command(fmus, *options)],
         cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
 

@@ -382,7 +382,7 @@ def test_a_run_that_fails_keeps_what_was_computed(emla: Emla, tmp_path: Path) ->
 
 
 def _start(arguments: list[str], folder: Path, limit: int | None = None) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "emla_cosim.cli", *arguments]
+    command = [sys.executable, "-m", "emla_cosim", *arguments]
     if limit is not None:
         command = ["prlimit", f"--fsize={limit}", *command]
     return subprocess.Popen(

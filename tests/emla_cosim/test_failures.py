@@ -25,6 +25,7 @@ import emla_cosim.running
 import emla_cosim.simulation
 from emla_cosim.cli import app
 from emla_cosim.errors import CommandError
+from emla_cosim.interruption import ONE_REQUEST
 from emla_cosim.loading import load
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
@@ -64,8 +65,8 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> list[Counts]:
     """Counters of the faulty FMUs of every run from now on."""
     found: list[Counts] = []
 
-    def counting(system: System, fmus: dict[str, Path]) -> Assembly:
-        assembly = Assembly(system, fmus)
+    def counting(*given: Any) -> Assembly:
+        assembly = Assembly(*given)
         found.extend(counts_of(assembly))
         return assembly
 
@@ -351,7 +352,7 @@ def test_a_state_that_a_slave_does_not_give_ends_the_run(
         options = {"checkpoint": tmp_path / "c"}
     result = run_system(loop_with_a_fault(faulty_fmu, Fault.GET_STATE, AT), tmp_path / "out", **options)
     assert result.problem is not None
-    assert "j.bad answered GetFMUstate with fmi2Error. It said: the faulty model was told" in result.problem
+    assert "j.bad answered getFMUstate with fmi2Error. It said: the faulty model was told" in result.problem
     assert np.isfinite(table(tmp_path / "out").to_numpy()).all()
     assert not (tmp_path / "c").exists()
     assert_tidy(counts)
@@ -470,7 +471,7 @@ def started(fmus: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
     """A run of a simulated quarter of an hour in a process of its own, which has begun to step."""
     arguments = ["run", "lift", "--stop-time", "1000", "--no-plots", "--fmus", str(fmus), *options]
     process = subprocess.Popen(
-        [sys.executable, "-m", "emla_cosim.cli", *arguments, "--output", "out"],
+        [sys.executable, "-m", "emla_cosim", *arguments, "--output", "out"],
         cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
     results, deadline = folder / "out" / "results.csv", time.monotonic() + 60.0
@@ -504,7 +505,9 @@ def test_a_second_ctrl_c_ends_at_once_and_keeps_whole_rows(
     ) -> None:
         stepping.advance(rows, 5)
         signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)  # as a parent that passes it on
         assert interrupted()
+        time.sleep(ONE_REQUEST)
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(emla_cosim.running, "simulate", interrupted_twice)

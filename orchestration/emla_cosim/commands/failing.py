@@ -15,15 +15,13 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> None:
-        from rich.markup import escape
-
-        from ..terminal import ERR
+        from ..terminal import ERR, show_error
 
         try:
             with ending_as_ctrl_c():
                 command(*args, **kwargs)
         except CosimError as error:
-            ERR.print(f"[bold red]Error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+            show_error(str(error))
             raise typer.Exit(error.exit_code) from error
         except KeyboardInterrupt as error:
             ERR.print("[bold red]Interrupted.[/]")

@@ -16,6 +16,7 @@ from ..recorders.progress import ProgressRecorder
 from ..results.output_folder import OutputFolder, results_folder
 from ..terminal import show_result
 from .options import SOURCE
+from .rescue import Remembered
 
 OPTIONS = RUN
 """Options that the command takes."""
@@ -30,10 +31,13 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
         output = OutputFolder(options.output or results_folder(chosen.name), options.output_format)
         _check_places(scenario, options, output)
         with output.alone():
+            remembered = Remembered(chosen, output)
             with chosen.prepare(progress) as simulation:
+                remembered.watch(simulation)
                 writing = output.recorders(continued=options.resume is not None)
-                result = simulation.attempt(recorders=[*writing, ProgressRecorder(progress)])
-            result, pictures = output.keep(result, options.plots and not result.interrupted, progress)
+                result = simulation.attempt(recorders=[*writing, ProgressRecorder(progress), remembered])
+                # before FMUs are terminated, which is their last occasion to fail
+                result, pictures = output.keep(result, options.plots and not result.interrupted, progress)
     show_result(result, chosen.notes, output, pictures)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {output.path}.")

@@ -25,6 +25,8 @@ class ParquetFile(Table):
     The parts are in a folder beside the file, `results.parquet.parts`, as long as the run goes on.
     """
 
+    quick_memory = False  # it writes a part
+
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._parts = self.path.with_name(f"{self.path.name}.parts")

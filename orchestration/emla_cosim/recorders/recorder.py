@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from .. import black_box
 from ..arrays import Vector
 from ..errors import RunError
 from ..master.stepping.stepping import Stepping
@@ -35,6 +36,11 @@ class Pause(Protocol):
     @property
     def stepping(self) -> Stepping:
         """Where the run is, and all that it remembers."""
+        ...
+
+    @property
+    def shown(self) -> Mapping[int, LinearTransformation]:
+        """Signals, by position, that recorders get in another unit."""
         ...
 
     @property
@@ -95,7 +101,9 @@ class RowBuffer:
         self.every = every
         self._recorders = recorders
         self._shown = shown or {}
-        self._block = np.empty((block_rows, width))
+        memory = black_box.room(block_rows * width * 8)
+        self._block = np.frombuffer(memory).reshape(block_rows, width)
+        self._present = black_box.present()
         self._filled = 0
 
     def room(self, most: int) -> Vector:
@@ -105,13 +113,24 @@ class RowBuffer:
     def commit(self, count: int) -> None:
         """So many of them are filled. Raises RecordingError."""
         self._filled += count
+        self._present.filled, self._present.recorded = self._filled, 0
         if self._filled == len(self._block):
             self.flush()
+
+    def recover(self) -> float | None:
+        """Take the rows that a process left waiting in this memory; the time of the last in s."""
+        waiting = self._present.filled + self._present.recorded if self._present.room else 0
+        if not waiting:
+            return None
+        last = float(self._block[waiting - 1, 0])
+        self.commit(waiting)
+        return last
 
     def flush(self) -> None:
         """Pass on what is there. Raises RecordingError."""
         rows, self._filled = self._block[: self._filled], 0
         if len(rows):
+            self._present.filled = 0
             for signal, transformation in self._shown.items():
                 column = rows[:, 1 + signal]
                 column[:] = transformation.factor * column + transformation.offset

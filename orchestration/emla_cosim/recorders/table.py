@@ -14,6 +14,8 @@ class Table(Recorder):
     """Keeps every n-th row, and the last one, of the signals that are wanted."""
 
     key = "table"
+    quick_memory = True
+    """Whether `memory` costs nothing."""
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Keep what the outline says from here on; rows seen before count."""

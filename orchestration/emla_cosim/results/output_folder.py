@@ -19,6 +19,7 @@ from ..locking import alone
 from ..progress import Progress
 from ..recorders.recorder import Outline, Recorder, recording
 from ..recorders.registry import TABLES
+from ..recorders.table import Table
 from .plotting import FIGURES, draw
 from .result import Result
 
@@ -38,7 +39,7 @@ class OutputFolder:
 
         `form` is that of the table of results, a name of `TABLES`.
         """
-        self.path = path
+        self.path, self.form = path, form
         self.results = path / f"results.{form}"
         self._make = TABLES[form]
         try:
@@ -65,7 +66,11 @@ class OutputFolder:
 
     def recorders(self, continued: bool) -> list[Recorder]:
         """What writes the table of results while a run goes on, which may continue one in this folder."""
-        return [_Clearing(self, continued), self._make(self._place / self.results.name)]
+        return [_Clearing(self, continued), self.table()]
+
+    def table(self) -> Table:
+        """What writes the table of results."""
+        return self._make(self._place / self.results.name)
 
     def clear(self, keep_results: bool = False) -> None:
         """Remove what an earlier run left under the same names, but no links. May raise OSError."""
@@ -79,7 +84,7 @@ class OutputFolder:
         kept = result.read(["time", *result.names])
         columns = list(kept)[1:]
         units = [result.units[name] for name in columns]
-        table = self._make(self._place / self.results.name)
+        table = self.table()
         with recording(table):
             self.clear()
             table.begin(Outline(columns, units, result.times, range(len(columns))))
@@ -105,6 +110,14 @@ class OutputFolder:
                 return []
             told.begin("drawing plots", len(FIGURES))
             return draw(result, self._place, lambda _: told.advance(1))
+
+    def change_record(self, **entries: Any) -> None:
+        """Write run.json with these entries, and those that it has. Raises RunError."""
+        with self._written():
+            found = {}
+            if (place := self._place / RECORD).is_file():
+                found = json.loads(place.read_text(encoding="utf-8"))
+            self._write_json(RECORD, found | entries)
 
     def _write_json(self, name: str, content: object) -> None:
         with written_whole(self._place / name) as stream:

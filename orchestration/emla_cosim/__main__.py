@@ -1,0 +1,5 @@
+"""`python -m emla_cosim` is `emla`."""
+
+from .program import main
+
+main()

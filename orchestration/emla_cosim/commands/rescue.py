@@ -1,0 +1,186 @@
+"""What `emla run` leaves for its parent process, and what that makes of it where an FMU ended the run.
+
+The end is that of a run whose FMU answers with an error: all rows, all figures, run.json, and a sentence
+that names the component, its call and the time.
+"""
+
+import contextlib
+import pickle
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from .. import black_box
+from ..bars import BarProgress
+from ..errors import CosimError
+from ..master.slaves.calls import decoded
+from ..progress import Progress
+from ..recorders.metrics import MetricsRecorder
+from ..recorders.recorder import Outline, Pause, Recorder, RowBuffer
+from ..recorders.table import Table
+from ..results.output_folder import OutputFolder
+from ..results.result import Result
+from ..scenarios.scenario import Scenario
+from ..simulation import Simulation
+from ..terminal import show_error, show_result
+from ..units import LinearTransformation
+
+_SELDOM = 1.0
+"""Wall time in s between two looks at what recorders remember, where a look costs much."""
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A run as it is when its first step begins."""
+
+    result: Result
+    outline: Outline
+    shown: Mapping[int, LinearTransformation]
+    rows: int
+    at: float
+    """The clock in s, which all processes share."""
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Who runs, where its results go, and how far it is."""
+
+    name: str
+    components: Sequence[str]
+    folder: Path
+    form: str
+    plots: bool
+    notes: Sequence[str]
+    begun: _Begun | None = None
+    over: bool = False
+
+
+class Remembered(Recorder):
+    """Leaves what is needed to finish the results of a run in another process; the last of its recorders."""
+
+    def __init__(self, scenario: Scenario, output: OutputFolder) -> None:
+        """Tell that a run of the scenario is about to be made, with results in this folder."""
+        names = [c.name for c in scenario.system.components]
+        self._told = _Told(
+            scenario.name, names, output.path, output.form, scenario.options.plots, scenario.notes
+        )
+        self._quick = output.table().quick_memory
+        self._run: Pause | None = None
+        self._memory: Mapping[str, Any] = {}
+        self._looked, self._at = time.monotonic(), 0.0
+        self._tell()
+
+    def watch(self, simulation: Simulation) -> None:
+        """The simulation whose run is recorded."""
+        self._simulation = simulation
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Remember what recorders are told."""
+        self._outline = outline
+
+    def pause(self, run: Pause) -> None:
+        """Before the first step, tell how the run is."""
+        if self._run is not None:
+            return
+        self._run = run
+        self._look()
+        result = replace(self._simulation.so_far(), table=None)
+        rows = self._memory[Table.key]["rows"]
+        self._tell(begun=_Begun(result, self._outline, run.shown, rows, time.monotonic()))
+
+    def write(self, rows: Any) -> None:
+        """Rows have reached the other recorders."""
+        if self._run is None:
+            return
+        if self._quick or time.monotonic() - self._looked >= _SELDOM:
+            self._look()
+        else:
+            self._tell_memory(follows=False)
+
+    def end(self) -> None:
+        """All rows are where they belong."""
+        self._tell(over=True)
+
+    def _look(self) -> None:
+        assert self._run is not None
+        self._looked = time.monotonic()
+        self._memory = self._run.memory()
+        self._at = self._run.stepping.time
+        self._tell_memory(follows=True)
+
+    def _tell_memory(self, follows: bool) -> None:
+        """What recorders remembered, whether rows that wait are the next ones, and when it was."""
+        black_box.tell(pickle.dumps((self._memory, follows, self._at)), black_box.MEMORY)
+
+    def _tell(self, **changed: Any) -> None:
+        self._told = replace(self._told, **changed)
+        black_box.tell(pickle.dumps(self._told))
+
+
+def rescue(how: str, ended: float) -> None:
+    """Finish the results of a run whose process ended so, at this time in s, and say it."""
+    message = black_box.message()
+    if not message:
+        show_error(f"the process of the run ended ({how}) before it began.")
+        return
+    told: _Told = pickle.loads(message)
+    slave, call = decoded(black_box.present())
+    if slave is not None and how == "SIGKILL":
+        cause = f"the process was killed while {told.components[slave]} was in {call}"
+    elif slave is not None:
+        cause = f"{told.components[slave]} ended the process in {call} ({how})"
+    else:
+        cause = f"the process was ended ({how}){', perhaps for want of memory' * (how == 'SIGKILL')}"
+    try:
+        output = OutputFolder(told.folder, told.form)
+        with output.alone():
+            problem = _kept(told, output, cause, ended)
+        show_error(f"{problem} What was computed is in {output.path}.")
+    except CosimError as error:
+        show_error(f"{cause}; {error}")
+
+
+def _kept(told: _Told, output: OutputFolder, cause: str, ended: float) -> str:
+    """Write what can be written; the sentence that says why the run ended."""
+    if told.over:
+        problem = f"{cause}, when the results were complete."
+        output.change_record(status=problem)
+        return problem
+    if told.begun is None:
+        problem = f"the run ended before its first step: {cause}."
+        output.change_record(scenario=told.name, status=problem)
+        return problem
+    result = _finished(told.begun, output, cause, ended)
+    with BarProgress() if told.plots else contextlib.nullcontext(Progress()) as progress:
+        result, pictures = output.keep(result, told.plots, progress)
+    show_result(result, told.notes, output, pictures)
+    return str(result.problem)
+
+
+def _finished(begun: _Begun, output: OutputFolder, cause: str, ended: float) -> Result:
+    """The result, with all rows that were recorded."""
+    memory, follows, end = pickle.loads(black_box.message(black_box.MEMORY))
+    table, metrics = output.table(), MetricsRecorder()
+    recorders = [table, metrics]
+    for recorder in recorders:
+        recorder.begin(begun.outline, memory[recorder.key])
+    rows = RowBuffer(1 + len(begun.outline.names), recorders, shown=begun.shown)
+    if follows and (last := rows.recover()) is not None:
+        end = last
+    rows.end()
+    problem = f"the run ended at t = {end:.6g} s: {cause}."
+    before, steps = begun.result, table.memory()["rows"] - begun.rows
+    return replace(
+        before,
+        table=table,
+        metrics=metrics.figures(),
+        remarks=metrics.remarks(),
+        steps=steps,
+        simulated_s=end - before.end_s,
+        end_s=end,
+        wall_s=ended - begun.at,
+        problem=problem,
+        record={**before.record, "status": problem},
+    )

@@ -1,0 +1,97 @@
+"""A parent for the process of a run, which an FMU can end with any call: somebody has to say so then.
+
+The run leaves what has to be known in `black_box`. Only what every Python has is imported here, and
+nothing before the process divides.
+"""
+
+import contextlib
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from mmap import mmap
+
+from . import black_box
+from .interruption import POLITE, repeated
+
+_PATIENCE = 3.0
+"""Seconds that a run has to end when it was asked to twice."""
+
+
+def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
+    """Do `run` in a child process, and end as that ends.
+
+    Where it does not come to an end of its own, `rescue` is called here with the way it ended. Without
+    processes that can divide there is no guard.
+    """
+    if not hasattr(os, "fork"):
+        run()
+        return
+    black_box.share(mmap(-1, black_box.SIZE))
+    folder = _temporary_folder()
+    child = os.fork()
+    if child == 0:
+        _watched(run)
+        return
+    try:
+        status = _waited(child)
+        whole = black_box.present().ended and os.WIFEXITED(status)
+        if not whole:
+            rescue(_how(status))
+    finally:
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+    sys.exit(os.WEXITSTATUS(status) if whole else 1)
+
+
+def _watched(run: Callable[[], None]) -> None:
+    """The run, which ends at once when its parent does."""
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    try:
+        run()
+    finally:
+        black_box.present().ended = 1
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.2)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _waited(child: int) -> int:
+    """The status of the child when it has ended; what asks this process to end is passed on.
+
+    A child that is asked twice and does not end, because an FMU does not return, is killed.
+    """
+    asked = 0
+
+    def pass_on(number: int, frame: object) -> None:
+        nonlocal asked
+        asked += not repeated()
+        if asked == 2:
+            signal.setitimer(signal.ITIMER_REAL, _PATIENCE)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL if number == signal.SIGALRM else number)
+
+    for number in (*POLITE, signal.SIGALRM):
+        signal.signal(number, pass_on)
+    return os.waitpid(child, 0)[1]
+
+
+def _temporary_folder() -> str | None:
+    """A folder for all temporary files, which then go however the run ends; None where there can be none."""
+    with contextlib.suppress(OSError):
+        tempfile.tempdir = tempfile.mkdtemp(prefix="emla-run-")
+    return tempfile.tempdir
+
+
+def _how(status: int) -> str:
+    if os.WIFEXITED(status):
+        return f"exit code {os.WEXITSTATUS(status)}"
+    number = os.WTERMSIG(status)
+    return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"

@@ -1,0 +1,295 @@
+"""An FMU that ends its process: the run says which call did it, and nothing computed is lost."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import psutil
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import emla_cosim as ec
+from emla_cosim import black_box
+from emla_cosim.loading import load
+from emla_cosim.master.slaves.calls import CALLS, code_of, decoded
+from emla_cosim.master.stepping.layout import PRESENT
+from emla_cosim.system.model import Alias, System
+from emla_cosim.units import LinearTransformation
+from tests.support.faulty_fmu import Fault, build_faulty_fmu
+from tests.support.faulty_systems import line_with_a_fault
+
+AT = 0.35
+DEADLY = {
+    Fault.EXIT: "doStep at t = 0.3 s (exit code 0)",
+    Fault.SEGFAULT: "doStep at t = 0.3 s (SIGSEGV)",
+    Fault.ABORT: "doStep at t = 0.3 s (SIGABRT)",
+    Fault.SEGFAULT_GET_REAL: "getReal (SIGSEGV)",
+}
+"""What ends the process while it steps, and how that is told."""
+LATE = {
+    Fault.SEGFAULT_TERMINATE: "terminate",
+    Fault.SEGFAULT_FREE: "freeInstance",
+    Fault.SEGFAULT_FREE_STATE: "freeFMUstate",
+}
+"""What ends it when the last step is done."""
+STEPPED: dict[str, dict[str, Any]] = {
+    "compiled": {},
+    "interpreted": {"compiled": False},
+    "strong": {"algorithm": "strong"},
+    "error control": {"algorithm": "jacobi", "error_tolerance": 1e-3},
+}
+"""Options by the way of stepping that they choose."""
+
+
+def line(fmu: Path) -> System:
+    """Three components, of which j.bad ends its process if told to; one output is told in another unit."""
+    system = line_with_a_fault(fmu, Fault.NONE, AT)
+    *front, sink = system.components
+    milli = {"y_milli": Alias("y", LinearTransformation(1e-3))}
+    return replace(system, components=(*front, replace(sink, aliases=milli)))
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The line as a package, in steps of 0.1 s."""
+    folder = tmp_path_factory.mktemp("line")
+    return load(line(build_faulty_fmu(folder)), stop_time=1.0, step_size=0.1).export(folder / "line.ssp")
+
+
+def started(folder: Path, *arguments: object, **how: Any) -> subprocess.Popen[str]:
+    """The command, as a person calls it, with its temporary files in the folder."""
+    temporary = folder / "temporary"
+    temporary.mkdir(exist_ok=True)
+    return subprocess.Popen(
+        [sys.executable, "-m", "emla_cosim", *map(str, arguments)],
+        cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(temporary)}, **how,
+    )  # fmt: skip
+
+
+def running(folder: Path, package: Path, fault: Fault, *options: object) -> subprocess.Popen[str]:
+    """A run of the line into the folder's `out`."""
+    given = ("--output", "out", "--no-plots", "--output-interval", 0.1, "--set", f"j.bad.fault={fault.value}")
+    return started(folder, "run", package, *given, *options)
+
+
+def failed(process: subprocess.Popen[str], folder: Path) -> str:
+    """The sentence with which it ended, and nothing else is left."""
+    _, errors = process.communicate(timeout=60.0)
+    assert process.returncode == 1, errors
+    assert "Traceback" not in errors
+    assert not any((folder / "temporary").iterdir())
+    (sentence,) = (text for text in errors.splitlines() if text.startswith("Error:"))
+    return sentence
+
+
+def record(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / "out/run.json").read_text())
+
+
+def table(folder: Path) -> polars.DataFrame:
+    return polars.read_csv(folder / "out/results.csv")
+
+
+def flags(options: dict[str, Any]) -> list[str]:
+    """Options as the command takes them."""
+    return [
+        "--no-kernel" if name == "compiled" else f"--{name.replace('_', '-')}={value}"
+        for name, value in options.items()
+    ]
+
+
+def whole(package: Path, **options: Any) -> polars.DataFrame:
+    """All rows of the line without a fault."""
+    with load(package, output_interval=0.1, **options).prepare() as simulation:
+        return simulation.run().to_polars()
+
+
+@pytest.mark.parametrize("isolated", [False, True], ids=["guarded", "isolated"])
+@pytest.mark.parametrize("stepped", STEPPED)
+@pytest.mark.parametrize("fault", DEADLY, ids=lambda f: f.name)
+def test_an_fmu_that_ends_the_process_is_named_and_every_row_is_kept(
+    fault: Fault, stepped: str, isolated: bool, package: Path, tmp_path: Path
+) -> None:
+    options = (*flags(STEPPED[stepped]), *(["--isolate", "j.bad"] if isolated else []))
+    sentence = failed(running(tmp_path, package, fault, *options), tmp_path)
+    call = DEADLY[fault]
+    if stepped == "error control" and fault is not Fault.SEGFAULT_GET_REAL:
+        call = call.partition(" at ")[0]  # its steps are of its own choice
+    assert f"j.bad ended {'its' if isolated else 'the'} process in {call}" in sentence
+    assert f"Error: {record(tmp_path)['status']} What was computed is in out." == sentence
+    rows = table(tmp_path)
+    assert rows[:4].equals(whole(package, **STEPPED[stepped])[:4])
+    assert len(rows) == 4 or stepped == "error control"  # which ends between two rows that are due
+    metrics = json.loads((tmp_path / "out/metrics.json").read_text())
+    assert metrics["run"]["steps"] >= 3
+
+
+def test_an_fmu_that_ends_the_process_before_the_first_step(package: Path, tmp_path: Path) -> None:
+    sentence = failed(running(tmp_path, package, Fault.SEGFAULT_INITIALIZATION), tmp_path)
+    assert "before its first step: j.bad ended the process in exitInitializationMode (SIGSEGV)" in sentence
+    assert record(tmp_path) == {"scenario": "system", "status": sentence[7:].partition(" What")[0]}
+
+
+@pytest.mark.parametrize("fault", LATE, ids=lambda f: f.name)
+def test_results_are_complete_before_fmus_are_ended(fault: Fault, package: Path, tmp_path: Path) -> None:
+    sentence = failed(running(tmp_path, package, fault, "--algorithm", "strong"), tmp_path)
+    assert f"j.bad ended the process in {LATE[fault]} (SIGSEGV), when the results were complete." in sentence
+    assert record(tmp_path)["status"] in sentence
+    assert record(tmp_path)["components"]["j.bad"]["parameters"]["fault"] == str(fault.value)
+    assert table(tmp_path).equals(whole(package, algorithm="strong"))
+    assert json.loads((tmp_path / "out/metrics.json").read_text())["run"]["steps"] == 10
+
+
+@pytest.mark.parametrize("fault", LATE, ids=lambda f: f.name)
+def test_an_isolated_fmu_may_end_as_it_likes(fault: Fault, package: Path, tmp_path: Path) -> None:
+    process = running(tmp_path, package, fault, "--algorithm", "strong", "--isolate")
+    process.communicate(timeout=60.0)
+    assert process.returncode == 0
+    assert record(tmp_path)["status"] == "completed"
+
+
+def test_parquet_keeps_what_was_written_in_parts(package: Path, tmp_path: Path) -> None:
+    failed(running(tmp_path, package, Fault.SEGFAULT, "--output-format", "parquet"), tmp_path)
+    rows = polars.read_parquet(tmp_path / "out/results.parquet")
+    assert rows["time"].to_list() == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"results.parquet", "metrics.json", "run.json"}
+
+
+def test_a_run_that_was_continued_is_kept_too(package: Path, tmp_path: Path) -> None:
+    first = running(tmp_path, package, Fault.SEGFAULT, "--stop-time", 0.2, "--checkpoint", "c")
+    assert first.wait(60.0) == 0
+    failed(running(tmp_path, package, Fault.SEGFAULT, "--resume", "c"), tmp_path)
+    assert table(tmp_path).equals(whole(package)[:4])
+    assert json.loads((tmp_path / "out/metrics.json").read_text())["run"]["steps"] == 1
+
+
+@pytest.mark.parametrize("isolated", [False, True], ids=["guarded", "isolated"])
+def test_ctrl_c_twice_ends_an_fmu_that_does_not_return(isolated: bool, package: Path, tmp_path: Path) -> None:
+    process = running(tmp_path, package, Fault.HANG, *(["--isolate", "j.bad"] if isolated else []))
+    wait_for(lambda: any(tmp_path.glob("out/results.csv")))
+    time.sleep(2.0)
+    for _ in range(2):
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.5)
+    sentence = failed(process, tmp_path)
+    assert "doStep at t = 0.3 s" in sentence
+    assert table(tmp_path)["time"].to_list() == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
+def wait_for(what: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60.0
+    while not what():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_a_run_that_is_killed_is_finished_by_its_parent(fmu_folder: Path, tmp_path: Path) -> None:
+    process = started(tmp_path, "run", "lift", "--stop-time", 1e5, "--fmus", fmu_folder, "--output", "out")
+    wait_for(lambda: (tmp_path / "out/results.csv").exists())
+    time.sleep(1.5)
+    (child,) = psutil.Process(process.pid).children()
+    child.kill()
+    sentence = failed(process, tmp_path)
+    assert "killed" in sentence
+    steps = json.loads((tmp_path / "out/metrics.json").read_text())["run"]["steps"]
+    rows = table(tmp_path)["time"].to_numpy()
+    assert rows[-1] == pytest.approx(steps * 1e-4)
+    assert np.allclose(np.diff(rows[:-1]), 1e-3)
+
+
+@pytest.mark.parametrize("isolated", [False, True], ids=["guarded", "isolated"])
+def test_nobody_survives_a_parent_that_is_killed(isolated: bool, package: Path, tmp_path: Path) -> None:
+    process = running(tmp_path, package, Fault.HANG, *(["--isolate"] if isolated else []))
+    wait_for(lambda: (tmp_path / "out/results.csv").exists())
+    time.sleep(1.0)
+    left = psutil.Process(process.pid).children(recursive=True)
+    assert len(left) == (4 if isolated else 1)
+    process.kill()
+    process.communicate(timeout=60.0)
+    assert not psutil.wait_procs(left, timeout=10.0)[1]
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"algorithm": "jacobi", "extrapolation": "fmu"}, {"algorithm": "strong"}]
+)
+def test_isolation_changes_no_bit(options: dict[str, Any], fmu_folder: Path) -> None:
+    scenario = ec.load("lift", stop_time=0.02, fmus=fmu_folder, **options)
+    results = []
+    for isolate in (False, ["lift.plant"], True):
+        with scenario.prepare(isolate=isolate) as simulation:
+            results += [simulation.run().to_polars(), simulation.run(fresh=True).to_polars()]
+    assert all(results[0].equals(other) for other in results[1:])
+
+
+def test_isolated_fmus_of_the_other_flavour(package: Path) -> None:
+    scenario = ec.load("lift", stop_time=0.002, flavour="python")
+    results = []
+    for isolate in (False, True):
+        with scenario.prepare(isolate=isolate) as simulation:
+            results.append(simulation.run().to_polars())
+    assert results[0].equals(results[1])
+
+
+def test_a_checkpoint_of_isolated_fmus_is_one_of_any(fmu_folder: Path, tmp_path: Path) -> None:
+    scenario = ec.load("lift", stop_time=0.02, fmus=fmu_folder)
+    with scenario.prepare(isolate=True) as simulation:
+        simulation.run(stop_time=0.01, checkpoint=tmp_path / "c")
+    with scenario.prepare() as simulation:
+        end = simulation.run(resume=tmp_path / "c").to_polars()
+        assert end.equals(simulation.run().to_polars().tail(len(end)))
+
+
+def test_a_simulation_goes_on_with_a_new_process(package: Path) -> None:
+    with load(package, output_interval=0.1).prepare(isolate=["j.bad"]) as simulation:
+        for _ in range(2):
+            with pytest.raises(ec.RunError, match=r"j\.bad ended its process in doStep") as found:
+                simulation.run(set={"j.bad.fault": Fault.SEGFAULT.value})
+            assert found.value.fields["result"].time[-1] == pytest.approx(0.3)
+        assert simulation.run().to_polars().equals(whole(package))
+
+
+def test_what_an_isolated_fmu_refuses_is_told_as_ever(package: Path) -> None:
+    found = []
+    for isolate in (False, True):
+        with load(package).prepare(isolate=isolate) as simulation:
+            for fault in (Fault.ERROR, Fault.GET_REAL, Fault.DISCARD, Fault.TERMINATE, Fault.SET_REAL):
+                with pytest.raises(ec.RunError) as error:
+                    simulation.run(set={"j.bad.fault": fault.value})
+                found.append(str(error.value))
+    assert found[:5] == found[5:]
+
+
+def test_isolate_takes_names_patterns_and_all(package: Path, tmp_path: Path) -> None:
+    with pytest.raises(ec.CommandError, match=r"no component is called 'j\.bat'; did you mean j\.bad"):
+        load(package).prepare(isolate=["j.bat"])
+    file = tmp_path / "isolated.toml"
+    file.write_text(f'system = "{package}"\nisolate = true\n')
+    assert load(file).options.isolated == ["*"]
+    for options in (["--isolate"], ["--isolate", "j.s*", "--no-plots"], ["--isolate=j.bad"]):
+        process = running(tmp_path, package, Fault.NONE, *options)
+        _, errors = process.communicate(timeout=60.0)
+        assert process.returncode == 0, errors
+        assert len(record(tmp_path)["settings"]["isolate"]) == 1
+
+
+@given(st.integers(0, 10_000), st.sampled_from(CALLS[1:]))
+def test_a_code_says_which_slave_and_which_call(slave: int, call: str) -> None:
+    present = black_box.Present(code=code_of(slave, call), time=0.5)
+    assert decoded(present) == (slave, f"{call} at t = 0.5 s" if call == "doStep" else call)
+
+
+def test_compiled_code_has_the_same_memory() -> None:
+    fields = {name: getattr(black_box.Present, name).offset for name, _ in black_box.Present._fields_}
+    assert {n: PRESENT.fields[n][1] for n in fields} == fields
+    assert decoded(black_box.Present())[0] is None
