@@ -17,7 +17,6 @@ from emla_cosim.recorders.recorder import Outline
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most
 
-
 RUN = ("run", "lift", "--stop-time", "0.002", "--no-plots", "--output-format", "parquet", "--output", "o")
 
 

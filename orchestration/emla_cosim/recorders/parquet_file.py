@@ -103,7 +103,9 @@ class ParquetFile(Table):
             return
         left = list(self._parts.iterdir())
         if others := sorted(p.name for p in left if not (_OURS.fullmatch(p.name) and p.is_file())):
-            raise OSError(f"the folder '{self._parts}' has '{others[0]}', which is not of a run; move it away")
+            raise OSError(
+                f"the folder '{self._parts}' has '{others[0]}', which is not of a run; move it away"
+            )
         for part in left:
             part.unlink()
         self._parts.rmdir()
