@@ -299,6 +299,22 @@ def test_values_of_connectors_and_variables_override_each_other(tmp_path: Path, 
     assert read(tmp_path / "2", fmu, inside(binding(ssv(p=2.0))), bindings=both).values("s.a") == {"k": 4.0}
 
 
+@pytest.mark.parametrize(
+    ("order", "expected"), [(("s.p", "s.a.k"), 4.0), (("s.a.k", "s.p"), 3.0), (("s.p", "s.a.k", "s.p"), 3.0)]
+)
+@pytest.mark.parametrize("together", [True, False], ids=["one set", "a set each"])
+def test_at_one_level_the_later_of_connector_and_variable_wins(
+    order: tuple[str, ...], expected: float, together: bool, tmp_path: Path, fmu: Path
+) -> None:
+    given = {"s.p": 3.0, "s.a.k": 4.0}
+    if together and len(set(order)) == len(order):
+        bindings = binding(ssv(**{name: given[name] for name in order}))
+    else:
+        bindings = "".join(binding(ssv(**{name: given[name]})) for name in order)
+    inside = system("s", component("a", "a.fmu", "k:parameter"), connection("p -> a.k"), ports="p:parameter")
+    assert read(tmp_path, fmu, inside, bindings=bindings).values("s.a") == {"k": expected}
+
+
 def test_values_in_units_reach_inputs_of_different_ones(tmp_path: Path, fmu: Path) -> None:
     other = fake_fmu(tmp_path / "b.fmu", "u:input:mm")
     found = read(
