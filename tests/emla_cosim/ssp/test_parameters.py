@@ -81,9 +81,13 @@ def test_units_are_converted(given: Any, expected: float, tmp_path: Path, fmu: P
     assert values(tmp_path, fmu, binding(ssv(k=given))) == {"k": expected}
 
 
-def test_units_with_offset(tmp_path: Path, fmu: Path) -> None:
-    found = values(tmp_path, fmu, binding(ssv(t=(300.0, "K"))))
-    assert found == {"t": pytest.approx(26.85, rel=1e-14)}
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [((300.0, "K"), 26.85), ((212.0, "degF"), 100.0), ((-40.0, "degF"), -40.0), ((50.0, "degC"), 50.0)],
+)
+def test_units_with_offset(given: Any, expected: float, tmp_path: Path, fmu: Path) -> None:
+    found = values(tmp_path, fmu, binding(ssv(t=given)))
+    assert found == {"t": pytest.approx(expected, rel=1e-13)}
 
 
 def test_what_no_variable_is_called_is_told(tmp_path: Path, fmu: Path) -> None:
