@@ -109,7 +109,7 @@ def plotted(result: "Result", names: Sequence[str]) -> "Figure":
     figure, axes = _figure(len(groups), 1, 7.5)
     for row, (unit, group) in zip(axes[:, 0], groups.items(), strict=True):
         for i, name in enumerate(group):
-            row.plot(data["time"], data[name], color=_COLORS[i % len(_COLORS)], linewidth=1.1)
+            row.plot(data["time"], data[name], color=_COLORS[i % len(_COLORS)], label=name, linewidth=1.1)
         row.set_ylabel(unit, parse_math=False)
         _tidied(row, group)
     axes[-1, 0].set_xlabel("time / s")
