@@ -57,6 +57,10 @@ class Fault(IntEnum):
     """fmi2FreeInstance ends the process with SIGSEGV."""
     SEGFAULT_FREE_STATE = 22
     """fmi2FreeFMUstate ends the process with SIGSEGV."""
+    NEGATIVE = 23
+    """The step that would pass `at` answers -1, which is no status, and is not done."""
+    HUGE_STATE = 24
+    """fmi2SerializedFMUstateSize answers 2^60 bytes after `at`."""
 
 
 class Counts:

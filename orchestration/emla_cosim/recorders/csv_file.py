@@ -1,11 +1,12 @@
 """results.csv: the FMI cross-check form, first column `time`."""
 
 import contextlib
+import csv
 from collections.abc import Sequence
-from io import BytesIO
+from io import BytesIO, StringIO
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import polars
@@ -100,12 +101,29 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
 
     Of a file with more than `most` rows only every n-th row is kept, so that memory stays small.
     """
-    present = polars.read_csv(path, n_rows=0).columns
-    chosen = [n for n in names if n in present]
-    every = 1 if most is None else max(-(-(_lines(path) - 1) // most), 1)
+    with path.open("rb") as stream:
+        header = _header(stream)
+    present = next(csv.reader(StringIO(header.decode(), newline="")))
+    columns = {name: f"column_{i}" for i, name in enumerate(present)}
+    chosen = {n: columns[n] for n in names if n in columns}
+    every = 1 if most is None else max(-(-(_lines(path) - header.count(b"\n")) // most), 1)
     source = path if every == 1 else _thinned(path, every)
-    frame = polars.read_csv(source, columns=chosen, schema_overrides=dict.fromkeys(chosen, polars.Float64))
-    return {name: frame[name].to_numpy() for name in chosen}
+    frame = polars.read_csv(  # whose own reading of a header leaves quotes doubled
+        source,
+        has_header=False,
+        skip_rows=1,
+        columns=list(chosen.values()),
+        schema=dict.fromkeys(columns.values(), polars.Float64),
+    )
+    return {name: frame[column].to_numpy() for name, column in chosen.items()}
+
+
+def _header(stream: IO[bytes]) -> bytes:
+    """The first row of a file, of more than one line where a name has an end of line in it."""
+    header = stream.readline()
+    while header.count(b'"') % 2 and (line := stream.readline()):
+        header += line
+    return header
 
 
 def _lines(path: Path) -> int:
@@ -116,4 +134,4 @@ def _lines(path: Path) -> int:
 def _thinned(path: Path, every: int) -> bytes:
     """The header, and of the lines after it every n-th one."""
     with path.open("rb") as stream:
-        return next(stream) + b"".join(islice(stream, 0, None, every))
+        return _header(stream) + b"".join(islice(stream, 0, None, every))

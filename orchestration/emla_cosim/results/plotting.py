@@ -1,5 +1,6 @@
 """Pictures of results: those that are registered for what a run has, and of any signals."""
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -109,10 +110,10 @@ def plotted(result: "Result", names: Sequence[str]) -> "Figure":
     for row, (unit, group) in zip(axes[:, 0], groups.items(), strict=True):
         for i, name in enumerate(group):
             row.plot(data["time"], data[name], color=_COLORS[i % len(_COLORS)], label=name, linewidth=1.1)
-        row.set_ylabel(unit)
-        _tidied(row, legend=True)
+        row.set_ylabel(unit, parse_math=False)
+        _tidied(row, group)
     axes[-1, 0].set_xlabel("time / s")
-    figure.suptitle(result.name, fontsize=12, fontweight="bold")
+    figure.suptitle(result.name, fontsize=12, fontweight="bold", parse_math=False)
     return figure
 
 
@@ -128,7 +129,7 @@ def _drawn(picture: Picture, columns: Sequence[str], data: Mapping[str, Vector])
         return None
     figure, grid = _figure(len(panels), len(shown), 3.9)
     for j, column in enumerate(shown):
-        grid[0, j].set_title(column, fontsize=11)
+        grid[0, j].set_title(column, fontsize=11, parse_math=False)
         grid[-1, j].set_xlabel("time / s")
         for i, panel in enumerate(panels):
             _draw_panel(grid[i, j], panel, column, data)
@@ -143,6 +144,7 @@ def _draw_panel(axes: "Axes", panel: Panel, column: str, data: Mapping[str, Vect
     time = data["time"]
     late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
     part = time >= time[0] + (_TRANSIENT if late else 0.0)
+    shown = []
     for curve in panel.curves:
         values = data.get(f"{column}.{curve.signal}")
         minus = data.get(f"{column}.{curve.less}") if curve.less else np.zeros_like(time)
@@ -152,11 +154,11 @@ def _draw_panel(axes: "Axes", panel: Panel, column: str, data: Mapping[str, Vect
             time[part],
             curve.scale * (values - minus)[part],
             color=curve.color,
-            label=curve.label,
             linestyle=(0, (4, 2)) if curve.dashed else "-",
             linewidth=1.1,
         )
-    _tidied(axes, legend=len(panel.curves) > 1)
+        shown.append(curve.label)
+    _tidied(axes, shown if len(panel.curves) > 1 else ())
 
 
 def _figure(rows: int, columns: int, width: float) -> "tuple[Figure, np.ndarray]":
@@ -174,9 +176,12 @@ def _figure(rows: int, columns: int, width: float) -> "tuple[Figure, np.ndarray]
     return figure, figure.subplots(rows, columns, squeeze=False, sharex="col")
 
 
-def _tidied(axes: "Axes", legend: bool) -> None:
-    if legend:
-        axes.legend(fontsize=8, frameon=False)
+def _tidied(axes: "Axes", labels: Sequence[str]) -> None:
+    """With a legend of the lines, if there are labels; they appear as they are, no formula, none left out."""
+    if labels:
+        legend = axes.legend(axes.lines, ["label"] * len(labels), fontsize=8, frameon=False)
+        for text, label in zip(legend.get_texts(), labels, strict=True):
+            text.set(text=label, parse_math=False)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8)
@@ -186,4 +191,6 @@ def _tidied(axes: "Axes", legend: bool) -> None:
 def _save(figure: "Figure", stream: IO[bytes]) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    FigureCanvasAgg(figure).print_png(stream)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)  # a box says so too
+        FigureCanvasAgg(figure).print_png(stream)

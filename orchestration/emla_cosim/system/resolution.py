@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
@@ -11,12 +12,17 @@ from ..fmu.variables import find_variable
 from ..units import IDENTITY, LinearTransformation, conversion
 from .model import Component, Connection, System, Value
 
+_UNSEEN = ("Cc", "Cs", "Zl", "Zp")
+"""Categories of Unicode: control characters, halves of other characters, ends of lines and paragraphs."""
+
 
 def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
     """The system with the FMUs' own start values, and a transformation for every connection.
 
     `interfaces` has that of every component. Raises CommandError for whatever does not fit.
     """
+    for component in system.components:
+        _check_name(component.name)
     components = tuple(in_fmu_terms(c) for c in system.components)
     driven: dict[tuple[str, str], Connection] = {}
     for x in system.connections:
@@ -28,6 +34,14 @@ def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
         replace(x, transformation=_transformation(x, system, interfaces)) for x in system.connections
     )
     return System(components, tuple(connections))
+
+
+def _check_name(name: str) -> None:
+    """Raise CommandError for a component whose name files and messages could not show in one line."""
+    if not name or any(unicodedata.category(letter) in _UNSEEN for letter in name):
+        raise CommandError(
+            f"the component {name!r} needs another name: one line, without control characters.", name=name
+        )
 
 
 def refuse_driven(component: Component, connections: Iterable[Connection]) -> None:

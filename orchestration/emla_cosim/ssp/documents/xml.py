@@ -188,8 +188,12 @@ def add(parent: XmlElement, tag: str, /, **attributes: str | None) -> XmlElement
 
 def _set(element: XmlElement, attributes: dict[str, str | None]) -> None:
     for name, value in attributes.items():
-        if value is not None:
+        if value is None:
+            continue
+        try:
             element.set(name, value)
+        except ValueError as error:  # control characters, and halves of others
+            raise CommandError(f"the {name} {value!r} has a character that XML cannot hold.") from error
 
 
 def add_units(parent: XmlElement, owner: str, units: Iterable[Unit | None]) -> None:

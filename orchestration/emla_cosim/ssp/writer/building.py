@@ -63,12 +63,11 @@ def in_order(system: System, nested: bool) -> System:
 def root_system(name: str, system: System, parts: Mapping[str, Part], nested: bool) -> ssp.SystemElement:
     """The root system for a resolved system, whose `parts` are by component name.
 
-    Flat, `lift.plant` is an element `lift_plant` with the id `lift.plant`; nested, it is `plant` in
-    a system `lift`, which has connectors where it is connected with others.
+    Flat, `lift.plant` is an element `lift_plant` with the id `lift.plant`, or with its own name where
+    that can be no id; nested, it is `plant` in a system `lift`, which has connectors where it is
+    connected with others.
     """
-    paths = {
-        c.name: tuple(c.name.split(".")) if nested else (c.name.replace(".", "_"),) for c in system.components
-    }
+    paths = {c.name: tuple(c.name.split(".")) if nested else (_flat(c.name),) for c in system.components}
     if len(set(paths.values())) < len(paths):
         raise CommandError(
             "two components have names that differ only in dots and underscores; export --nested."
@@ -145,12 +144,12 @@ class _Builder:
             if v in used
         ]
         (name,) = place.path[-1:]
-        dotted = place.component.name != name and len(place.path) == 1
+        shortened = place.component.name != name and len(place.path) == 1
         return ssp.ComponentElement(
             name,
             tuple(connectors),
             part.bindings,
-            id=place.component.name if dotted and _is_id(place.component.name) else None,
+            id=place.component.name if shortened else None,
             source=part.source,
         )
 
@@ -213,6 +212,7 @@ def unambiguous(units: Iterable[Unit | None]) -> set[Unit]:
     return {u for same in named.values() if len(same) == 1 for u in same if u.exponents is not None}
 
 
-def _is_id(name: str) -> bool:
-    """Whether a name may be an id in XML."""
-    return re.fullmatch(f"[{_LETTERS}][{_LETTERS}0-9.-]*", name) is not None
+def _flat(name: str) -> str:
+    """A name without dots, if an id can keep what they were."""
+    is_id = re.fullmatch(f"[{_LETTERS}][{_LETTERS}0-9.-]*", name) is not None
+    return name.replace(".", "_") if is_id else name
