@@ -176,7 +176,8 @@ class Simulation:
                 if chosen.checkpoint is not None:
                     check_can_save(chosen.checkpoint, assembly.network)
                     taking.append(Checkpoints(chosen.checkpoint, identity, self._here))
-            outline = Outline(assembly.network.names, list(self.units.values()), times, recorded, every)
+            units, parameters = list(self.units.values()), assembly.parameters()
+            outline = Outline(assembly.network.names, units, times, recorded, every, parameters)
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
         except BaseException:
             _freed(stepping)
