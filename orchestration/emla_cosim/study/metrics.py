@@ -55,7 +55,6 @@ _CHANNELS = {
 }
 _OPTIONAL = ("x_hat", "limited_control", "limited_inverter")
 
-
 _SHOWN = (
     Shown("position_error_m", "position error", 1e6, "µm", "m"),
     Shown("velocity_error_m_s", "speed error", 1e3, "mm/s", "m/s"),
@@ -66,6 +65,7 @@ _SHOWN = (
     Shown("saturated_fraction", "time at a limit", 100.0, "%"),
 )
 
+_CONVERGED = Shown("converged", "converged")
 
 _TOO_SHORT = f"Too short to judge convergence: that takes more than {SETTLED_AFTER:g} s."
 
@@ -98,16 +98,16 @@ class JointMetrics(Metrics):
         return list(self._joints)
 
     @property
-    def shown(self) -> Sequence[Shown]:
-        """All figures; whether joints converged only where the run was long enough to tell."""
-        told = not any(accumulator.is_short for accumulator in self._joints.values())
-        return (Shown("converged", "converged"), *_SHOWN) if told else _SHOWN
+    def _is_short(self) -> bool:
+        """Whether nobody can tell yet which joints converge."""
+        return any(accumulator.is_short for accumulator in self._joints.values())
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
         self._limits.write(rows)
         for accumulator in self._joints.values():
             accumulator.add(rows)
+        self.shown = _SHOWN if self._is_short else (_CONVERGED, *_SHOWN)
 
     def memory(self) -> Any:
         """All that was computed so far, as plain numbers by joint."""
@@ -129,8 +129,7 @@ class JointMetrics(Metrics):
             for joint, a in self._joints.items()
             if not (a.is_short or a.is_within)
         ]
-        short = any(accumulator.is_short for accumulator in self._joints.values())
-        return [*left, *late, *([_TOO_SHORT] if short else [])]
+        return [*left, *late, *([_TOO_SHORT] if self._is_short else [])]
 
     def figures(self) -> Figures:
         """Metrics by joint, of what was recorded so far."""
