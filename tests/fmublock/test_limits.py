@@ -1,5 +1,7 @@
 """Limits of states and outputs: an instance that leaves them says so once, and goes on."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -7,7 +9,9 @@ import pytest
 
 from fmublock import Input, Parameter, State, build
 from fmublock.instance import BlockError, Instance
+from fmublock.recipe import Recipe
 from tests.support.cart import Cart
+from tests.support.paths import ROOT
 from tests.support.sessions import OK, WARNING, Line, Session, opened, status
 
 
@@ -99,3 +103,13 @@ def test_in_process_the_sentences_are_the_same() -> None:
 def test_limits_that_make_no_sense_are_refused(make: Any, said: str) -> None:
     with pytest.raises(TypeError, match=said):
         make(Parameter(1.0))
+
+
+def test_the_key_of_a_block_with_limits_is_the_same_in_every_process() -> None:
+    """Otherwise an FMU that is up to date would be built again each time, with another hash."""
+    text = (
+        "from fmublock.recipe import Recipe; from tests.support.cart import Cart; "
+        "print(Recipe.of(Cart, 'native').key())"
+    )
+    there = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert there.stdout.strip() == Recipe.of(Cart, "native").key()
