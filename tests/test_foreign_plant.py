@@ -83,7 +83,7 @@ OUTPUTS = {
     "phase.i_c": Theirs("Motor.Iw_A"),
 }
 ALL = {**INPUTS, **PARAMETERS, **OUTPUTS}
-ONLY_OURS = {"torque_source"}
+ONLY_OURS = {"torque_source", "screw.q_LB", "screw.q_UB", "screw.v_max", "motor.i_max"}
 ONLY_THEIRS = {"Motor.Winding_K", "Screw.Retracted_mm", "Motor.IqError_A"}
 
 EVERYTHING = {
@@ -122,8 +122,9 @@ def ours(sessions: dict[str, Session]) -> Session:
 
 
 def study(joint: str) -> dict[str, Any]:
-    """The start values of a joint's plant in the study."""
-    return dict(load("study").system.component(f"{joint}.plant").parameters)
+    """The start values of a joint's plant in the study, of what both plants have."""
+    given = load("study").system.component(f"{joint}.plant").parameters
+    return {name: value for name, value in given.items() if name not in ONLY_OURS}
 
 
 def inputs(t: float, u_max: float) -> dict[str, float]:

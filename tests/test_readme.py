@@ -1,6 +1,7 @@
 """What the README shows works as shown."""
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ def test_the_commands_of_the_readme_exist(
     runnable = [x for x in lines if not re.search(r"Other\.fmu|python|mine\.py|my\.toml", x)]
     assert len(runnable) >= 6
     for line in runnable:
-        arguments = re.sub(r"--stop-time \S+", "", line).split()[1:]
+        arguments = shlex.split(re.sub(r"--stop-time \S+", "", line))[1:]
         short = ["--stop-time", "0.002", "--fmus", str(fmu_folder)]
         short += ["--no-plots"] if arguments[0] == "run" else []
         result = CliRunner().invoke(app, [*arguments, *short])

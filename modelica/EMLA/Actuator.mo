@@ -11,6 +11,9 @@ record Actuator "One EMLA: motor, gearbox, screw and inverter"
   Real rho = 1.0 / 7.0 "Screw turns per motor turn";
   Real lead(unit = "m") = 0.02 "Screw travel per turn";
   Real M_BS(unit = "kg") = 156.5 "Mass moved by the screw";
+  Real q_LB(unit = "m") = 0.0 "Lower end of the stroke";
+  Real q_UB(unit = "m") = 0.522 "Upper end of the stroke";
+  Real v_max(unit = "m/s") = 0.136 "Largest speed of the screw";
   Real u_max(unit = "V") = sqrt(2.0) * 315.0 "Longest voltage vector of the inverter: u_N read as rms";
   Real eta_GB = 0.9 "Efficiency of gearbox and screw (assumed)";
   Real B_m(unit = "N.m.s/rad") = 1.67e-3 "Viscous friction of the rotor (a Siemens 1FT6084, a motor of this size)";
@@ -22,8 +25,9 @@ record Actuator "One EMLA: motor, gearbox, screw and inverter"
   Real A_eq(unit = "kg.m") = Functions.A_eq(alpha_RL, J_m + J_c + J_GB, M_BS) "Equivalent inertia";
   Real B_eq(unit = "kg.m/s") = Functions.B_eq(alpha_RL, B_m, B_BS) "Equivalent friction";
   Real i_max(unit = "A") = tau_max / (1.5 * N_p * Phi_PM) "q-axis current that gives tau_max";
+  Real i_range(unit = "A") = 1.5 * i_max "Range of the motor's d-q currents (assumed)";
   annotation(Documentation(info = "<html>
-<p>The numbers are the lift's column of the paper's Table IV. d-q quantities are amplitude-invariant (peak). A joint gives
+<p>The numbers are the lift's column of the paper's Table IV, the stroke's that of Table II. d-q quantities are amplitude-invariant (peak). A joint gives
 them to the plant, and to observer and controller as what they know.</p>
 </html>"));
 end Actuator;

@@ -4,10 +4,12 @@ model Joint "One joint: reference, plant, disturbance, observer and controller, 
   Reference reference "The motion that the joint shall follow"
     annotation(Placement(transformation(extent = {{-150, -60}, {-110, -20}})));
   Plant plant(
-    motor(R_s = emla.R_s, L_d = emla.L_d, L_q = emla.L_q, Phi_PM = emla.Phi_PM, N_p = emla.N_p, J_m = emla.J_m, B_m = emla.B_m),
+    motor(R_s = emla.R_s, L_d = emla.L_d, L_q = emla.L_q, Phi_PM = emla.Phi_PM, N_p = emla.N_p, J_m = emla.J_m, B_m = emla.B_m,
+      i_max = emla.i_range),
     coupling(J_c = emla.J_c),
     gearbox(rho = emla.rho, J_GB = emla.J_GB, eta_GB = emla.eta_GB),
-    screw(lead = emla.lead, M_BS = emla.M_BS, B_BS = emla.B_BS, C_eq = emla.C_eq),
+    screw(lead = emla.lead, M_BS = emla.M_BS, B_BS = emla.B_BS, C_eq = emla.C_eq,
+      q_LB = emla.q_LB, q_UB = emla.q_UB, v_max = emla.v_max),
     inverter(u_max = emla.u_max))
     "The actuator with its sensor"
     annotation(Placement(transformation(extent = {{70, -30}, {130, 30}})));

@@ -12,6 +12,8 @@ model Lift "The lift joint of the study"
       rho = 1.0 / 7.0,
       lead = 0.02,
       M_BS = 156.5,
+      q_UB = 0.522,
+      v_max = 0.136,
       u_max = sqrt(2.0) * 315.0),
     reference(
       waypoint = {0.244, 0.270, 0.270, 0.270, 0.270, 0.270, 0.270, 0.270, 0.270},

@@ -10,6 +10,7 @@ block Plant "PMSM-driven electromechanical linear actuator with inverter limit a
     Integer N_p(min = 1) = 8 "Number of pole pairs";
     Real J_m(unit = "kg.m2", min = 0.0) = 0.016 "Rotor inertia";
     Real B_m(unit = "N.m.s/rad", min = 0.0) = 1.67e-3 "Viscous friction of the rotor";
+    Real i_max(unit = "A", min = 0.0) = 158.0 "Largest d- and q-axis current; controllers keep to less";
   end Motor;
 
   record Coupling "Between motor and gearbox"
@@ -27,6 +28,9 @@ block Plant "PMSM-driven electromechanical linear actuator with inverter limit a
     Real M_BS(unit = "kg", min = 0.0) = 156.5 "Mass moved by the screw";
     Real B_BS(unit = "N.s/m", min = 0.0) = 0.0 "Viscous friction of the screw";
     Real C_eq(unit = "N", min = 0.0) = 0.0 "Torque per travel as printed; 0 is a rigid screw";
+    Real q_LB(unit = "m") = 0.0 "Lower end of the stroke";
+    Real q_UB(unit = "m") = 0.522 "Upper end of the stroke";
+    Real v_max(unit = "m/s", min = 0.0) = 0.136 "Largest speed of the screw";
   end Screw;
 
   record Uncertainty "(84)"
@@ -143,6 +147,12 @@ equation
 
   P_el = 1.5 * (u_q_motor * i_q + u_d_motor * i_d);
   P_L = F_L * v_L;
+
+  // nothing stops an actuator that leaves its ranges, but it says so
+  assert(x_L >= screw.q_LB and x_L <= screw.q_UB, "x_L left its range", AssertionLevel.warning);
+  assert(abs(v_L) <= screw.v_max, "v_L left its range", AssertionLevel.warning);
+  assert(abs(i_q) <= motor.i_max, "i_q left its range", AssertionLevel.warning);
+  assert(abs(i_d) <= motor.i_max, "i_d left its range", AssertionLevel.warning);
 
   // (1) backwards, without zero sequence
   theta_e = motor.N_p * alpha_RL * x_L;

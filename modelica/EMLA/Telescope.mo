@@ -12,6 +12,8 @@ model Telescope "The telescope joint of the study"
       rho = 1.0,
       lead = 0.01,
       M_BS = 30.4,
+      q_UB = 1.0,
+      v_max = 0.210,
       u_max = sqrt(2.0) * 600.0),
     reference(
       waypoint = {0.499, 0.348, 0.348, 0.348, 0.348, 0.348, 0.348, 0.348, 0.348},

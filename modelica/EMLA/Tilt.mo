@@ -12,6 +12,8 @@ model Tilt "The tilt joint of the study"
       rho = 1.0 / 5.0,
       lead = 0.01,
       M_BS = 83.6,
+      q_UB = 0.611,
+      v_max = 0.100,
       u_max = sqrt(2.0) * 300.0),
     reference(
       waypoint = {0.389, 0.442, 0.442, 0.442, 0.442, 0.442, 0.442, 0.442, 0.442},

@@ -8,6 +8,7 @@ from .errors import CommandError
 from .master.stepping.pacing import Pacing
 from .master.stepping.timing import MAXIMUM_STEPS, Timing, timing
 from .options import Options
+from .requirements import requirement
 from .system.model import System
 
 DEFAULT_INTERVAL = 1e-3
@@ -18,6 +19,8 @@ def check_run(options: Options, name: str) -> None:
     """Raise CommandError for what can be seen to be wrong before anything is built."""
     steps_per_row(options, run_times(options, name))
     options.make_algorithm()
+    for text in options.require:
+        requirement(text)
     if options.real_time is not None:
         Pacing(options.real_time)
 

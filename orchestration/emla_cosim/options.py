@@ -113,6 +113,11 @@ class Options:
     output_interval: float | None = _output(
         help="Time between rows of the table. Without: 1 ms.", unit="s", identity="output interval"
     )
+    require: Sequence[str] = _output(
+        [],
+        help="Fail unless a figure is as said, such as lift.position_error_m < 2e-5 (repeatable).",
+        metavar="'FIGURE < VALUE'",
+    )
     plots: bool = _output(True, help="Draw plots.", recorded=False)
     checkpoint: Path | None = _output(
         help="Write checkpoints to this file: every minute, and at the end.", in_file=False, recorded=False

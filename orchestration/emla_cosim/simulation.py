@@ -5,7 +5,7 @@ import math
 import threading
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,8 @@ from .recorders.metrics import MetricsRecorder
 from .recorders.recorder import Outline, Recorder
 from .recorders.table import Table
 from .recorders.time_series import TimeSeries
-from .results.result import Result
+from .requirements import Requirement, check_requirements, requirement, unmet
+from .results.result import Result, run_figures
 from .run_record import run_identity, run_record
 from .running import Run
 from .system.model import System
@@ -133,7 +134,8 @@ class Simulation:
         `algorithm`, `set` ... Without `recorders`, the table of results is kept in memory; metrics are
         always computed. `fresh` makes new instances of the FMUs instead of resetting them. Ctrl-C ends
         the run between two steps, and the result has what was computed. Raises CommandError for options
-        that do not fit; RunError, whose `fields` have the `result` so far, for a run that fails.
+        that do not fit; RunError, whose `fields` have the `result` so far, for a run that fails, or whose
+        figures are not as `require` says.
         """
         result = self.attempt(recorders=recorders, fresh=fresh, **options)
         if (error := self._error) is not None:
@@ -169,6 +171,7 @@ class Simulation:
             raise CommandError("the simulation is closed; prepare it anew.")
         chosen = self._chosen(options)
         self._abandon()
+        required = [requirement(text) for text in chosen.require]
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)
         pacing = Pacing(chosen.real_time) if chosen.real_time is not None else None
@@ -194,12 +197,15 @@ class Simulation:
                 if chosen.checkpoint is not None:
                     place = checkpoint_place(chosen.checkpoint, assembly.network, self._here)
                     taking.append(Checkpoints(chosen.checkpoint, identity, place))
-            outline = Outline(assembly.network.names, list(self.units.values()), times, recorded, every)
+            units, parameters = list(self.units.values()), assembly.parameters()
+            outline = Outline(assembly.network.names, units, times, recorded, every, parameters)
+            if required:
+                check_requirements(required, MetricsRecorder.before(outline), run_figures())
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
         except BaseException:
             _freed(stepping)
             raise
-        self._run = _Going(run, system, chosen, metrics, taking, every)
+        self._run = _Going(run, system, chosen, metrics, taking, every, required)
         # the states in a checkpoint would hold a continued run to this run's stop time
         run.begin(times.stop if chosen.checkpoint is None else None)
 
@@ -318,6 +324,9 @@ class Simulation:
         result = self._result(going)
         self._spent = going.run.stepping
         self._error = going.run.error
+        if self._error is None and (problem := _unmet(going, result)) is not None:
+            self._error = RunError(problem)
+            result = replace(result, problem=problem, record={**result.record, "status": problem})
         return result
 
     def _abandon(self) -> None:
@@ -373,6 +382,15 @@ class _Going:
     metrics: MetricsRecorder
     recorders: Sequence[Recorder]
     every: int
+    required: Sequence[Requirement]
+
+
+def _unmet(going: _Going, result: Result) -> str | None:
+    """The sentence that says what is not as required; None where everything is."""
+    if going.run.interrupted and going.required:
+        named = "; ".join(str(r) for r in going.required)
+        return f"interrupted at t = {result.end_s:.6g} s, before it could be judged whether {named}."
+    return unmet(going.required, result.metrics, result.run_figures)
 
 
 def _freed(stepping: Stepping) -> None:

@@ -90,7 +90,7 @@ def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
         table.add_column(escape(name), justify="right")
     table.add_column("")
     for figure in shown:
-        values = (_number(figure.factor * f[figure.name]) for f in figures.values())
+        values = (_cell(f[figure.name], figure) for f in figures.values())
         table.add_row(escape(figure.label), *values, escape(figure.unit))
     return table
 
@@ -121,5 +121,15 @@ def _speed(result: "Result") -> Iterator[str]:
         )
 
 
-def _number(value: float) -> str:
-    return "-" if value != value else f"{value:.4g}"
+def _cell(value: Any, figure: "Shown") -> str:
+    """A figure as the table has it, in the unit of its row unless it says another one."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    scaled = figure.factor * value
+    if value != value:
+        return "none"
+    if abs(scaled) < 1e4:
+        return f"{scaled:.4g}"
+    if figure.large:
+        return f"{value:.4g} {figure.large}"
+    return f"{scaled:,.0f}" if abs(scaled) < 1e12 else f"{scaled:.4g}"

@@ -1,8 +1,8 @@
 """Parameter sets of the three joints of the manipulator and of the experimental prototype.
 
-Sources: "T" is the paper's Table IV, "T7" its Table VII; "assumed" stands in neither the paper nor
-a public data sheet of the part. Fields carry the names of the blocks' variables, so that a block
-takes from a set what it declares.
+Sources: "T" is the paper's Table IV, "T2" its Table II, "T7" its Table VII; "assumed" stands in
+neither the paper nor a public data sheet of the part. Fields carry the names of the blocks'
+variables, so that a block takes from a set what it declares.
 """
 
 import math
@@ -37,6 +37,10 @@ class EmlaParameters:
     """Mass moved by the screw, kg."""
     u_max: float
     """Longest voltage vector of the inverter, V."""
+    q_LB: float
+    """Lower end of the stroke, m."""
+    q_UB: float
+    """Upper end of the stroke, m."""
     v_max: float
     """Largest screw speed, m/s."""
     eta_GB: float = 0.9  # assumed
@@ -62,6 +66,15 @@ class EmlaParameters:
         """q-axis current that gives tau_max, A."""
         return self.tau_max / (1.5 * self.N_p * self.Phi_PM)
 
+    @property
+    def i_range(self) -> float:
+        """Range of the motor's d-q currents, A.
+
+        Assumed, and generous: a controller that keeps i_q* within i_max overshoots it by some
+        per cent, and drives trip well above it.
+        """
+        return 1.5 * self.i_max
+
 
 LIFT = EmlaParameters(
     R_s=0.14,  # T
@@ -75,6 +88,8 @@ LIFT = EmlaParameters(
     lead=0.02,  # T
     M_BS=156.5,  # T
     u_max=math.sqrt(2.0) * 315.0,  # T, u_N = 315 V read as rms
+    q_LB=0.0,  # T2
+    q_UB=0.522,  # T2
     v_max=0.136,  # T
 )
 
@@ -90,6 +105,8 @@ TILT = EmlaParameters(
     lead=0.01,  # T
     M_BS=83.6,  # T
     u_max=math.sqrt(2.0) * 300.0,  # T, u_N = 300 V read as rms
+    q_LB=0.0,  # T2
+    q_UB=0.611,  # T2
     v_max=0.100,  # T
 )
 
@@ -105,6 +122,8 @@ TELESCOPE = EmlaParameters(
     lead=0.01,  # T
     M_BS=30.4,  # T
     u_max=math.sqrt(2.0) * 600.0,  # T, u_N = 600 V read as rms
+    q_LB=0.0,  # T2
+    q_UB=1.0,  # T2
     v_max=0.210,  # T
 )
 
@@ -120,6 +139,8 @@ PROTOTYPE = EmlaParameters(
     lead=0.016,  # T7
     M_BS=100.0,  # assumed, between tilt and lift
     u_max=400.0 * math.sqrt(2.0 / 3.0),  # assumed: phase peak of a 400 V supply (T7: 380/480 V)
+    q_LB=0.0,  # assumed
+    q_UB=0.5,  # assumed, generous: the experiments use 0.05 to 0.30 m
     v_max=3877.0 / 60.0 * 0.016 / 7.7,  # T7, maximum speed of the motor
     eta_GB=0.70,  # assumed: makes the measured 35 N m meet the 75 kN load
 )

@@ -102,6 +102,18 @@ class EmlaPlant(Block):
         name="screw.C_eq",
         description="Torque per travel as printed; 0 is a rigid screw",
     )
+    q_LB = Parameter(0.0, unit="m", name="screw.q_LB", description="Lower end of the stroke")
+    q_UB = Parameter(0.522, unit="m", name="screw.q_UB", description="Upper end of the stroke")
+    v_max = Parameter(
+        0.136, unit="m/s", minimum=0.0, name="screw.v_max", description="Largest speed of the screw"
+    )
+    i_range = Parameter(
+        158.0,
+        unit="A",
+        minimum=0.0,
+        name="motor.i_max",
+        description="Largest d- and q-axis current; controllers keep to less",
+    )
     u_max = Parameter(
         445.0,
         unit="V",
@@ -135,10 +147,14 @@ class EmlaPlant(Block):
     )
     x_L_start = Parameter(0.24, unit="m", name="start.x_L", description="Initial screw position")
 
-    x_L = State(x_L_start, unit="m", nominal=0.1, description="Screw position")
-    v_L = State(0.0, unit="m/s", nominal=0.1, description="Screw speed", terminal="load")
-    i_q = State(0.0, unit="A", nominal=10.0, description="q-axis stator current", terminal="drive")
-    i_d = State(0.0, unit="A", nominal=10.0, description="d-axis stator current", terminal="drive")
+    x_L = State(x_L_start, unit="m", nominal=0.1, limits=(q_LB, q_UB), description="Screw position")
+    v_L = State(0.0, unit="m/s", nominal=0.1, limits=v_max, description="Screw speed", terminal="load")
+    i_q = State(
+        0.0, unit="A", nominal=10.0, limits=i_range, description="q-axis stator current", terminal="drive"
+    )
+    i_d = State(
+        0.0, unit="A", nominal=10.0, limits=i_range, description="d-axis stator current", terminal="drive"
+    )
 
     random = DiscreteState(seed, name="sensor.random", description="State of the noise generator")
     noise = DiscreteState(0.0, name="sensor.noise", description="Present draw from N(0, 1)")

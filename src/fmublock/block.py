@@ -84,6 +84,14 @@ class Layout:
         element = reference - self.references((variable,))[0] if parameter.shape else 0
         return self.references((parameter,))[element]
 
+    def limit_references(self, reference: int) -> tuple[int, int] | None:
+        """Value references of the parameters that limit a variable; see `Variable.limit_parameters`."""
+        limits = self.scalars[reference].variable.limit_parameters
+        if limits is None:
+            return None
+        low, high = (self.references((parameter,))[0] for parameter in limits)
+        return low, high
+
 
 @dataclass(frozen=True)
 class Origin:

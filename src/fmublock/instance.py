@@ -105,6 +105,10 @@ class Instance:
         # states that start from parameters, as pairs of value references
         starts = ((r, self.layout.start_reference(r)) for r in (*self._states, *self._discrete_states))
         self._starts = [(r, start) for r, start in starts if r != start]
+        # what has limits: value references of it, and of the parameters that are its limits
+        limits = ((r, self.layout.limit_references(r)) for r in self._evolving)
+        self._limited = [(r, *found) for r, found in limits if found is not None]
+        self._left: set[int] = set()
         self._derivative_results = Results(block, "derivatives")
         self._update_results = Results(block, "update")
         self._output_results = Results(block, "outputs")
@@ -204,6 +208,22 @@ class Instance:
             raise StepDiscardedError(
                 f"{self.name}: step from t = {time:.9g} s with h = {step:.9g} s discarded: {problem}."
             )
+
+    def left_limits(self) -> list[str]:
+        """A sentence for each variable that is beyond its limits, if none was given for it before."""
+        sentences = []
+        for r, *parameters in self._limited:
+            value, low, high = self.get((r, *parameters))
+            if parameters[0] == parameters[1]:
+                low = -high
+            if r not in self._left and not low <= value <= high:
+                self._left.add(r)
+                shown, _ = _told_apart(value, low if value < low else high)
+                sentences.append(
+                    f"{self.name}: {self.layout.scalars[r].name} = {shown} left its limits, "
+                    f"{low:.9g} to {high:.9g}, at t = {self.time:.9g} s."
+                )
+        return sentences
 
     def terminate(self) -> None:
         """End the run; values can still be read."""
@@ -385,6 +405,6 @@ class Instance:
 
 
 def _told_apart(a: float, b: float) -> tuple[str, str]:
-    """Two times with as many digits as it takes to see that they differ, but no fewer than 9."""
+    """Two numbers with as many digits as it takes to see that they differ, but no fewer than 9."""
     texts = ((f"{a:.{digits}g}", f"{b:.{digits}g}") for digits in range(9, 18))
     return next((pair for pair in texts if pair[0] != pair[1]), (repr(a), repr(b)))

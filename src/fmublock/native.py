@@ -138,7 +138,24 @@ def _model_header(block: Block) -> str:
         values = ", ".join(_c_number(x) for x in (scalar.start, *variable.range, nominal))
         letter = letters[variable.fmi_type]
         lines.append(f"    {{\"{scalar.name}\", '{letter}', {values}, {start_reference}}},")
-    return "\n".join([*lines, "};", ""])
+    return "\n".join([*lines, "};", *_limits(block), ""])
+
+
+def _limits(block: Block) -> list[str]:
+    """Which variables have limits, and in which parameters these stand."""
+    layout = block.layout()
+    found = ((r, layout.limit_references(r)) for r in range(len(layout.scalars)))
+    rows = [f"    {{{r}, {low}, {high}}}," for r, (low, high) in ((r, x) for r, x in found if x is not None)]
+    return [
+        "",
+        f"#define N_LIMITS {len(rows)}",
+        "/* low and high: the parameters that limit a variable; one parameter for both directions */",
+        "static const struct {",
+        "    int variable, low, high;",
+        "} limits[] = {",
+        *(rows or ["    {-1, -1, -1},"]),
+        "};",
+    ]
 
 
 def _constants() -> list[str]:

@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from .block import Block
 from .errors import BuildError
@@ -112,9 +113,16 @@ def _declared(block: Block) -> list[str]:
     """What the class says now, whatever made it say so: its variables and its texts."""
     layout = block.layout()
     variables = dict.fromkeys(scalar.variable for scalar in layout.scalars)
-    own = [{k: x.attribute if isinstance(x, Parameter) else x for k, x in vars(v).items()} for v in variables]
+    own = [{k: _by_name(x) for k, x in vars(v).items()} for v in variables]
     kinds = [type(v).__name__ for v in variables]
     return [repr((type(block).__qualname__, block.__doc__, block.default_experiment, kinds)), repr(own)]
+
+
+def _by_name(value: Any) -> Any:
+    """What a variable says of itself, with parameters by their names."""
+    if isinstance(value, tuple):
+        return tuple(_by_name(x) for x in value)
+    return value.attribute if isinstance(value, Parameter) else value
 
 
 @cache

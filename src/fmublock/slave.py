@@ -74,6 +74,7 @@ class BlockSlave(Fmi2Slave):
     def exit_initialization_mode(self) -> None:
         """Check what was set; raises BlockError if a value is outside its range."""
         self.instance.exit_initialization()
+        self._report_limits()
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Advance by a step; False, with a log message, if anything at all prevents it.
@@ -89,7 +90,12 @@ class BlockSlave(Fmi2Slave):
             cause = f"{type(error).__name__}: {error}"
             self.log(f"{self.instance_name}: step at t = {current_time:.9g} s: {cause}", Fmi2Status.discard)
             return False
+        self._report_limits()
         return True
+
+    def _report_limits(self) -> None:
+        for sentence in self.instance.left_limits():
+            self.log(sentence, Fmi2Status.warning)
 
     @_survivable
     def terminate(self) -> None:

@@ -22,6 +22,9 @@ class Variable:
     M[1,2], ..., row by row. Its start is one value for all elements, or a list of this shape.
     `terminal` bundles inputs and outputs that are connected together ("drive"); where the partner
     has another name for the variable, that follows after a dot ("sensor.x_measured").
+    `limits` are two scalar parameters of the block, the lowest and the highest value that a state or
+    an output is meant to have, or one for both directions. A value beyond them stops nothing, but an
+    instance reports it, the first time.
 
     Raises TypeError for a start value that does not fit.
     """
@@ -38,6 +41,7 @@ class Variable:
         maximum: float | None = None,
         nominal: float | None = None,
         terminal: str | None = None,
+        limits: "Parameter | tuple[Parameter, Parameter] | None" = None,
     ) -> None:
         self.start = start
         self.unit = unit
@@ -48,6 +52,7 @@ class Variable:
         self.maximum = maximum
         self.nominal = nominal
         self.terminal = terminal
+        self.limits = limits
         self.attribute = ""
         if isinstance(start, IntEnum):
             self.minimum, self.maximum = min(type(start)), max(type(start))
@@ -59,6 +64,10 @@ class Variable:
             raise TypeError(
                 f"a variable with the unit '{unit}' is Real: write its start value {start!r} as a float"
             )
+        if isinstance(self, (Input, Parameter)) and limits is not None:
+            raise TypeError("an input or a parameter has no limits, but a minimum and a maximum")
+        if any(not isinstance(p, Parameter) or p.shape for p in self.limit_parameters or ()):
+            raise TypeError(f"the limits {limits!r} are neither one nor two scalar parameters")
 
     def __set_name__(self, owner: type, attribute: str) -> None:
         self.attribute = attribute
@@ -69,6 +78,14 @@ class Variable:
     def start_parameter(self) -> "Parameter | None":
         """The parameter that the start value is taken from, if it is not a value itself."""
         return self.start if isinstance(self.start, Parameter) else None
+
+    @property
+    def limit_parameters(self) -> "tuple[Parameter, Parameter] | None":
+        """The lower and the upper limit; the same parameter twice for plus and minus its value."""
+        if self.limits is None:
+            return None
+        low, high = self.limits if isinstance(self.limits, tuple) else (self.limits, self.limits)
+        return low, high
 
     @property
     def range(self) -> tuple[float, float]:

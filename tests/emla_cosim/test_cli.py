@@ -39,6 +39,7 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
     metrics = json.loads((folder / "metrics.json").read_text())
     assert set(metrics) == {"joints", "run"}
     assert set(metrics["joints"]["lift"]) == {
+        "converged", "left_limits",
         "position_error_m", "velocity_error_m_s", "torque_effort_N_m", "torque_peak_N_m",
         "convergence_time_s", "observer_position_error_m", "saturated_fraction",
     }  # fmt: skip
@@ -53,10 +54,11 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
 
 
 def test_a_run_too_short_to_converge_says_so(emla: Emla) -> None:
-    assert (
-        "Not converged by the end: lift." in emla("run", "lift", "--stop-time", "0.01", "--no-plots").stdout
-    )
-    assert "Not converged" not in emla("run", "lift", "--stop-time", "0.2", "--no-plots").stdout
+    short = emla("run", "lift", "--stop-time", "0.3", "--no-plots").stdout
+    assert short.startswith("Too short to judge convergence: that takes more than 0.3 s.\n")
+    assert "converged" not in short and "did not" not in short
+    longer = emla("run", "lift", "--stop-time", "0.31", "--no-plots").stdout
+    assert "Too short" not in longer and longer.startswith("lift, 0.31 s simulated")
 
 
 def test_a_run_can_be_repeated_to_the_last_bit(emla: Emla, tmp_path: Path) -> None:

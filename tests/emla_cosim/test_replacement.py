@@ -42,7 +42,9 @@ def record(folder: str) -> dict[str, Any]:
 
 
 def metrics(folder: str) -> dict[str, float]:
-    return json.loads(Path(folder, "metrics.json").read_text())["joints"]["lift"]
+    """Figures that are numbers: a run may be too short for some, and their plant has no ranges."""
+    found = json.loads(Path(folder, "metrics.json").read_text())["joints"]["lift"]
+    return {name: value for name, value in found.items() if isinstance(value, float)}
 
 
 def rows(result: Result) -> list[list[str]]:
@@ -96,7 +98,7 @@ def test_an_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_f
     ran(emla, "ours", "study", "--stop-time", "0.02")
     result = ran(emla, "theirs", "study", "--stop-time", "0.02", "--replace", f"lift.plant={other}")
     assert Path("ours/results.csv").read_bytes() == Path("theirs/results.csv").read_bytes()
-    assert rows(result) == [["", "45 more", "", "same name and unit"]]
+    assert rows(result) == [["", "49 more", "", "same name and unit"]]
     assert record("theirs")["components"]["lift.plant"]["fmu"] == str(other)
     assert record("theirs")["components"]["tilt.plant"]["fmu"] != str(other)
 

@@ -86,7 +86,7 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 }
 """Keys by what they bring to the settings in run.json."""
 
-ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "signals"}
+ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"}
 """Keys of the tests below; `mapping` is in test_replacement.py."""
 
 
@@ -427,6 +427,7 @@ def test_signals_are_chosen_by_patterns(emla: Emla, patterns: list[str], expecte
     ran(emla, "lift", *options, *(x for p in patterns for x in ("--signals", p)))
     assert polars.read_csv("out/results.csv").columns == ["time", *expected]
     metrics = json.loads(Path("out/metrics.json").read_text())["joints"]["lift"]
+    assert metrics.pop("left_limits") is None
     assert None not in metrics.values()  # which need no signal in results.csv
 
 

@@ -101,6 +101,18 @@ class Assembly:
         for name, slave in self.slaves.items():
             slave.set_start_values(self._values[name][1])
 
+    def parameters(self) -> dict[str, float]:
+        """The Real parameters of all components, by full name and as the system has them."""
+        found: dict[str, float] = {}
+        for component, given in self._values.values():
+            known, values = _known(component), {v.name: x for v, x in given}
+            for variable in self.files[component.name].variables.values():
+                value = values.get(variable.name, variable.start)
+                if variable.causality == "parameter" and variable.type == "Real" and value is not None:
+                    name, alias = known.get(variable.name, (variable.name, Alias(variable.name)))
+                    found[f"{component.name}.{name}"] = alias.transformation.inverse()(float(value))
+        return found
+
     def _typed(self, component: Component) -> list[TypedValue]:
         """The start values of a component as its FMU has them."""
         given = in_fmu_terms(component)
@@ -126,13 +138,18 @@ def _signals(
     """Names of all signals as the system has them, and what makes the system's values of the FMUs'."""
     names, shown = [], {}
     for component in system.components:
-        known = {a.variable: (n, a) for n, a in component.aliases.items() if a.transformation.factor != 0.0}
+        known = _known(component)
         for output in outputs[component.name]:
             name, alias = known.get(output, (output, Alias(output)))
             if alias.transformation != IDENTITY:
                 shown[len(names)] = alias.transformation.inverse()
             names.append(f"{component.name}.{name}")
     return names, shown
+
+
+def _known(component: Component) -> dict[str, tuple[str, Alias]]:
+    """What the system calls the FMU's variables that it has by another name or unit."""
+    return {a.variable: (n, a) for n, a in component.aliases.items() if a.transformation.factor != 0.0}
 
 
 def _links(

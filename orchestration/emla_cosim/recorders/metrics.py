@@ -14,12 +14,17 @@ Figures = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Shown:
-    """How a person sees a figure: what it is called, its factor and unit there."""
+    """How a person sees a figure: what it is called, its factor and unit there.
+
+    A value that is too long in that unit is shown without the factor, in the unit `large`. A figure
+    that is true or false needs neither.
+    """
 
     name: str
     label: str
-    factor: float
-    unit: str
+    factor: float = 1.0
+    unit: str = ""
+    large: str = ""
 
 
 class Metrics(ABC):
@@ -33,7 +38,7 @@ class Metrics(ABC):
 
     @abstractmethod
     def figures(self) -> Figures:
-        """The figures of all rows so far; NaN for one that does not exist."""
+        """The figures of all rows so far, also where there are none; NaN for one that does not exist."""
 
     def remarks(self) -> Sequence[str]:
         """Sentences that a person should read before the figures."""
@@ -76,6 +81,13 @@ class MetricsRecorder(Recorder):
     def memory(self) -> Any:
         """That of all of them."""
         return {name: metrics.memory() for name, metrics in self.kinds.items()}
+
+    @classmethod
+    def before(cls, outline: Outline) -> dict[str, Figures]:
+        """The figures that a run has before its first row, which have the names of all that it will have."""
+        recorder = cls()
+        recorder.begin(outline)
+        return recorder.figures()
 
     def remarks(self) -> list[str]:
         """Sentences that a person should read before the figures."""

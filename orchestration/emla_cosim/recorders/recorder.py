@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -21,6 +21,7 @@ class Outline:
 
     Rows have the time in s and then the signals of `names`, in the units of `units`. `recorded` are
     the positions of those signals that the user wants to keep, and every `every`-th row is to be kept.
+    `parameters` has the values of the components' Real parameters, by full name.
     """
 
     names: Sequence[str]
@@ -28,6 +29,7 @@ class Outline:
     times: Timing
     recorded: Sequence[int]
     every: int = 1
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 class Pause(Protocol):

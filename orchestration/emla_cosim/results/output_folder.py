@@ -157,8 +157,7 @@ def _rows(columns: Mapping[str, Vector]) -> Vector:
 
 
 def _run_metrics(result: Result) -> dict[str, Any]:
-    rate = result.steps / result.wall_s if result.wall_s > 0 else 0.0
-    found: dict[str, Any] = {"steps": result.steps, "wall_s": result.wall_s, "steps_per_s": rate}
+    found = result.run_figures
     if result.pacing is not None:
         found["real_time"] = result.pacing
     return found

@@ -26,8 +26,8 @@ class Result:
     `result["lift.plant.x_L"]` is a signal as an array, with one value for each of `time`; its unit is
     in `units`. `metrics` has figures by kind, by what they are of, and by name, as in metrics.json;
     `remarks` are sentences to be read before them.
-    `problem` is None, or the sentence that says why the run ended early, as `interrupted` does where
-    somebody wanted it so. `steps`, `simulated_s` and
+    `problem` is None, or the sentence that says why the run ended early, or what is not as required;
+    `interrupted` says whether somebody wanted it so. `steps`, `simulated_s` and
     `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
     `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
     """
@@ -62,6 +62,11 @@ class Result:
     def names(self) -> list[str]:
         """The signals that were kept."""
         return self._table.names[1:]
+
+    @property
+    def run_figures(self) -> dict[str, Any]:
+        """Figures of the run itself, as in metrics.json: how many steps, and how long they took."""
+        return run_figures(self.steps, self.wall_s)
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Some signals, or `time`, by name; of more than `most` rows only every n-th may be given.
@@ -116,3 +121,8 @@ class Result:
         if self.table is None:
             raise CommandError("the run kept no table; hand in a recorder such as TimeSeries.")
         return self.table
+
+
+def run_figures(steps: int = 0, wall_s: float = 0.0) -> dict[str, Any]:
+    """What metrics.json says of a run with so many steps in this wall time in s."""
+    return {"steps": steps, "wall_s": wall_s, "steps_per_s": steps / wall_s if wall_s > 0 else 0.0}

@@ -1,7 +1,7 @@
 """Tracking metrics of a joint, from the plant's true states at every communication point."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays import Vector
 from ..recorders.metrics import Figures, Metrics, Shown
 from ..recorders.recorder import Outline
+from .limits import LimitWatch
 
 SETTLED_AFTER = 0.3
 """Errors and torque count from this time on in s, or from convergence if that is later."""
@@ -24,11 +25,15 @@ STARTS_CONVERGED = 1e-6
 class JointFigures:
     """One joint's part of metrics.json.
 
-    `convergence_time_s` is the last time at which |x_L - x_d| exceeds 5 % of its initial value.
-    Errors and `torque_effort_N_m` are the largest absolute values at or after that and 0.3 s;
-    `torque_peak_N_m` is over the whole run. NaN where a run ended before.
+    `converged`: the last |x_L - x_d| is at most 5 % of the first, or 1e-6 m, no range was left, and the
+    run went past 0.3 s. `left_limits` has the first value outside a range, if there was one.
+    `convergence_time_s` is the last time at which |x_L - x_d| exceeds 5 % of its initial value; NaN where
+    it does so in the end. Errors and `torque_effort_N_m` are the largest absolute values at or after that
+    and 0.3 s; `torque_peak_N_m` is over the whole run. NaN where a run ended before.
     """
 
+    converged: bool = False
+    left_limits: Mapping[str, Any] | None = None
     position_error_m: float = 0.0
     velocity_error_m_s: float = 0.0
     torque_effort_N_m: float = 0.0
@@ -50,77 +55,104 @@ _CHANNELS = {
 }
 _OPTIONAL = ("x_hat", "limited_control", "limited_inverter")
 
-
 _SHOWN = (
-    Shown("position_error_m", "position error", 1e6, "µm"),
-    Shown("velocity_error_m_s", "speed error", 1e3, "mm/s"),
+    Shown("position_error_m", "position error", 1e6, "µm", "m"),
+    Shown("velocity_error_m_s", "speed error", 1e3, "mm/s", "m/s"),
     Shown("torque_effort_N_m", "torque effort", 1.0, "N m"),
     Shown("torque_peak_N_m", "torque peak", 1.0, "N m"),
     Shown("convergence_time_s", "convergence time", 1e3, "ms"),
-    Shown("observer_position_error_m", "observer position error", 1e6, "µm"),
+    Shown("observer_position_error_m", "observer position error", 1e6, "µm", "m"),
     Shown("saturated_fraction", "time at a limit", 100.0, "%"),
 )
+
+_CONVERGED = Shown("converged", "converged")
+
+_TOO_SHORT = f"Too short to judge convergence: that takes more than {SETTLED_AFTER:g} s."
 
 
 def joint_metrics(outline: Outline) -> "JointMetrics | None":
     """The metrics of all joints of a run; None where it has none."""
-    metrics = JointMetrics(outline.names)
+    metrics = JointMetrics(outline.names, outline.parameters)
     return metrics if metrics.joints else None
 
 
 class JointMetrics(Metrics):
     """Tracking metrics by joint: what stands before the first dot of a signal's name.
 
-    Joints without position, speed, torque and reference have no metrics.
+    Joints without position, speed, torque and reference have no metrics. `parameters` has the limits
+    of the plants' ranges, by full name.
     """
 
-    shown = _SHOWN
-
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], parameters: Mapping[str, float] | None = None) -> None:
         column = {name: i + 1 for i, name in enumerate(names)}
         self._joints: dict[str, _JointAccumulator] = {}
         for joint in dict.fromkeys(name.partition(".")[0] for name in names):
             channels = {c: column.get(f"{joint}.{path}", -1) for c, path in _CHANNELS.items()}
             if all(i >= 0 for c, i in channels.items() if c not in _OPTIONAL):
                 self._joints[joint] = _JointAccumulator(channels)
+        self._limits = LimitWatch(self._joints, column, parameters or {})
 
     @property
     def joints(self) -> list[str]:
         """The joints that have metrics."""
         return list(self._joints)
 
+    @property
+    def _is_short(self) -> bool:
+        """Whether nobody can tell yet which joints converge."""
+        return any(accumulator.is_short for accumulator in self._joints.values())
+
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
+        self._limits.write(rows)
         for accumulator in self._joints.values():
             accumulator.add(rows)
+        self.shown = _SHOWN if self._is_short else (_CONVERGED, *_SHOWN)
 
     def memory(self) -> Any:
         """All that was computed so far, as plain numbers by joint."""
-        return {joint: accumulator.memory() for joint, accumulator in self._joints.items()}
+        joints = {joint: accumulator.memory() for joint, accumulator in self._joints.items()}
+        return {"joints": joints, "left_limits": self._limits.memory()}
 
     def remember(self, memory: Any) -> None:
         """Go on from what was computed before."""
         for joint, accumulator in self._joints.items():
-            accumulator.remember(memory[joint])
+            accumulator.remember(memory["joints"][joint])
+        self._limits.remember(memory["left_limits"])
 
     def remarks(self) -> Sequence[str]:
-        """Which joints have not converged."""
-        late = [joint for joint, accumulator in self._joints.items() if accumulator.is_outside]
-        return [f"Not converged by the end: {', '.join(late)}."] if late else []
+        """Which joints left their ranges, or did not converge, as far as the run was long enough to tell."""
+        left = [sentence for joint in self._joints if (sentence := self._limits.sentence(joint))]
+        late = [
+            f"{joint} did not converge: its position error was {_length(a.first_error)} at the start and is "
+            f"{_length(a.last_error)} at the end."
+            for joint, a in self._joints.items()
+            if not (a.is_short or a.is_within)
+        ]
+        return [*left, *late, *([_TOO_SHORT] if self._is_short else [])]
 
     def figures(self) -> Figures:
         """Metrics by joint, of what was recorded so far."""
-        return {joint: asdict(accumulator.metrics()) for joint, accumulator in self._joints.items()}
+        return {joint: self._figures(joint) for joint in self._joints}
+
+    def _figures(self, joint: str) -> dict[str, Any]:
+        accumulator, left = self._joints[joint], self._limits.left(joint)
+        converged = accumulator.is_within and not accumulator.is_short and left is None
+        found = accumulator.metrics()
+        return asdict(replace(found, converged=converged, left_limits=None if left is None else asdict(left)))
 
 
 class _JointAccumulator:
-    """Largest values since convergence: an error beyond the 5 % band starts them anew."""
+    """Largest values since convergence: an error beyond the 5 % band starts them anew.
+
+    `first_error` and `last_error` are the position error in m of the first and of the last row so far.
+    """
 
     def __init__(self, channels: Mapping[str, int]) -> None:
         self._channels = channels
-        self._initial_error: float | None = None
+        self.first_error = self.last_error = np.nan
         self._start = self._last_outside = 0.0
-        self._last = np.inf
+        self._last = np.nan
         self._largest = np.full(4, np.nan)
         self._peak = 0.0
         self._rows = self._limited = 0
@@ -131,14 +163,15 @@ class _JointAccumulator:
         self._last = float(t[-1])
         c = {name: rows[:, i] if i >= 0 else np.full(len(rows), np.nan) for name, i in self._channels.items()}
         error = np.abs(c["x_L"] - c["x_d"])
-        if self._initial_error is None:
-            self._initial_error = float(error[0])
+        self.last_error = float(error[-1])
+        if self._rows == 0:
+            self.first_error = float(error[0])
             self._start = self._last_outside = float(t[0])
         torque = np.abs(c["tau_m"])
         counted = np.stack([error, np.abs(c["v_L"] - c["v_d"]), torque, np.abs(c["x_L"] - c["x_hat"])])
         settled = t >= self._start + SETTLED_AFTER
-        if self._initial_error > STARTS_CONVERGED:
-            outside = np.flatnonzero(error > CONVERGED_WITHIN * self._initial_error)
+        if self.first_error > STARTS_CONVERGED:
+            outside = np.flatnonzero(error > CONVERGED_WITHIN * self.first_error)
             if len(outside):
                 self._last_outside = float(t[outside[-1]])
                 settled[: outside[-1]] = False
@@ -150,17 +183,23 @@ class _JointAccumulator:
         self._limited += int(((c["limited_control"] > 0) | (c["limited_inverter"] > 0)).sum())
 
     @property
-    def is_outside(self) -> bool:
-        """Whether the error is beyond the band at the end of all rows so far."""
-        return self._last_outside > self._start and self._last_outside >= self._last
+    def is_within(self) -> bool:
+        """Whether the last error is small enough for having converged."""
+        return bool(self.last_error <= max(CONVERGED_WITHIN * self.first_error, STARTS_CONVERGED))
+
+    @property
+    def is_short(self) -> bool:
+        """Whether nobody can tell yet if this converges."""
+        return not self._last - self._start > SETTLED_AFTER
 
     def memory(self) -> list[float]:
         """All that changes, as plain numbers."""
-        initial = float("nan") if self._initial_error is None else self._initial_error
         largest = [float(x) for x in self._largest]
         return [
-            initial,
+            self.first_error,
+            self.last_error,
             self._start,
+            self._last,
             self._last_outside,
             self._peak,
             float(self._rows),
@@ -170,8 +209,8 @@ class _JointAccumulator:
 
     def remember(self, memory: Sequence[float]) -> None:
         """Go on from what `memory` gave."""
-        initial, self._start, self._last_outside, self._peak, rows, limited, *largest = map(float, memory)
-        self._initial_error = None if initial != initial else initial
+        self.first_error, self.last_error, self._start, self._last, *others = map(float, memory)
+        self._last_outside, self._peak, rows, limited, *largest = others
         self._rows, self._limited = int(rows), int(limited)
         self._largest[:] = largest
 
@@ -183,7 +222,14 @@ class _JointAccumulator:
             velocity_error_m_s=velocity,
             torque_effort_N_m=torque,
             torque_peak_N_m=self._peak,
-            convergence_time_s=self._last_outside - self._start,
+            convergence_time_s=self._last_outside - self._start if self.is_within else np.nan,
             observer_position_error_m=observer,
             saturated_fraction=self._limited / max(self._rows, 1),
         )
+
+
+def _length(value: float) -> str:
+    """A length in m as a person reads it."""
+    if value < 1e-3:
+        return f"{1e6 * value:.4g} µm"
+    return f"{1e3 * value:.4g} mm" if value < 1.0 else f"{value:.4g} m"

@@ -14,17 +14,6 @@ static int is_sliver(const State *now, double time, double step) {
     return now->clock.step > 0.0 && is_there;
 }
 
-/* How many digits it takes to see that two times differ, no fewer than 9. */
-static int digits_apart(double a, double b) {
-    char texts[2][32];
-    for (int digits = 9; digits < 17; digits++) {
-        snprintf(texts[0], sizeof texts[0], "%.*g", digits, a);
-        snprintf(texts[1], sizeof texts[1], "%.*g", digits, b);
-        if (strcmp(texts[0], texts[1]) != 0) return digits;
-    }
-    return 17;
-}
-
 static fmi2Status check_step(const Instance *instance, double time, double step) {
     const State *now = &instance->now;
     if (!(isfinite(time + step) && step > 0.0))
@@ -111,6 +100,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
                       variables[bad].name, value);
     }
     hold_inputs(now, now->clock.step);
+    report_limits(instance);
     return end_step(instance, begin, noSetFMUStatePriorToCurrentPoint);
 }
 

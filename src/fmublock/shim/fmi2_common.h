@@ -37,7 +37,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     instance->name = strcpy(name, own_name);
     instance->logger = functions != NULL ? functions->logger : NULL;
     instance->environment = functions != NULL ? functions->componentEnvironment : NULL;
-    instance->logged = loggingOn ? EVERYTHING : FAILURES;
+    instance->logged = loggingOn ? EVERYTHING : PROBLEMS;
     instance->no_return_before = -HUGE_VAL;
     set_start_values(&instance->now, (int)fmuType);
     if (check_identity(instance, instanceName, fmuType, fmuGUID) == fmi2OK) return instance;
@@ -115,6 +115,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
         if (check_range(instance, r) != fmi2OK) return fmi2Error;
     hold_inputs(now, 0.0);
     now->phase = now->type == fmi2ModelExchange ? EVENT : STEP;
+    report_limits(instance);
     return report(instance, fmi2OK, "initialized at t = %.9g s.", now->time);
 }
 
@@ -129,6 +130,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
     Instance *instance = c;
     set_start_values(&instance->now, instance->now.type);
     instance->no_return_before = -HUGE_VAL;
+    memset(instance->left, 0, sizeof instance->left);
     return fmi2OK;
 }
 

@@ -40,6 +40,7 @@ typedef struct {
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
     unsigned logged;         /* categories that are switched on, as bits */
+    unsigned char left[ROOM(N_LIMITS)]; /* which of the limits were reported to have been left */
     double no_return_before; /* the host said that it will not go back to earlier times */
 } Instance;
 
@@ -52,7 +53,7 @@ static const char *const categories[N_CATEGORIES] = {
 
 #define CATEGORY(category) (1u << (category))
 #define EVERYTHING (CATEGORY(N_CATEGORIES) - 1u)
-#define FAILURES (CATEGORY(LOG_DISCARD) | CATEGORY(LOG_ERROR) | CATEGORY(LOG_FATAL))
+#define PROBLEMS (CATEGORY(LOG_WARNING) | CATEGORY(LOG_DISCARD) | CATEGORY(LOG_ERROR) | CATEGORY(LOG_FATAL))
 
 static int category_of(fmi2Status status) {
     switch (status) {
@@ -101,6 +102,31 @@ static fmi2Status check_range(const Instance *instance, int reference) {
     if (variable->minimum <= value && value <= variable->maximum && isfinite(value)) return fmi2OK;
     return report(instance, fmi2Error, "%s = %.9g is outside its range, %.9g to %.9g.", variable->name,
                   value, variable->minimum, variable->maximum);
+}
+
+/* How many digits it takes to see that two numbers differ, no fewer than 9. */
+static int digits_apart(double a, double b) {
+    char texts[2][32];
+    for (int digits = 9; digits < 17; digits++) {
+        snprintf(texts[0], sizeof texts[0], "%.*g", digits, a);
+        snprintf(texts[1], sizeof texts[1], "%.*g", digits, b);
+        if (strcmp(texts[0], texts[1]) != 0) return digits;
+    }
+    return 17;
+}
+
+/* Report what has left its limits, each variable once. That is no failure, so the call gives fmi2OK. */
+static void report_limits(Instance *instance) {
+    const double *values = instance->now.values;
+    for (int i = 0; i < N_LIMITS; i++) {
+        const double value = values[limits[i].variable], high = values[limits[i].high];
+        const double low = limits[i].low == limits[i].high ? -high : values[limits[i].low];
+        if (instance->left[i] || (low <= value && value <= high)) continue;
+        instance->left[i] = 1;
+        const int digits = digits_apart(value, value < low ? low : high);
+        report(instance, fmi2Warning, "%s = %.*g left its limits, %.9g to %.9g, at t = %.9g s.",
+               variables[limits[i].variable].name, digits, value, low, high, instance->now.time);
+    }
 }
 
 static fmi2Status check_type(const Instance *instance, fmi2ValueReference reference, char type) {

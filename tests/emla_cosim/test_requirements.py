@@ -1,0 +1,167 @@
+"""`--require`: what a run must give, or it ends with code 1 and says what it gave."""
+
+import json
+import math
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+
+import emla_cosim as ec
+from emla_cosim.errors import CommandError
+from emla_cosim.requirements import Requirement, requirement, unmet
+from tests.support.commands import Emla, sentence
+
+RUN = ("run", "lift", "--stop-time", "0.4", "--no-plots", "--output", "o")
+SIGNS = {
+    "<": lambda a, b: a < b,
+    "<=": lambda a, b: a <= b,
+    ">": lambda a, b: a > b,
+    ">=": lambda a, b: a >= b,
+    "==": lambda a, b: a == b,
+    "!=": lambda a, b: a != b,
+}
+
+
+@pytest.fixture(scope="module")
+def lift(fmu_folder: Path) -> Iterator[ec.Simulation]:
+    with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.4) as simulation:
+        yield simulation
+
+
+def requiring(*texts: str) -> list[str]:
+    return [part for text in texts for part in ("--require", text)]
+
+
+def test_a_run_that_is_as_required_ends_with_0(emla: Emla) -> None:
+    wanted = ("lift.position_error_m < 2e-5", "lift.converged==true", "run.steps >= 4000", "run.wall_s > 0")
+    result = emla(*RUN, *requiring(*wanted))
+    assert result.exit_code == 0, result.output
+    record = json.loads(Path("o/run.json").read_text())
+    assert record["settings"]["require"] == list(wanted) and record["status"] == "completed"
+
+
+def test_a_run_that_is_not_as_required_names_all_that_fails_and_keeps_its_results(emla: Emla) -> None:
+    wanted = ("lift.position_error_m < 1e-9", "lift.torque_peak_N_m < 190", "lift.converged == false")
+    text = sentence(emla(*RUN, *requiring(*wanted)), 1)
+    joint = json.loads(Path("o/metrics.json").read_text())["joints"]["lift"]
+    assert text == (
+        "Error: not as required: lift.position_error_m < 1e-09, but it is "
+        f"{joint['position_error_m']:.6g}; lift.converged == false, but it is true. "
+        "What was computed is in o."
+    )
+    assert "torque_peak" not in text
+    assert len(Path("o/results.csv").read_text().splitlines()) == 402
+    assert json.loads(Path("o/run.json").read_text())["status"] in text
+
+
+def test_a_missing_figure_fails(emla: Emla) -> None:
+    result = emla(*RUN, "--stop-time", "0.1", *requiring("lift.position_error_m >= 0"))
+    assert "lift.position_error_m >= 0, but it is missing." in sentence(result, 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "must be FIGURE"),
+        ("lift.converged", "must be FIGURE"),
+        ("lift.position_error_m <", "must be FIGURE"),
+        ("< 3", "must be FIGURE"),
+        ("lift.position_error_m = 3", "must be FIGURE"),
+        ("0 < lift.position_error_m < 3", "must be FIGURE"),
+        ("lift.position_error_m < 20 µm", "must be FIGURE"),
+        ("lift.position_error_m < nan", "must be FIGURE"),
+        ("lift.position_error_m < 1e999", "must be FIGURE"),
+        ("lift.converged < true", "true and false take == or !="),
+        ("lift.converged == 1", "lift.converged is true or false"),
+        ("lift.position_error_m != false", "lift.position_error_m is a number"),
+        ("lift.position_eror_m < 1", "did you mean lift.position_error_m"),
+        ("tilt.position_error_m < 1", "there is no figure 'tilt.position_error_m'"),
+        ("lift.left_limits == false", "there is no figure 'lift.left_limits'"),
+        ("lift." + "x" * 200 + " < 1", "there are lift.converged,"),
+    ],
+)
+def test_what_can_be_no_requirement_is_told_before_the_run(emla: Emla, text: str, said: str) -> None:
+    Path("o").mkdir()
+    Path("o/results.csv").write_text("of an earlier run")
+    assert said in sentence(emla(*RUN, *requiring(text)), 2)
+    assert Path("o/results.csv").read_text() == "of an earlier run"
+
+
+def test_a_scenario_file_can_require_and_the_command_overrides(emla: Emla) -> None:
+    text = 'system = "lift"\nstop_time = 0.4\nplots = false\nrequire = {}\n'
+    Path("mine.toml").write_text(text.format('["lift.position_error_m < 1e-9"]'))
+    assert "lift.position_error_m < 1e-09, but" in sentence(emla("run", "mine.toml"), 1)
+    assert emla("run", "mine.toml", *requiring("lift.position_error_m < 1")).exit_code == 0
+    Path("mine.toml").write_text(text.format('"lift.position_error_m < 1"'))
+    assert "it must be a list" in sentence(emla("run", "mine.toml"), 2)
+
+
+def test_in_python_a_run_raises_and_an_attempt_tells(lift: ec.Simulation) -> None:
+    with pytest.raises(
+        ec.RunError, match=r"^not as required: lift\.converged == false, but it is true\.$"
+    ) as e:
+        lift.run(require=["lift.converged == false"])
+    result = e.value.fields["result"]
+    assert result.metrics["joints"]["lift"]["converged"] is True and len(result.time) == 401
+    assert lift.attempt(require=["run.steps != 4000"]).problem == (
+        "not as required: run.steps != 4000, but it is 4000."
+    )
+    assert lift.attempt(require=["run.steps == 4000"]).problem is None
+    lift.start(require=["lift.converged == true"])
+    lift.advance(0.1)
+    with pytest.raises(ec.RunError, match=r"lift\.converged == true, but it is false"):
+        lift.finish()
+    with pytest.raises(CommandError, match="there is no figure"):
+        lift.run(require=["lift.speed < 1"])
+    assert lift.run().problem is None
+
+
+def test_an_interrupted_run_is_not_as_required(lift: ec.Simulation) -> None:
+    class Interrupt(ec.Recorder):
+        def write(self, rows: object) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(ec.RunError, match=r"before it could be judged whether run\.steps > 0\.$"):
+        lift.run(require=["run.steps > 0"], recorders=[Interrupt()], stop_time=50.0)
+
+
+def test_a_failure_is_told_rather_than_what_it_leaves_open(emla: Emla) -> None:
+    """As printed, steps of 0.1 ms end in overflow."""
+    result = emla(
+        "run", "published", "--step-size", "1e-4", "--no-plots", *requiring("tilt.converged == true")
+    )
+    assert "the run ended at t = " in sentence(result, 1)
+
+
+@given(
+    name=st.from_regex(r"[a-z][a-z_]{0,8}\.[a-z][a-z_]{0,8}", fullmatch=True),
+    sign=st.sampled_from(list(SIGNS)),
+    value=st.floats(allow_nan=False, allow_infinity=False) | st.integers(-(10**6), 10**6),
+    figure=st.floats() | st.none(),
+    blank=st.sampled_from(["", " ", "  "]),
+)
+def test_requirements_compare_as_python_does(
+    name: str, sign: str, value: float, figure: float | None, blank: str
+) -> None:
+    required = requirement(f"{blank}{name}{blank}{sign}{blank}{value!r}{blank}")
+    assert required == Requirement(name, sign, float(value))
+    of, _, what = name.partition(".")
+    sentence_ = unmet([required], {"kind": {of: {what: figure}}}, {})
+    met = figure is not None and not math.isnan(figure) and SIGNS[sign](figure, value)
+    assert (sentence_ is None) == met
+    if not met:
+        assert str(sentence_).startswith(f"not as required: {name} {sign} ")
+
+
+@given(st.text(max_size=40))
+def test_any_text_is_a_requirement_or_a_sentence(text: str) -> None:
+    try:
+        found = requirement(text)
+    except CommandError as error:
+        assert text in str(error)
+    else:
+        assert found.figure in text and found.sign in text
