@@ -83,6 +83,7 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
     ),
     "controller": ('controller = "rsba"', "controller", "rsba"),
     "gains": ('gains = "published"', "gains", "published"),
+    "isolate": ('isolate = ["lift.plant"]', "isolate", ["lift.plant"]),
 }
 """Keys by what they bring to the settings in run.json."""
 

@@ -127,12 +127,7 @@ def rescue(how: str, ended: float) -> None:
         return
     told: _Told = pickle.loads(message)
     slave, call = decoded(black_box.present())
-    if slave is not None and how == "SIGKILL":
-        cause = f"the process was killed while {told.components[slave]} was in {call}"
-    elif slave is not None:
-        cause = f"{told.components[slave]} ended the process in {call} ({how})"
-    else:
-        cause = f"the process was ended ({how}){', perhaps for want of memory' * (how == 'SIGKILL')}"
+    cause = _cause(how, told.components[slave] if slave is not None else None, call)
     try:
         output = OutputFolder(told.folder, told.form)
         with output.alone():
@@ -140,6 +135,13 @@ def rescue(how: str, ended: float) -> None:
         show_error(f"{problem} What was computed is in {output.path}.")
     except CosimError as error:
         show_error(f"{cause}; {error}")
+
+
+def _cause(how: str, component: str | None, call: str) -> str:
+    if how == "SIGKILL":  # which nobody does to itself
+        where = f"with {component} in {call}" if component else "perhaps for want of memory"
+        return f"the process was killed, {where}"
+    return f"{component} ended the process in {call} ({how})" if component else f"the process ended ({how})"
 
 
 def _kept(told: _Told, output: OutputFolder, cause: str, ended: float) -> str:
