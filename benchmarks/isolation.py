@@ -1,0 +1,37 @@
+"""Measure what FMUs in processes of their own cost: python -m benchmarks.isolation.
+
+Rates are of this machine at this moment; ratios are to the same run without isolation.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import emla_cosim as ec
+
+ROUNDS = 5
+WAYS: dict[str, tuple[bool, Sequence[str] | bool]] = {
+    "none, compiled loop": (True, False),
+    "none, loop in Python": (False, False),
+    "the plant": (True, ["lift.plant"]),
+    "all five FMUs": (True, True),
+}
+"""What is isolated: whether steps may be compiled, and the option `isolate`."""
+
+
+def main() -> None:
+    """Measure and print."""
+    rates: dict[str, list[float]] = {way: [] for way in WAYS}
+    for _ in range(ROUNDS):
+        for way, (compiled, isolate) in WAYS.items():
+            with ec.load("lift", compiled=compiled).prepare(isolate=isolate) as lift:
+                result = lift.run(stop_time=2.0 if compiled and not isolate else 0.2)
+            rates[way].append(result.steps / result.wall_s)
+    whole = np.median(rates["none, compiled loop"])
+    print("| Isolated | Steps/s | Ratio |\n|---|---|---|")
+    for way, found in rates.items():
+        print(f"| {way} | {np.median(found):,.0f} | {np.median(found) / whole:.3g} |")
+
+
+if __name__ == "__main__":
+    main()
