@@ -1,5 +1,6 @@
 """FMUs count steps of one length, so that it does not matter how a tool rounds its times."""
 
+import math
 from collections.abc import Sequence
 from itertools import accumulate, repeat
 
@@ -49,6 +50,30 @@ def test_all_tools_get_the_same_bits(sessions: dict[str, Session], tool: str) ->
     assert found.time == expected.time == COUNT * STEP
     assert values(found) == values(expected)
     assert sessions["Toy"].get(slave, *NAMES) == values(expected)
+
+
+def test_a_first_step_that_is_rounded_up_is_not_divided_once_more(sessions: dict[str, Session]) -> None:
+    """As of a tool that begins at 2e-4 s with (3 - 2) 1e-4 s: here so long that results tell."""
+    up = math.nextafter(0.2, 1.0)
+    assert math.ceil(up / 0.1) == 3
+
+    def native(step: float, internal: float) -> list[float]:
+        slave = sessions["Toy"].instance("up", **{"solver.internal_step": internal})
+        slave.doStep(0.0, step)
+        return sessions["Toy"].get(slave, "x", "v[1]", "v[2]")
+
+    def in_process(step: float, internal: float) -> list[float]:
+        instance = Instance(Toy())
+        instance["solver.internal_step"] = internal
+        instance.enter_initialization()
+        instance.exit_initialization()
+        instance.do_step(0.0, step)
+        return values(instance)[:3]
+
+    for flavour in (native, in_process):
+        halves, thirds = flavour(0.2, 0.1), flavour(0.2, 0.2 / 3.0)
+        assert flavour(up, 0.1) == pytest.approx(halves, rel=1e-14)
+        assert halves != pytest.approx(thirds, rel=1e-10)
 
 
 def test_another_step_begins_where_the_tool_says() -> None:

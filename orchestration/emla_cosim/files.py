@@ -10,6 +10,7 @@ from fmublock.files import NoFileError, real_place, written_whole
 from .errors import CommandError
 
 __all__ = [
+    "HERE",
     "CacheError",
     "NoFileError",
     "cache_folder",
@@ -20,6 +21,9 @@ __all__ = [
     "real_place",
     "written_whole",
 ]
+
+HERE = Path()
+"""The present working folder, whichever it is when a path is used."""
 
 
 def read_file(path: Path, what: str) -> bytes:
@@ -40,10 +44,13 @@ def read_text(path: Path, what: str) -> str:
         raise CommandError(f"{what} '{path}' is not a text in UTF-8.") from error
 
 
-def place_of(path: Path, what: str) -> Path:
-    """Where a file that is to be written lies; CommandError where it cannot, see `real_place`."""
+def place_of(path: Path, what: str, folder: Path = HERE) -> Path:
+    """Where a file that is to be written lies, its path relative to `folder`.
+
+    Raises CommandError where it cannot be written, see `real_place`.
+    """
     try:
-        place = real_place(path)
+        place = real_place(folder / path)
         if not place.parent.is_dir():
             raise NoFileError(0, f"there is no folder '{path.parent}'")
     except OSError as error:

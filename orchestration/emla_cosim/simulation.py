@@ -15,7 +15,7 @@ from .experiment import run_times, selected, steps_per_row
 from .fmu.variables import find_variable, start_value
 from .master.algorithms.algorithm import Algorithm
 from .master.assembly import Assembly
-from .master.stepping.checkpoint import check_can_save
+from .master.stepping.checkpoint import checkpoint_place
 from .master.stepping.compilation import compile_kernel
 from .master.stepping.error_control import ErrorControl
 from .master.stepping.fixed_steps import FixedSteps
@@ -172,10 +172,11 @@ class Simulation:
             taking += chosen.make_recorders()
             if chosen.resume or chosen.checkpoint:
                 identity = run_identity(system, assembly, chosen, times)
-                resumed = resumable(chosen.resume, identity, times) if chosen.resume else None
+                if chosen.resume is not None:
+                    resumed = resumable(chosen.resume, identity, times, self._here)
                 if chosen.checkpoint is not None:
-                    check_can_save(chosen.checkpoint, assembly.network)
-                    taking.append(Checkpoints(chosen.checkpoint, identity, self._here))
+                    place = checkpoint_place(chosen.checkpoint, assembly.network, self._here)
+                    taking.append(Checkpoints(chosen.checkpoint, identity, place))
             outline = Outline(assembly.network.names, list(self.units.values()), times, recorded, every)
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
         except BaseException:

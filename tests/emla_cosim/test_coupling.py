@@ -311,6 +311,25 @@ def test_no_agreement_is_an_error_and_leaves_the_iteration_usable(
     assert newton.solve(one, lambda x: 5.0 - 2.0 * x, agreed, 30, one) <= 3
 
 
+def test_what_led_nowhere_is_forgotten() -> None:
+    """A Jacobian from answers that ended in no number would lead the next step astray."""
+
+    def diverging(x: np.ndarray) -> np.ndarray:
+        return np.array([1e3, -1e3]) * x**3 + 7.0
+
+    def linear(x: np.ndarray) -> np.ndarray:
+        return np.array([5.0, 3.0]) - np.array([[2.0, 0.5], [-0.5, 1.0]]) @ x
+
+    def sweeps(newton: QuasiNewton) -> int:
+        return newton.solve(np.zeros(2), linear, lambda r: bool(np.abs(r).max() < 1e-9), 30, np.ones(2))
+
+    used, new = QuasiNewton(2), QuasiNewton(2)
+    with pytest.raises(NoAgreementError), np.errstate(all="ignore"):
+        used.solve(np.ones(2), diverging, lambda r: False, 4, np.ones(2))
+    assert sweeps(used) == sweeps(new)
+    assert used.jacobian.tobytes() == new.jacobian.tobytes()
+
+
 # ---- steps that cannot be done in one -----------------------------------------------------------
 
 
@@ -340,6 +359,34 @@ def test_a_discarded_step_is_done_in_halves() -> None:
     assert algorithm.exchange.history.at.tolist() == [2.0, 2.0]
     assert algorithm.exchange.history.before.tolist() == [1.75, 1.75]
     assert algorithm.steps == 1
+
+
+class Impatient(LinearSlave):
+    """Discards steps that are longer than `longest`, in s."""
+
+    longest = np.inf
+
+    def do_step(self, time: float, step: float) -> None:
+        if step > self.longest:
+            raise StepDiscardedError(self.name, f"doStep at t = {time:g} s", "fmi2Discard", [])
+        super().do_step(time, step)
+
+
+@pytest.mark.parametrize("extrapolation", ["none", "master", "fmu"])
+def test_halves_begin_where_the_step_began(extrapolation: str) -> None:
+    """Signals and their history too: two halves are the same bits as two steps of half the length."""
+
+    def rows(step: float, longest: float) -> np.ndarray:
+        (a, b), wires = elastic_load()
+        last = Impatient(b.name, b.A, b.B, b.C, b.D, b.x_0)
+        last.longest = longest
+        network = connected([a, last], wires)
+        assert network.order == [0, 1]  # the first has done the step when the last refuses it
+        return simulated(network, Strong(extrapolation), timing(0.5, step))
+
+    halves, steps = rows(2.0**-5, 2.0**-6), rows(2.0**-6, np.inf)
+    assert len(halves) == 17
+    assert halves.tobytes() == steps[::2].tobytes()
 
 
 def test_a_slave_outside_of_loops_is_halved_alone() -> None:

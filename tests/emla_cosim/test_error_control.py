@@ -325,6 +325,27 @@ def test_what_nobody_reads_may_be_no_number(wrong: float) -> None:
     assert rows[-1, 3] == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.parametrize("infinity", [np.inf, -np.inf])
+def test_an_infinite_value_does_not_make_every_later_error_small(infinity: float) -> None:
+    """A signal that was infinite once is judged by its finite values ever after."""
+
+    def steps(first: float) -> int:
+        spring = FakeSlave(
+            "spring",
+            0,
+            [0.0, 1.0],
+            lambda u, x, t, h: [x[0] + h * 20.0 * x[1], x[1] - h * 20.0 * x[0]],
+            lambda u, x: [first if x[0] == 0.0 else x[0]],  # which nobody reads
+        )
+        stepping = controlled(Network([spring], []), Jacobi(), 1.0, 1e-3, 1e-3)
+        assert np.isfinite(recorded(stepping)[1:]).all()
+        assert np.isfinite(stepping.memory()["control/largest"]).all()
+        return stepping.steps
+
+    assert steps(infinity) == pytest.approx(steps(0.0), rel=0.1)
+    assert steps(0.0) > 100
+
+
 @pytest.mark.parametrize("name", ["jacobi", "gauss-seidel"])
 @pytest.mark.parametrize("mass", [1.5, 100.0])
 def test_an_unstable_coupling_is_not_taken_for_jumps(name: str, mass: float) -> None:

@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 from typer.testing import Result as Finished
 
 import emla_cosim.commands.run
+import emla_cosim.recorders.checkpoints
 import emla_cosim.running
 import emla_cosim.simulation
 from emla_cosim.cli import app
@@ -30,6 +31,7 @@ from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.slaves.slave import StepDiscardedError
+from emla_cosim.master.stepping.checkpoint import save_checkpoint
 from emla_cosim.master.stepping.stepping import Rows, Stepping
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.recorders.csv_file import CsvFile
@@ -101,6 +103,9 @@ ENDINGS = {
     Fault.SET_REAL: Ending(0.4, told("setReal", "fmi2Error", "to refuse setting values at t = 0.4 s")),
     Fault.PENDING: Ending(
         0.3, told("doStep at t = 0.3 s", "fmi2Pending", "not to finish the step to t = 0.4 s")
+    ),
+    Fault.NEGATIVE: Ending(
+        0.3, told("doStep at t = 0.3 s", "status -1", "to answer -1 to the step to t = 0.4 s")
     ),
 }
 
@@ -383,6 +388,42 @@ def test_what_needs_states_names_who_has_none(
     assert str(refused.value) == f"{sentence}; j.b, j.c cannot do it."
     assert refused.value.exit_code == 2
     assert list((tmp_path / "out").iterdir()) == []
+    assert_tidy(counts)
+
+
+def test_a_state_of_incredible_size_is_not_believed(
+    faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
+) -> None:
+    system = line_with_a_fault(faulty_fmu, Fault.HUGE_STATE, AT)
+    result = run_system(system, tmp_path / "out", checkpoint=tmp_path / "c")
+    assert result.problem is not None
+    assert f"j.bad answered SerializedFMUstateSize with {2**60} bytes, more than {2**32}." in result.problem
+    assert not (tmp_path / "c").exists()
+    assert len(table(tmp_path / "out")) == 11
+    assert_tidy(counts)
+
+
+def test_checkpoints_leave_no_states_behind(
+    faulty_fmu: Path, tmp_path: Path, counts: list[Counts], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As many are freed as are made, while the FMUs still are."""
+    monkeypatch.setattr(emla_cosim.recorders.checkpoints, "INTERVAL", 0.0)
+    monkeypatch.setattr(emla_cosim.running, "FLUSH_INTERVAL", 0.0)
+    saved: list[int] = []
+
+    def saving(*arguments: Any) -> None:
+        save_checkpoint(*arguments)
+        saved.append(counts[0].states)
+
+    monkeypatch.setattr(emla_cosim.recorders.checkpoints, "save_checkpoint", saving)
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
+    run_system(system, tmp_path / "out", checkpoint=tmp_path / "c")
+    resumed = run_system(
+        system, tmp_path / "out", stop_time=2.0, resume=tmp_path / "c", checkpoint=tmp_path / "d"
+    )
+    assert resumed.problem is None
+    assert len(saved) >= 4
+    assert set(saved) == {0}
     assert_tidy(counts)
 
 

@@ -118,8 +118,8 @@ def test_the_study_has_no_loops_of_initial_values(fmu_folder: Path) -> None:
     assert [len(group) for group in groups] == [1] * 15
 
 
-def without_initial_unknowns(fmu: Path, path: Path) -> Path:
-    """The same FMU, which says nothing of what its initial values depend on."""
+def without_initial_unknowns(fmu: Path, path: Path, outputs: bytes | None = None) -> Path:
+    """The same FMU, which says nothing of what its initial values depend on; and other things of outputs."""
     with zipfile.ZipFile(fmu) as original, zipfile.ZipFile(path, "w") as silent:
         for name in original.namelist():
             content = original.read(name)
@@ -127,6 +127,9 @@ def without_initial_unknowns(fmu: Path, path: Path) -> Path:
                 before, _, rest = content.partition(b"<InitialUnknowns>")
                 content = before + rest.partition(b"</InitialUnknowns>")[2]
                 assert len(content) < len(original.read(name))
+                if outputs is not None:
+                    before, begins, rest = content.partition(b"<Outputs>")
+                    content = before + begins + outputs + b"</Outputs>" + rest.partition(b"</Outputs>")[2]
             silent.writestr(name, content)
     return path
 
@@ -147,6 +150,26 @@ def test_dependencies_that_are_not_declared_are_followed(faulty_fmu: Path, tmp_p
     with open_system(system) as assembly:
         found = dict(zip(assembly.network.names, initial(assembly.network), strict=True))
     assert {name: found[f"j.{name}.y"] for name in "abcd"} == {"a": 2.0, "b": 6.0, "c": 30.0, "d": 0.0}
+
+
+@pytest.mark.parametrize(
+    "outputs",
+    [None, b'<Unknown index="6" dependencies=""/><Unknown index="7" dependencies=""/>'],
+    ids=["outputs as they are", "in the initial values alone"],
+)
+def test_loops_that_are_not_declared_are_solved(
+    outputs: bytes | None, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    """What outputs depend on after a step says nothing of their initial values."""
+    silent = without_initial_unknowns(faulty_fmu, tmp_path / "silent.fmu", outputs)
+    system = wired(
+        [faulty("j.a", silent, b=0.5), faulty("j.b", silent, b=3.0)], "j.a.y -> j.b.u", "j.b.y -> j.a.u"
+    )
+    with open_system(system, [(1.0, 1.0), (1.0, 0.0)]) as assembly:
+        assert any(x.direct for x in assembly.network.links) == (outputs is None)
+        found = dict(zip(assembly.network.names, initial(assembly.network), strict=True))
+    # y_a = 0.5 y_b and y_b = 3 (y_a + 1)
+    assert (found["j.a.y"], found["j.b.y"]) == pytest.approx((-3.0, -6.0))
 
 
 # ---- loops -------------------------------------------------------------------------------------

@@ -232,13 +232,21 @@ def test_paths_are_relative_to_the_file(emla: Emla, fmu_folder: Path) -> None:
 
 
 def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
-    assert emla("export", "lift", "lift.ssp", "--stop-time", "0.005", "--step-size", "5e-5").exit_code == 0
-    write('system = "lift.ssp"\nplots = false\noutput = "out"\n')
-    settings = ran(emla, "my.toml")["settings"]
-    assert (settings["stop_time_s"], settings["step_size_s"]) == (0.005, 5e-5)
-    write('system = "lift.ssp"\nplots = false\noutput = "out"\nstop_time = 0.002\nstep_size = 1e-4\n')
-    settings = ran(emla, "my.toml")["settings"]
-    assert (settings["stop_time_s"], settings["step_size_s"]) == (0.002, 1e-4)
+    times = ("--start-time", "0.003", "--stop-time", "0.005", "--step-size", "5e-5")
+    assert emla("export", "lift", "lift.ssp", *times).exit_code == 0
+    of_package = 'system = "lift.ssp"\nplots = false\noutput = "out"\n'
+    of_file = f"{of_package}start_time = 0.001\nstop_time = 0.002\nstep_size = 1e-4\n"
+    for text, options, expected in (
+        (of_package, (), (0.003, 0.005, 5e-5)),
+        (of_file, (), (0.001, 0.002, 1e-4)),
+        (of_file, ("--start-time", "0.0015"), (0.0015, 0.002, 1e-4)),
+        (f"{of_package}start_time = 0.0\n", (), (0.0, 0.005, 5e-5)),
+    ):
+        write(text)
+        settings = ran(emla, "my.toml", *options)["settings"]
+        assert tuple(settings[f"{name}_s"] for name in ("start_time", "stop_time", "step_size")) == expected
+        rows = polars.read_csv("out/results.csv")["time"]
+        assert (rows[0], rows[-1]) == pytest.approx(expected[:2])
 
 
 # ---- what is wrong ---------------------------------------------------------------------------------

@@ -135,6 +135,25 @@ def test_an_fmu_that_goes_elsewhere_does_not_move_results(
     assert not any((tmp_path / "elsewhere").iterdir())
 
 
+def test_paths_are_relative_to_where_a_simulation_was_prepared(
+    fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "c").write_text("years of work")
+    monkeypatch.chdir(tmp_path / "here")
+    with ec.load("lift", stop_time=0.002).prepare(fmus=fmu_folder) as simulation:
+        monkeypatch.chdir(tmp_path / "elsewhere")  # as an FMU may do while it is loaded
+        for stop in (0.002, 0.003):
+            simulation.run(checkpoint="c", stop_time=stop)
+        resumed = simulation.run(resume="c", stop_time=0.004)
+        assert resumed.simulated_s == pytest.approx(0.001)
+        with pytest.raises(ec.CommandError, match="the checkpoint 'sub/c' cannot be written: there is no"):
+            (tmp_path / "elsewhere" / "sub").mkdir()
+            simulation.run(checkpoint="sub/c")
+    assert (tmp_path / "elsewhere" / "c").read_text() == "years of work"
+
+
 # ---- one run per folder ----------------------------------------------------------------------------
 
 

@@ -39,6 +39,10 @@ class Fault(IntEnum):
     """fmi2GetFMUstate answers fmi2Error after `at`."""
     WARNING = 13
     """Steps that pass `at` are done with fmi2Warning."""
+    NEGATIVE = 14
+    """The step that would pass `at` answers -1, which is no status, and is not done."""
+    HUGE_STATE = 15
+    """fmi2SerializedFMUstateSize answers 2^60 bytes after `at`."""
 
 
 class Counts:

@@ -9,6 +9,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..errors import CommandError
 from .interface import Interface, read_interface
+from .library import missing_bytes
 from .unpack import UnsafeArchiveError, unpack
 
 
@@ -64,7 +65,7 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
         path=path,
         folder=folder,
         interface=interface,
-        library=_library(path, folder / "binaries", library),
+        library=_whole(path, _library(path, folder / "binaries", library)),
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
     )
 
@@ -78,3 +79,13 @@ def _library(path: Path, binaries: Path, name: str) -> Path:
     raise CommandError(
         f"'{path}' has no binary for {fmpy.platform}, only for {', '.join(present) or 'no platform'}."
     )
+
+
+def _whole(path: Path, library: Path) -> Path:
+    """The library, unless it is cut off."""
+    if missing := missing_bytes(library):
+        raise CommandError(
+            f"the library '{library.parent.name}/{library.name}' of the FMU '{path}' is cut off: its last "
+            f"{missing} bytes are missing; get the FMU anew."
+        )
+    return library

@@ -18,12 +18,12 @@ class Checkpoints(Recorder):
     """Writes checkpoints of a run to one file: now and then, and at the end.
 
     `identity` is what must be the same for a run to be continued, by the names it has in messages. The
-    path is relative to `folder`, wherever FMUs may go.
+    file is at `place`, wherever FMUs may go; messages call it `path`.
     """
 
-    def __init__(self, path: Path, identity: Mapping[str, Any], folder: Path) -> None:
+    def __init__(self, path: Path, identity: Mapping[str, Any], place: Path) -> None:
         self.path = path
-        self._place = folder / path
+        self._place = place
         self.identity = identity
         self._last = time.monotonic()
 
@@ -43,9 +43,12 @@ class Checkpoints(Recorder):
         self._last = time.monotonic()
 
 
-def resumable(path: Path, identity: Mapping[str, Any], times: Timing) -> Checkpoint:
-    """The checkpoint to continue from; CommandError where it does not belong to this run."""
-    checkpoint = load_checkpoint(path)
+def resumable(path: Path, identity: Mapping[str, Any], times: Timing, folder: Path) -> Checkpoint:
+    """The checkpoint to continue from, its path relative to `folder`.
+
+    Raises CommandError where it does not belong to this run.
+    """
+    checkpoint = load_checkpoint(path, folder)
     try:
         was, reached = checkpoint.notes["identity"], checkpoint.notes["time"]
         if not (isinstance(was, dict) and isinstance(reached, (int, float))):

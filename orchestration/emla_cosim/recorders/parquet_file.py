@@ -1,7 +1,8 @@
 """results.parquet: the same table in columns, with the units of the signals."""
 
+import contextlib
 import json
-import shutil
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import polars
 
 from ..arrays import Vector
+from ..files import written_whole
 from .recorder import Outline
 from .table import Table
 
@@ -18,11 +20,15 @@ PART = 2**22
 UNITS = "units"
 """The entry of the file's metadata that has the units of its columns, as a JSON object."""
 
+_OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-\w+")
+"""Names of files that a run leaves in the folder of parts."""
+
 
 class ParquetFile(Table):
     """Writes a table to a Parquet file: closed parts while the run goes on, one file in the end.
 
-    The parts are in a folder beside the file, `results.parquet.parts`, as long as the run goes on.
+    The parts are in a folder beside the file, `results.parquet.parts`, as long as the run goes on. Each
+    of them is whole and on disk as soon as it has its name.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -33,14 +39,17 @@ class ParquetFile(Table):
         return str(self.path)
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin a folder of parts, of which an earlier file is the first where a run continues it."""
+        """Begin a folder of parts, of which an earlier file is the first where a run continues it.
+
+        Raises OSError, also where that folder holds something that no run has left there.
+        """
         super().begin(outline, memory)
         units = {n: str(outline.units[i]) for n, i in zip(self.names[1:], outline.recorded, strict=True)}
         self._metadata = {UNITS: json.dumps({"time": "s"} | {n: u for n, u in units.items() if u != "None"})}
         self._blocks: list[polars.DataFrame] = []
         self._held = self._count = self._rows = 0
         earlier = self._earlier(int(memory["kept"])) if memory is not None else None
-        shutil.rmtree(self._parts, ignore_errors=True)
+        self._remove_parts()
         self._parts.mkdir()
         if earlier is not None:
             self._hold(earlier)
@@ -53,15 +62,12 @@ class ParquetFile(Table):
         """Append the last row if it was not due, and make one file of the parts."""
         super().end()
         self._close_part()
-        unfinished = self._parts / "all"
         parts = sorted(self._parts.glob("*.parquet"))
-        if parts:
-            polars.scan_parquet(parts).sink_parquet(unfinished, metadata=self._metadata)
-        else:
-            empty = polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64))
-            empty.write_parquet(unfinished, metadata=self._metadata)
-        unfinished.replace(self.path)
-        shutil.rmtree(self._parts, ignore_errors=True)
+        empty = polars.LazyFrame(schema=dict.fromkeys(self.names, polars.Float64))
+        whole = polars.scan_parquet(parts) if parts else empty
+        with _polars_failures(), written_whole(self.path) as stream:
+            whole.sink_parquet(stream, metadata=self._metadata)
+        self._remove_parts()
 
     def memory(self) -> Any:
         """How many rows came, and how many were kept; the latter are on disk now."""
@@ -87,10 +93,22 @@ class ParquetFile(Table):
 
     def _close_part(self) -> None:
         if self._blocks:
-            part = self._parts / f"{self._count:06}"
-            polars.concat(self._blocks).write_parquet(part)
-            part.rename(part.with_suffix(".parquet"))
+            with _polars_failures(), written_whole(self._parts / f"{self._count:06}.parquet") as stream:
+                polars.concat(self._blocks).write_parquet(stream)
             self._blocks, self._held, self._count = [], 0, self._count + 1
+
+    def _remove_parts(self) -> None:
+        """Remove the folder of parts if there is one; OSError where it holds what is not a run's."""
+        if not self._parts.is_dir():
+            return
+        left = list(self._parts.iterdir())
+        if others := sorted(p.name for p in left if not (_OURS.fullmatch(p.name) and p.is_file())):
+            raise OSError(
+                f"the folder '{self._parts}' has '{others[0]}', which is not of a run; move it away"
+            )
+        for part in left:
+            part.unlink()
+        self._parts.rmdir()
 
     def _earlier(self, rows: int) -> polars.DataFrame | None:
         """The first rows of what an earlier run left, if it had these columns and so many rows."""
@@ -108,3 +126,12 @@ class ParquetFile(Table):
         yield self.path
         if parts := sorted(self._parts.glob("*.parquet")):
             yield parts
+
+
+@contextlib.contextmanager
+def _polars_failures() -> Iterator[None]:
+    """What polars raises where a file cannot be written, as OSError."""
+    try:
+        yield
+    except polars.exceptions.PolarsError as error:
+        raise OSError(str(error).rpartition("error: ")[2]) from error  # the reason is in the innermost

@@ -274,7 +274,7 @@ def test_parameters(
     ("given", "words"),
     [
         ({"b": "two"}, ["a.b", "two", "not a number"]),
-        ({"fault": 99}, ["a.fault = 99", "out of range", "at most 13"]),
+        ({"fault": 99}, ["a.fault = 99", "out of range", "at most 15"]),
         ({"fault": "none"}, ["a.fault", "none", "not a whole number"]),
     ],
 )
@@ -346,6 +346,19 @@ def test_variants_that_are_not_there(refused: Refused, tmp_path: Path) -> None:
         )
         folder(outer, p__ssp=tmp_path / "p.ssp")
         check(refused(outer), "p.ssp#", "has B.ssd")
+
+
+def test_variants_outside_of_their_package(refused: Refused, tmp_path: Path, fmu: Path) -> None:
+    """A good structure is there, but the package is somebody else's."""
+    outside = folder(tmp_path, outside__ssd=ssd(system("root", component("a", "a.fmu"))), a__fmu=fmu)
+    path = folder(tmp_path / "v", B__ssd=ssd(system("root")))
+    packed(tmp_path / "v.ssp", path)
+    for fragment in ("../../../outside.ssd", f"{outside}/outside.ssd", "%2e%2e/../../outside.ssd"):
+        root = ssd(system("s", component("p", f"v.ssp#{fragment}", type=PACKAGE)))
+        outer = folder(tmp_path / "outer", root=root, v__ssp=tmp_path / "v.ssp")
+        check(refused(outer), "v.ssp#", "no 'outside.ssd'", "has B.ssd")
+    (path / "link.ssd").symlink_to(outside / "outside.ssd")
+    check(refused(f"{path}#link.ssd"), "no 'link.ssd'")
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,16 @@ SUPPRESSED = {"suppress_unit_conversion": True}
 @pytest.fixture
 def fmus(tmp_path: Path) -> dict[str, Path]:
     """FMUs with an output y and inputs u and w, of which u has the unit that the FMU is called after."""
-    units = {"m": "m", "mm": "mm", "km": "km", "K": "K", "degC": "degC", "rpm": "rpm", "rad_s": "rad/s"}
+    units = {
+        "m": "m",
+        "mm": "mm",
+        "km": "km",
+        "K": "K",
+        "degC": "degC",
+        "degF": "degF",
+        "rpm": "rpm",
+        "rad_s": "rad/s",
+    }
     made = {
         f"{name}__fmu": fake_fmu(tmp_path / f"{name}.fmu", f"y:output:{unit}", f"u:input:{unit}", "w:input")
         for name, unit in units.items()
@@ -43,6 +52,12 @@ def wires(tmp_path: Path, fmus: dict[str, Path], *parts: str, ports: str = "") -
         ("mm", "m", {}, "", (1e-3, 0.0)),
         ("degC", "K", {}, "", (1.0, 273.15)),
         ("K", "degC", {}, "", (1.0, -273.15)),
+        ("degF", "degC", {}, "", (5 / 9, -160 / 9)),
+        ("degC", "degF", {}, "", (1.8, 32.0)),
+        ("degF", "K", {}, "", (5 / 9, 273.15 - 160 / 9)),
+        ("K", "degF", {}, "", (1.8, 32.0 - 1.8 * 273.15)),
+        ("degF", "degF", {}, "", (1.0, 0.0)),
+        ("degC", "degF", {}, linear(2.0, 5.0), (3.6, 69.0)),
         ("rpm", "rad_s", {}, "", (0.10471975511965977, 0.0)),
         ("m", "m", {}, "", (1.0, 0.0)),
         ("m", "none", {}, "", (1.0, 0.0)),
@@ -67,7 +82,7 @@ def test_units_of_variables(
         component("b", f"{target}.fmu", "u:input"),
         connection("a.y -> b.u", inside, **more),
     )
-    assert found == {"a.y -> b.u": pytest.approx(expected, rel=1e-15)}
+    assert found == {"a.y -> b.u": pytest.approx(expected, rel=1e-14)}
 
 
 @pytest.mark.parametrize(

@@ -221,6 +221,16 @@ def test_names_of_components(names: tuple, ids: tuple, expected: list, tmp_path:
     assert [c.name for c in found.system.components] == expected
 
 
+def test_an_id_inside_a_system_is_no_name(tmp_path: Path, fmu: Path) -> None:
+    """It is written at the top level alone; deeper ones are of whoever made the package."""
+    inside = system("s", component("lift_plant", "a.fmu", id="lift.plant"), component("b", "a.fmu", id="b"))
+    called_so = system("tilt_plant", component("a", "a.fmu", id="tilt.plant"))
+    root = system("root", inside, called_so, component("crane_pump", "a.fmu", id="crane.pump"))
+    found = understood(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu))
+    names = [c.name for c in found.system.components]
+    assert names == ["s.lift_plant", "s.b", "tilt_plant.a", "crane.pump"]
+
+
 def test_the_xml_library_is_loaded_with_the_first_document() -> None:
     """Commands that read and write none do not wait for it."""
     code = (

@@ -81,9 +81,13 @@ def test_units_are_converted(given: Any, expected: float, tmp_path: Path, fmu: P
     assert values(tmp_path, fmu, binding(ssv(k=given))) == {"k": expected}
 
 
-def test_units_with_offset(tmp_path: Path, fmu: Path) -> None:
-    found = values(tmp_path, fmu, binding(ssv(t=(300.0, "K"))))
-    assert found == {"t": pytest.approx(26.85, rel=1e-14)}
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [((300.0, "K"), 26.85), ((212.0, "degF"), 100.0), ((-40.0, "degF"), -40.0), ((50.0, "degC"), 50.0)],
+)
+def test_units_with_offset(given: Any, expected: float, tmp_path: Path, fmu: Path) -> None:
+    found = values(tmp_path, fmu, binding(ssv(t=given)))
+    assert found == {"t": pytest.approx(expected, rel=1e-13)}
 
 
 def test_what_no_variable_is_called_is_told(tmp_path: Path, fmu: Path) -> None:
@@ -297,6 +301,22 @@ def test_values_of_connectors_and_variables_override_each_other(tmp_path: Path, 
     assert lower.values("s.a") == {"k": 2.0}
     both = binding(ssv(**{"s.p": 3.0})) + binding(ssv(**{"s.a.k": 4.0}))
     assert read(tmp_path / "2", fmu, inside(binding(ssv(p=2.0))), bindings=both).values("s.a") == {"k": 4.0}
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"), [(("s.p", "s.a.k"), 4.0), (("s.a.k", "s.p"), 3.0), (("s.p", "s.a.k", "s.p"), 3.0)]
+)
+@pytest.mark.parametrize("together", [True, False], ids=["one set", "a set each"])
+def test_at_one_level_the_later_of_connector_and_variable_wins(
+    order: tuple[str, ...], expected: float, together: bool, tmp_path: Path, fmu: Path
+) -> None:
+    given = {"s.p": 3.0, "s.a.k": 4.0}
+    if together and len(set(order)) == len(order):
+        bindings = binding(ssv(**{name: given[name] for name in order}))
+    else:
+        bindings = "".join(binding(ssv(**{name: given[name]})) for name in order)
+    inside = system("s", component("a", "a.fmu", "k:parameter"), connection("p -> a.k"), ports="p:parameter")
+    assert read(tmp_path, fmu, inside, bindings=bindings).values("s.a") == {"k": expected}
 
 
 def test_values_in_units_reach_inputs_of_different_ones(tmp_path: Path, fmu: Path) -> None:

@@ -20,6 +20,8 @@ enum {
     ENTER_INITIALIZATION,
     GET_STATE,
     WARNING,
+    NEGATIVE,
+    HUGE_STATE,
     N_FAULTS
 };
 
@@ -66,6 +68,9 @@ static fmi2Status faulty_step(Instance *instance, double end) {
         case FATAL:
             dead_up_to = born;
             return say(instance, fmi2Fatal, TOLD "to die in the step to t = %.9g s.", end);
+        case NEGATIVE:
+            say(instance, fmi2Error, TOLD "to answer -1 to the step to t = %.9g s.", end);
+            return (fmi2Status)-1;
         case PENDING:
             return say(instance, fmi2Pending, TOLD "not to finish the step to t = %.9g s.", end);
         case TERMINATE: /* goes as far as `at` */

@@ -59,6 +59,7 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate FMUstate, si
     HAS_STATES(instance);
     if (FMUstate == NULL) return REFUSE(instance, "there is no state to serialize.");
     *size = sizeof(State);
+    if (has_fault(&instance->now, HUGE_STATE, instance->now.time)) *size = (size_t)1 << 60;
     return fmi2OK;
 }
 

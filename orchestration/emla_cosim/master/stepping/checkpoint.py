@@ -12,7 +12,7 @@ import numpy as np
 
 from ...arrays import Vector
 from ...errors import CommandError
-from ...files import place_of, written_whole
+from ...files import HERE, place_of, written_whole
 from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping import Stepping
@@ -41,9 +41,12 @@ class Checkpoint:
         stepping.remember(self.memory)
 
 
-def check_can_save(path: Path, network: Network) -> None:
-    """Raise CommandError unless all slaves can be put aside, and the file can be written."""
-    place = place_of(path, "the checkpoint")
+def checkpoint_place(path: Path, network: Network, folder: Path) -> Path:
+    """Where the checkpoint of this path, which is relative to `folder`, will be written.
+
+    Raises CommandError unless all slaves can be put aside, and the file can be written.
+    """
+    place = place_of(path, "the checkpoint", folder)
     try:
         with TemporaryFile(dir=place.parent):
             pass
@@ -52,6 +55,7 @@ def check_can_save(path: Path, network: Network) -> None:
     if place.exists() and place.stat().st_size and not _is_checkpoint(place):
         raise CommandError(f"'{path}' is no checkpoint, so none is written there; give it another name.")
     require(network.slaves, "serializes", "canSerializeFMUstate", "a checkpoint")
+    return place
 
 
 def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) -> None:
@@ -71,12 +75,13 @@ def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) ->
         np.savez(stream, allow_pickle=False, **content)
 
 
-def load_checkpoint(path: Path) -> Checkpoint:
-    """Read a checkpoint; raises CommandError where the file is none."""
-    if not path.is_file():
+def load_checkpoint(path: Path, folder: Path = HERE) -> Checkpoint:
+    """Read a checkpoint, its path relative to `folder`; raises CommandError where the file is none."""
+    place = folder / path
+    if not place.is_file():
         raise CommandError(f"there is no checkpoint '{path}'.")
     try:
-        header, arrays = _read(path)
+        header, arrays = _read(place)
         form, notes, names = header["format"], header["notes"], sorted(header["arrays"])
     except Exception as error:  # zip, JSON and array readers raise whatever they like
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: {error}.") from error

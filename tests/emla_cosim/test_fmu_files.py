@@ -1,0 +1,100 @@
+"""FMU files that cannot be opened: one sentence each, before any of their code is loaded."""
+
+import errno
+import os
+import struct
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import lief
+import pytest
+
+from emla_cosim.errors import CommandError
+from emla_cosim.fmu.file import open_fmu
+from emla_cosim.fmu.library import missing_bytes
+from emla_cosim.models import MODELS, fmu_path
+from fmublock.archive import write_archive
+from tests.support.commands import Emla, sentence
+from tests.support.full_disk import files_of_at_most
+
+BINARY = f"binaries/{fmpy.platform}/Faulty{fmpy.sharedLibraryExtension}"
+linux = pytest.mark.skipif(sys.platform != "linux", reason="other loaders look for themselves")
+
+
+def with_library(fmu: Path, target: Path, library: bytes) -> Path:
+    """The FMU with another library, in an archive without a fault."""
+    with zipfile.ZipFile(fmu) as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    assert BINARY in content
+    write_archive(target, {**content, BINARY: library})
+    return target
+
+
+def library_of(fmu: Path) -> bytes:
+    with zipfile.ZipFile(fmu) as archive:
+        return archive.read(BINARY)
+
+
+def loaded_end(library: bytes) -> int:
+    """Where the last byte is that the loader maps, as LIEF reads it."""
+    elf = lief.ELF.parse(list(library))
+    assert isinstance(elf, lief.ELF.Binary)
+    loaded = [s for s in elf.segments if s.type == lief.ELF.Segment.TYPE.LOAD]
+    return max(s.file_offset + s.physical_size for s in loaded)
+
+
+@linux
+@pytest.mark.parametrize("missing", [1, 1000, 10_000])
+def test_a_library_that_is_cut_off_is_not_loaded(missing: int, faulty_fmu: Path, tmp_path: Path) -> None:
+    library = library_of(faulty_fmu)
+    cut = with_library(faulty_fmu, tmp_path / "Cut.fmu", library[: loaded_end(library) - missing])
+    with pytest.raises(CommandError) as refused:
+        open_fmu(cut, tmp_path / "unpacked" / "0")
+    assert str(refused.value) == (
+        f"the library '{fmpy.platform}/Faulty.so' of the FMU '{cut}' is cut off: its last {missing} bytes "
+        "are missing; get the FMU anew."
+    )
+
+
+@linux
+def test_a_library_cut_off_anywhere_ends_in_a_sentence(faulty_fmu: Path, emla: Emla, tmp_path: Path) -> None:
+    library = library_of(faulty_fmu)
+    for size in (0, 10, 63, 64, 200, 600, len(library) // 2, loaded_end(library) - 1):
+        cut = with_library(faulty_fmu, tmp_path / "Cut.fmu", library[:size])
+        text = sentence(emla("run", str(cut), "--stop-time", "1", "--step-size", "0.1"), 2)
+        assert "Cut.fmu" in text, size
+
+
+@linux
+def test_what_is_not_loaded_may_be_missing(faulty_fmu: Path, tmp_path: Path) -> None:
+    library = library_of(faulty_fmu)
+    short = with_library(faulty_fmu, tmp_path / "Short.fmu", library[: loaded_end(library)])
+    assert open_fmu(short, tmp_path / "unpacked" / "0").library.is_file()
+
+
+def test_whole_libraries_miss_nothing(fmu_folder: Path, faulty_fmu: Path, tmp_path: Path) -> None:
+    for number, fmu in enumerate([faulty_fmu, *(fmu_path(m, "native", fmu_folder) for m in MODELS)]):
+        assert missing_bytes(open_fmu(fmu, tmp_path / str(number)).library) == 0
+
+
+@linux
+def test_headers_that_lie_are_left_to_the_loader(faulty_fmu: Path, tmp_path: Path) -> None:
+    library = bytearray(library_of(faulty_fmu))
+    path = tmp_path / "library"
+    for place, form, value in ((32, "<Q", 2**63), (54, "<H", 0), (54, "<H", 57), (56, "<H", 2**16 - 1)):
+        lying = library.copy()
+        struct.pack_into(form, lying, place, value)
+        path.write_bytes(lying)
+        missing_bytes(path)  # whatever it is, it comes without an error
+    path.write_bytes(b"MZ not of this machine")
+    assert missing_bytes(path) == 0
+
+
+def test_a_full_folder_for_temporary_files_is_told_as_such(faulty_fmu: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "temporary" / "emla-x" / "0"
+    with files_of_at_most(1000), pytest.raises(CommandError) as refused:
+        open_fmu(faulty_fmu, folder)
+    full = f"cannot be unpacked to '{tmp_path / 'temporary'}': {os.strerror(errno.EFBIG)}"
+    assert str(refused.value) == f"the FMU '{faulty_fmu}' {full}; TMPDIR can name another folder."

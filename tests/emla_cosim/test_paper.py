@@ -1,0 +1,248 @@
+"""The numbers of the paper's tables, written down from its pages, against what the scenarios simulate.
+
+Rows are in the order of the paper; columns are lift, tilt and telescope. Its label of each table is
+given, and the number of each equation as it is printed.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emla_cosim.loading import load
+from emla_cosim.study.systems import STUDY
+from emla_fmu.parameters import EMLAS, PROTOTYPE
+from rsba_fmu import gains
+
+JOINTS = ("lift", "tilt", "telescope")
+Row = tuple[float, float, float]
+
+EMLA_DETAILS: Mapping[str, Row] = {
+    "F_c": (89.8e3, 68.6e3, 6.1e3),
+    "v_max": (136e-3, 100e-3, 210e-3),
+    "M_BS": (156.5, 83.6, 30.4),
+    "l": (0.02, 0.01, 0.01),
+    "1/rho": (7, 5, 1),
+    "J_m": (0.016, 0.0105, 0.00085),
+    "tau_max": (190, 129, 32),
+    "u_N": (315, 300, 600),
+    "R_s": (0.14, 0.16, 0.35),
+    "L_N": (2.4e-3, 3.2e-3, 12e-3),
+    "Phi_PM": (0.15, 0.13, 0.12),
+    "N_p": (8, 8, 6),
+}
+"""Table EMLA_details: technical data."""
+
+GAINS: Mapping[str, Row] = {
+    "x_L(0)": (0.24, 0.385, 0.5),
+    "v_L(0)": (0, 0, 0),
+    "i_q(0)": (0, 0, 0),
+    "i_d(0)": (0, 0, 0),
+    "beta_12": (3000, 2000, 800),
+    "zeta_12": (100, 100, 0.001),
+    "delta_12": (100, 100, 1),
+    "sigma_12": (0.001, 0.001, 1),
+    "beta_34": (1000, 750, 420),
+    "zeta_34": (100, 80, 1),
+    "delta_34": (110, 80, 0.5),
+    "sigma_34": (0.01, 0.01, 1),
+}
+"""Table gains: initial values, and parameters of the RSBA control."""
+
+OBSERVER = {
+    "alpha_1": 0.3192,
+    "alpha_2": 0.3129,
+    "Q_11": 0.7752,
+    "Q_12": -0.0775,
+    "Q_22": 0.3949,
+    "H_0": 20.0,  # of 20 cos(y)^4 + 20 sin(y)^4
+    "ell": 1.0,
+    "m_0": 200.0,
+    "m_decay": 0.001,
+}
+"""(101) and (102), for all joints; and m = 200 exp(-0.001 t)."""
+P = ((1.4078, -0.1975), (-0.1975, 4.4535))
+"""(101), which follows from A and Q."""
+
+ESTIMATES: Mapping[str, Row] = {"x_hat(0)": (0.24, 0.358, 0.5), "eta_hat(0)": (1, 0.5, 0.2)}
+"""(103)."""
+
+MOTION: Mapping[str, Row] = {
+    "q_S": (0.244, 0.389, 0.499),
+    "q_E": (0.270, 0.442, 0.348),
+    "v_E": (0.0607, -0.0808, -0.5477),
+}
+"""Table motion generation."""
+
+EXPERIMENT = {
+    "beta": (15.0, 1500.0, 5.0, 1.0),
+    "zeta": (100.0, 100.0, 100.0, 100.0),
+    "delta": (100.0, 100.0, 100.0, 100.0),
+    "sigma": (0.001, 0.001, 0.001, 0.001),
+}
+"""Section V: parameters of the RSBA control in the experiments."""
+
+TABLE_VII = {
+    "PM Magnetic Flux": 0.134,
+    "Number of Pole Pairs": 4,
+    "Peak Torque": 77,
+    "Maximum Speed": 3877,
+    "Phase Resistance": 0.08,
+    "Phase Inductance": 2.42e-3,
+    "Gear Ratio": 7.7,
+    "Screw Lead": 16e-3,
+}
+"""The experimental EMLA."""
+
+
+@pytest.fixture(scope="module")
+def simulated() -> dict[str, Mapping[str, Any]]:
+    """Start values of every component of the scenario with the paper's gains, by its name."""
+    return {c.name: c.parameters for c in load("published").system.components}
+
+
+def of(table: Mapping[str, Row], joint: str) -> dict[str, float]:
+    """One column of a table."""
+    return {row: values[JOINTS.index(joint)] for row, values in table.items()}
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_gains_of_the_controller(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
+    printed, found = of(GAINS, joint), simulated[f"{joint}.controller"]
+    for gain in ("beta", "zeta", "delta", "sigma"):
+        for i in range(1, 5):
+            expected = printed[f"{gain}_12" if i < 3 else f"{gain}_34"]
+            assert found[f"{gain}[{i}]"] == expected, f"{gain}_{i}"
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_states_begin_where_they_do(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
+    plant, printed = simulated[f"{joint}.plant"], of(GAINS, joint)
+    assert plant["start.x_L"] == printed["x_L(0)"]
+    for state in ("v_L", "i_q", "i_d"):
+        assert plant.get(f"start.{state}", 0.0) == printed[f"{state}(0)"]
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_gains_of_the_observer(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
+    found, printed = simulated[f"{joint}.observer"], of(ESTIMATES, joint)
+    assert {name: found[name] for name in OBSERVER} == OBSERVER
+    assert (found["start.x_hat"], found["start.eta_hat"]) == (printed["x_hat(0)"], printed["eta_hat(0)"])
+
+
+def test_p_follows_from_what_is_printed() -> None:
+    """A' p + p A = -Q, within the digits that are printed."""
+    A = np.array([[-OBSERVER["alpha_1"], 1.0], [-OBSERVER["alpha_2"], 0.0]])
+    Q = np.array([[OBSERVER["Q_11"], OBSERVER["Q_12"]], [OBSERVER["Q_12"], OBSERVER["Q_22"]]])
+    p = np.array(P)
+    np.testing.assert_allclose(A.T @ p + p @ A, -Q, atol=2e-3)
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_motor_gearbox_and_screw(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
+    printed, plant = of(EMLA_DETAILS, joint), simulated[f"{joint}.plant"]
+    expected = {
+        "motor.R_s": printed["R_s"],
+        "motor.L_d": printed["L_N"],
+        "motor.L_q": printed["L_N"],
+        "motor.Phi_PM": printed["Phi_PM"],
+        "motor.N_p": printed["N_p"],
+        "motor.J_m": printed["J_m"],
+        "gearbox.rho": 1.0 / printed["1/rho"],
+        "screw.lead": printed["l"],
+        "screw.M_BS": printed["M_BS"],
+        "inverter.u_max": math.sqrt(2.0) * printed["u_N"],
+    }
+    assert {name: plant[name] for name in expected} == expected
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_the_controller_knows_the_same_motor(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
+    printed, found = of(EMLA_DETAILS, joint), simulated[f"{joint}.controller"]
+    torque_per_ampere = 1.5 * printed["N_p"] * printed["Phi_PM"]
+    expected = {
+        "model.R_s": printed["R_s"],
+        "model.L_d": printed["L_N"],
+        "model.L_q": printed["L_N"],
+        "model.Phi_PM": printed["Phi_PM"],
+        "model.N_p": printed["N_p"],
+        "model.alpha_RL": 2.0 * math.pi * printed["1/rho"] / printed["l"],
+        "limit.i_max": printed["tau_max"] / torque_per_ampere,
+        "limit.u_max": math.sqrt(2.0) * printed["u_N"],
+    }
+    assert {name: found[name] for name in expected} == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_motion_from_where_to_where(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
+    printed, found = of(MOTION, joint), simulated[f"{joint}.reference"]
+    assert found["waypoint[1]"] == printed["q_S"]
+    assert {found[f"waypoint[{i}]"] for i in range(2, 10)} == {printed["q_E"]}
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_disturbances(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
+    """(98) and (99), as functions of time."""
+    found, t, v_L = simulated[f"{joint}.disturbance"], np.linspace(0.0, 2.0, 41), 0.05
+    get = {name: float(found.get(name, 0.0)) for name in ("d_2.arctan", "d_2.decay", "d_2.low", "d_2.high")}
+
+    def waves(name: str, function: Any, count: int = 2) -> Any:
+        ends = [f"[{i + 1}]" for i in range(count)] if count > 1 else [""]
+        fields = ("amplitude", "omega", "phase")
+        parts = ([float(found.get(f"{name}.{field}{end}", 0.0)) for field in fields] for end in ends)
+        return sum(a * function(w * t + phase) for a, w, phase in parts)
+
+    sines, bounds = {
+        "lift": (0.8 * np.sin(8 * t) + 0.7 * np.sin(20 * t), (0.0, 0.0)),
+        "tilt": (0.8 * np.sin(7 * t) + 0.95 * np.sin(18 * t), (0.0, 2.0)),
+        "telescope": (0.9 * np.sin(65 * t) - 0.3 * np.sin(50 * t + math.pi / 4), (0.0, 0.0)),
+    }[joint]
+    np.testing.assert_allclose(waves("d_2", np.sin), sines, atol=1e-12)
+    assert (get["d_2.low"], get["d_2.high"]) == bounds
+    arctan = get["d_2.arctan"] * np.arctan(v_L) * np.exp(-get["d_2.decay"] * t)
+    printed = 1.2 * np.arctan(v_L) * np.exp(-3 * t) if joint == "lift" else 0.0 * t
+    np.testing.assert_allclose(arctan, printed, atol=1e-15)
+    d_3 = 0.42 * np.cos(8 * t + math.pi / 3) + 0.032 * np.sin(5 * t)
+    np.testing.assert_allclose(waves("d_3", np.cos), d_3, atol=1e-12)
+    d_4 = -0.15 * np.cos(12 * t + math.pi / 6)
+    np.testing.assert_allclose(waves("d_4", np.cos, count=1), d_4, atol=1e-12)
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_uncertainties(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
+    """(100): a hundredth, a five-hundredth and a thousandth of the model."""
+    plant = simulated[f"{joint}.plant"]
+    found = [plant[f"uncertainty.F_{i}"] for i in (2, 3, 4)]
+    assert found == pytest.approx([1 / 100, 1 / 500, 1 / 1000], rel=1e-15)
+
+
+def test_gains_of_the_experiments() -> None:
+    assert {name: getattr(gains.PUBLISHED["prototype"], name) for name in EXPERIMENT} == EXPERIMENT
+
+
+def test_the_experimental_emla() -> None:
+    """With the flux read as rms, from which the rated torque follows."""
+    printed = TABLE_VII
+    expected = {
+        "Phi_PM": math.sqrt(2.0) * printed["PM Magnetic Flux"],
+        "N_p": printed["Number of Pole Pairs"],
+        "tau_max": printed["Peak Torque"],
+        "v_max": printed["Maximum Speed"] / 60.0 / printed["Gear Ratio"] * printed["Screw Lead"],
+        "R_s": printed["Phase Resistance"],
+        "L_d": printed["Phase Inductance"],
+        "L_q": printed["Phase Inductance"],
+        "rho": 1.0 / printed["Gear Ratio"],
+        "lead": printed["Screw Lead"],
+    }
+    assert {name: getattr(PROTOTYPE, name) for name in expected} == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_speeds_and_loads(joint: str) -> None:
+    """The reference is as fast as printed, but within the EMLA's bound; the load is too."""
+    printed = of(EMLA_DETAILS, joint)
+    assert EMLAS[joint].v_max == printed["v_max"]
+    assert STUDY[joint].v_peak == min(abs(of(MOTION, joint)["v_E"]), printed["v_max"])
+    assert abs(STUDY[joint].load) <= printed["F_c"]

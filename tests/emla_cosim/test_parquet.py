@@ -1,0 +1,104 @@
+"""Tables in Parquet: closed parts on disk while a run goes on, and nothing touched that is not a run's."""
+
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+
+import emla_cosim.recorders.parquet_file
+import fmublock.files
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.recorders.parquet_file import ParquetFile
+from emla_cosim.recorders.recorder import Outline
+from tests.support.commands import Emla, sentence
+from tests.support.full_disk import files_of_at_most
+
+RUN = ("run", "lift", "--stop-time", "0.002", "--no-plots", "--output-format", "parquet", "--output", "o")
+
+
+def begun(folder: Path) -> ParquetFile:
+    """A table of two signals that has taken 20 rows."""
+    file = ParquetFile(folder / "results.parquet")
+    file.begin(Outline(["a", "b"], [None, None], timing(50.0, 1.0), range(2)))
+    file.write(np.random.default_rng(1).normal(size=(20, 3)))
+    return file
+
+
+def test_a_folder_of_somebody_else_is_left_alone(emla: Emla, tmp_path: Path) -> None:
+    parts = tmp_path / "o" / "results.parquet.parts"
+    parts.mkdir(parents=True)
+    (parts / "thesis.txt").write_text("years of work")
+    (parts / "000000.parquet").write_text("a part")
+    text = sentence(emla(*RUN), 1)
+    assert f"the folder '{parts}' has 'thesis.txt', which is not of a run; move it away" in text
+    assert (parts / "thesis.txt").read_text() == "years of work"
+    assert (parts / "000000.parquet").read_text() == "a part"
+    (parts / "thesis.txt").unlink()
+    (parts / "000001.parquet").mkdir()
+    assert "has '000001.parquet', which is not of a run" in sentence(emla(*RUN), 1)
+    assert parts.is_dir()
+
+
+def test_what_a_killed_run_left_is_removed(emla: Emla, tmp_path: Path) -> None:
+    parts = tmp_path / "o" / "results.parquet.parts"
+    parts.mkdir(parents=True)
+    for name in ("000000.parquet", "000001.parquet", ".unfinished-ab_3z"):
+        (parts / name).write_text("left")
+    assert emla(*RUN).exit_code == 0
+    assert not parts.exists()
+    assert len(polars.read_parquet(tmp_path / "o" / "results.parquet")) == 3
+
+
+def test_parts_and_the_file_are_on_disk_before_they_have_their_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: set[int] = set()
+    named: list[str] = []
+    sync, replace = os.fsync, Path.replace
+
+    def fsync(handle: int) -> None:
+        sync(handle)
+        assert os.fstat(handle).st_size > 0
+        synced.add(os.fstat(handle).st_ino)
+
+    def replaced(path: Path, target: Any) -> Path:
+        assert path.stat().st_ino in synced, f"{target} is not on disk"
+        named.append(Path(target).name)
+        return replace(path, target)
+
+    monkeypatch.setattr(fmublock.files.os, "fsync", fsync)
+    monkeypatch.setattr(Path, "replace", replaced)
+    monkeypatch.setattr(emla_cosim.recorders.parquet_file, "PART", 30)
+    file = begun(tmp_path)
+    file.end()
+    assert named == ["000000.parquet", "results.parquet"]
+    assert len(polars.read_parquet(tmp_path / "results.parquet")) == 20
+    assert [p.name for p in tmp_path.iterdir()] == ["results.parquet"]
+    assert stat.S_IMODE((tmp_path / "results.parquet").stat().st_mode) & 0o400
+
+
+def test_a_full_disk_is_told_and_the_parts_stay(tmp_path: Path) -> None:
+    file = begun(tmp_path)
+    file.memory()  # closes a part
+    parts = {p.name: p.read_bytes() for p in (tmp_path / "results.parquet.parts").iterdir()}
+    assert set(parts) == {"000000.parquet"}
+    with files_of_at_most(100):
+        with pytest.raises(OSError, match="File too large"):
+            file.end()
+        file.write(np.zeros((20, 3)))
+        with pytest.raises(OSError, match="File too large"):
+            file.memory()
+    left = {p.name: p.read_bytes() for p in (tmp_path / "results.parquet.parts").iterdir()}
+    assert left == parts
+    assert [p.name for p in tmp_path.iterdir()] == ["results.parquet.parts"]
+
+
+def test_a_command_whose_parts_do_not_fit_ends_with_a_sentence(emla: Emla, tmp_path: Path) -> None:
+    with files_of_at_most(400_000):  # which the libraries need
+        long = [*RUN, "--stop-time", "1", "--output-interval", "1e-4"]
+        assert "results.parquet cannot be written: File too large" in sentence(emla(*long), 1)
+    assert not (tmp_path / "o" / "results.parquet").exists()
