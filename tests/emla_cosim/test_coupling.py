@@ -271,6 +271,40 @@ def test_affine_problems_take_two_sweeps_once_they_are_known(count: int, seed: i
     assert newton.solve(solution, problem, problem.agreed, SWEEPS, problem.sizes) == 1
 
 
+def test_the_first_try_follows_a_tenth_of_the_residual() -> None:
+    """The second goes along the line through both, which here is the problem itself."""
+    tried: list[float] = []
+
+    def answer(x: np.ndarray) -> np.ndarray:
+        tried.append(float(x[0]))
+        return 5.0 - 2.0 * x
+
+    one = np.ones(1)
+    assert QuasiNewton(1).solve(one, answer, lambda r: bool(np.abs(r) < 1e-9), 30, one) == 3
+    assert tried == pytest.approx([1.0, 1.0 + 0.1 * (3.0 - 1.0), 5.0 / 3.0])
+
+
+def test_nothing_is_learned_from_rounding_errors() -> None:
+    """A residual of 1e6 that changes by 1e-6: each try follows a tenth of it, as if nothing had changed."""
+    tried: list[float] = []
+
+    def answer(x: np.ndarray) -> np.ndarray:
+        tried.append(float(x[0]))
+        return x + 1e6 + 1e-6 * (len(tried) % 2)
+
+    with pytest.raises(NoAgreementError):
+        QuasiNewton(1).solve(np.zeros(1), answer, lambda r: False, 5, np.ones(1))
+    assert np.diff(tried) == pytest.approx([1e5] * 4, rel=1e-9)
+
+
+def test_memory_is_not_read_before_it_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, newton, start = Affine(3, seed=1), QuasiNewton(3), np.zeros(3)
+    monkeypatch.setattr(np, "empty", lambda shape: np.full(shape, np.nan))
+    assert newton.solve(start, problem, problem.agreed, SWEEPS, problem.sizes) <= 6
+    problem.b = -problem.b
+    assert newton.solve(start, problem, problem.agreed, SWEEPS, problem.sizes) == 2
+
+
 def test_a_nonlinear_problem_that_repetition_does_not_solve() -> None:
     """x = 3 cos y, y = 2 sin x - 1: repetition jumps about."""
 
