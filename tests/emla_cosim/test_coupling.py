@@ -485,6 +485,18 @@ def test_a_step_without_agreement_is_halved_until_there_is_one() -> None:
     assert algorithm.network.signals == pytest.approx([2.0 / 3.0] * 2, rel=1e-7)
 
 
+def test_a_loop_that_moves_along_a_line_needs_no_second_sweep() -> None:
+    """The guess goes on along the line of the last two points."""
+    a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: [3.0 * (t + h) - 1.0])
+    b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: u)
+    links = [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)]
+    algorithm, sweeps = begun(Network([a, b], links), Strong(), timing(2.0, 0.25)), []
+    for k in range(8):
+        algorithm.step(0.25 * k, 0.25)
+        sweeps.append(algorithm.sweeps)
+    assert np.diff(sweeps)[2:].tolist() == [1] * 5
+
+
 def test_slaves_of_a_loop_must_be_able_to_go_back() -> None:
     network = pair(lambda u, h: u)
     network.slaves[1].rolls_back = False
