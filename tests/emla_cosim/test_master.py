@@ -78,6 +78,12 @@ def test_step_multiples_that_make_no_sense_are_refused(
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
+def test_algorithms_of_the_same_options_are_two(name: str) -> None:
+    """Each has a network and a history of its own."""
+    assert len({ALGORITHMS[name](), ALGORITHMS[name]()}) == 2
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
 def test_first_order_on_the_oscillator(name: str) -> None:
     errors = []
     for steps in (1000, 2000, 4000):
