@@ -231,8 +231,9 @@ def test_a_slave_that_reads_itself_is_a_loop() -> None:
     assert initial(Network([gate("a", 1, lambda u: 3.0 * u[0] - 4.0)], [link(0, 0)])) == pytest.approx([2.0])
 
 
-def test_a_loop_without_solution_is_named() -> None:
-    a, b = gate("a", 1, lambda u: u[0] + 1.0), gate("b", 1, lambda u: u[0])
+@pytest.mark.parametrize("change", [1.0, -1.0])
+def test_a_loop_without_solution_is_named(change: float) -> None:
+    a, b = gate("a", 1, lambda u: u[0] + change), gate("b", 1, lambda u: u[0])
     bystander = gate("bystander", 0, lambda u: 1.0)
     with pytest.raises(
         RunError, match=r"initial values of the loop a -> b -> a do not settle .*: b\[0\] still change\."

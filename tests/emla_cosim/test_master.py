@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from emla_cosim.errors import CommandError
+from emla_cosim.master.algorithms.explicit import Explicit
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.registry import ALGORITHMS
@@ -57,6 +58,29 @@ def test_jacobi_uses_old_values_and_gauss_seidel_new_ones() -> None:
         assert system.signals[0] == 0.99
         seen = 1.0 if isinstance(algorithm, Jacobi) else 0.99
         assert system.signals[1] == pytest.approx(-0.1 - 0.1 * seen)
+
+
+@pytest.mark.parametrize(
+    ("name", "multiple", "message"),
+    [
+        ("speed", 0, "the step multiple 0 of speed must be at least 1."),
+        ("speed", 2**31 + 1, "the step multiple 2147483649 of speed must be at most 2147483648."),
+        ("sped", 2, "there is no component 'sped' to step more rarely."),
+    ],
+)
+@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
+def test_step_multiples_that_make_no_sense_are_refused(
+    kind: type[Explicit], name: str, multiple: int, message: str
+) -> None:
+    with pytest.raises(CommandError, match=f"^{message}$"):
+        kind(step_multiples={name: multiple}).setup(oscillator())
+    kind(step_multiples={"speed": 1, "position": 2**31}).setup(oscillator())
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_algorithms_of_the_same_options_are_two(name: str) -> None:
+    """Each has a network and a history of its own."""
+    assert len({ALGORITHMS[name](), ALGORITHMS[name]()}) == 2
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)

@@ -80,6 +80,26 @@ def test_repaired_gains_leave_the_error_that_theory_predicts() -> None:
     assert speed == pytest.approx(2.0 * 800.0 / 400.0**2, rel=2e-2)
 
 
+@pytest.mark.parametrize("w", [400.0, 4000.0])
+def test_repaired_gains_weigh_small_innovations_as_promised(w: float) -> None:
+    """Both poles at -w; f adds w^2 / 2 to alpha_2, at t = 0 and with eta_hat and H as they start."""
+    gains = observer_gains.robust(w)
+    assert np.roots([1.0, gains.alpha_1, gains.alpha_2]) == pytest.approx([-w, -w], rel=1e-6)
+    start = {
+        "y": 0.0,
+        "x_hat": 0.0,
+        "v_hat": 0.0,
+        "eta_hat": gains.eta_hat_start,
+        "time": 0.0,
+        "i_q_ref": 10.0,
+    }
+    known = {"N_p": 8, "Phi_PM": 0.15, "A_eq": 35.26, "B_eq": 3.67}
+    resting = SimpleNamespace(**vars(gains), **known, **start)
+    pushed = SimpleNamespace(**vars(resting) | {"x_hat": -1e-9 / w**2})
+    assert EmlaObserver().derivatives(resting)["v_hat"] == 0.0  # the commanded torque is left out
+    assert EmlaObserver().derivatives(pushed)["v_hat"] == pytest.approx(1.5e-9, rel=1e-6)
+
+
 def test_the_robust_term_acts_as_its_gains_promise() -> None:
     """In balance alpha_2 y_bar + 8 f is the unknown acceleration, and the error falls by a third."""
     gains = observer_gains.robust(400.0)

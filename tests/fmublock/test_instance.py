@@ -24,6 +24,7 @@ from fmublock import (
     StepDiscardedError,
     build,
 )
+from fmublock.instance import Phase
 from fmublock.results import EquationError
 from fmublock.symbolic import evaluate_symbolically
 from tests.support.arm import Arm
@@ -165,6 +166,37 @@ def test_calls_in_the_wrong_phase_are_refused() -> None:
         Instance(Toy()).do_step(0.0, 0.1)
     with pytest.raises(BlockError, match="cannot enter initialization mode in phase step"):
         running().enter_initialization()
+
+
+@pytest.mark.parametrize(
+    ("count", "error", "sentence"),
+    [
+        (1e9, StepDiscardedError, "an equation failed"),
+        (1e9 + 0.5, BlockError, "needs more than 1e.09 internal steps"),
+    ],
+)
+def test_a_thousand_million_internal_steps_are_the_most(
+    count: float, error: type[BlockError], sentence: str
+) -> None:
+    """The first of them fails, or else there would be a long wait."""
+
+    class Failing(Block):
+        x = State(0.0)
+
+        def derivatives(self, v: Any) -> dict[str, Any]:
+            return {"x": 1.0 / v.x}
+
+    instance = Instance(Failing())
+    instance["solver.internal_step"] = 2.0**-20
+    instance.enter_initialization()
+    instance.exit_initialization()
+    with pytest.raises(error, match=sentence):
+        instance.do_step(0.0, count * 2.0**-20)
+
+
+def test_phases_are_bits_of_their_own() -> None:
+    """The C shim, which gets them from here, asks for several at once."""
+    assert [phase.value for phase in Phase] == [1 << i for i in range(len(Phase))]
 
 
 @settings(max_examples=30)

@@ -200,7 +200,12 @@ def test_a_step_that_starts_elsewhere_is_refused(session: Session, time: float, 
 
 @pytest.mark.parametrize(
     ("time", "asked"),
-    [(0.5, "0.5"), (0.25 + 1e-10, "0.2500000001"), (0.25 + 1e-13, "0.2500000000001")],
+    [
+        (0.5, "0.5"),
+        (0.123456789, "0.123456789"),
+        (0.25 + 1e-10, "0.2500000001"),
+        (0.25 + 1e-13, "0.2500000000001"),
+    ],
 )
 def test_the_message_shows_where_two_times_differ(session: Session, time: float, asked: str) -> None:
     """The steps before are so short that these are no rounding."""
@@ -232,3 +237,31 @@ def test_times_may_be_rounded_to_their_last_place_far_from_zero(session: Session
         slave.doStep(time, STEP)
         time = math.nextafter(time + STEP, math.inf)
     assert session.get(slave, "step_count") == [100.0]
+
+
+@pytest.mark.parametrize(("units", "answer"), [(-4, OK), (4, OK), (5, ERROR)])
+def test_four_units_in_the_last_place_are_rounding(session: Session, units: int, answer: int) -> None:
+    start = 2.0**30
+    slave, instance = session.instance(time=start), Instance(Toy())
+    instance.setup_experiment(start)
+    instance.enter_initialization()
+    instance.exit_initialization()
+    time = start + units * math.ulp(start)
+    if answer == OK:
+        instance.do_step(time, STEP)
+        assert status(slave.doStep, time, STEP) == OK
+    else:
+        with pytest.raises(BlockError, match="the step starts at"):
+            instance.do_step(time, STEP)
+        with refused(ERROR, DISCARD):
+            slave.doStep(time, STEP)
+
+
+def test_what_differs_by_just_the_rounding_is_a_sliver_in_both_flavours(session: Session) -> None:
+    """At t = 0 a part in a million of the last step, 1 s, is the double 1e-6."""
+    slave = session.instance(time=-1.0)
+    slave.doStep(-1.0, 1.0)
+    slave.doStep(0.0, 1e-6)
+    assert session.get(slave, "step_count") == [1.0]
+    slave.doStep(0.0, math.nextafter(1e-6, 1.0))
+    assert session.get(slave, "step_count") == [2.0]

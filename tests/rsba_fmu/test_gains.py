@@ -1,0 +1,47 @@
+"""The repaired gains against the rules that they were made by."""
+
+from dataclasses import fields
+
+import pytest
+
+from emla_cosim.study.systems import STUDY
+from emla_fmu.parameters import EMLAS
+from rsba_fmu.gains import PUBLISHED, ROBUST
+
+SAMPLE = 1e-4
+"""Step of the study in s."""
+
+
+@pytest.mark.parametrize("joint", ROBUST)
+def test_each_loop_is_at_least_twice_as_fast_as_the_one_around_it(joint: str) -> None:
+    """Those of the currents, the fastest, at a quarter of the rate of samples."""
+    position, speed, i_q, i_d = (0.5 * beta for beta in ROBUST[joint].beta)
+    assert speed >= 2.0 * position
+    assert i_q >= 2.0 * speed
+    assert i_q == i_d == 0.25 / SAMPLE
+
+
+@pytest.mark.parametrize("joint", ROBUST)
+def test_adaptation_forgets_within_a_second(joint: str) -> None:
+    """Time constant 1 / (delta sigma) of (32) without an error; it grows as published for the lift."""
+    gains = ROBUST[joint]
+    assert [delta * sigma for delta, sigma in zip(gains.delta, gains.sigma, strict=True)] == [1.0] * 4
+    assert gains.zeta == PUBLISHED["lift"].zeta
+
+
+@pytest.mark.parametrize("joint", ROBUST)
+def test_all_repairs_are_on_and_none_is_published(joint: str) -> None:
+    switches = [f.name for f in fields(ROBUST[joint]) if f.type is bool]
+    assert len(switches) == 6
+    repaired = {name: name != "x_2d_in_a_1" for name in switches}
+    assert {name: getattr(ROBUST[joint], name) for name in switches} == repaired
+    printed = {name: name == "x_2d_in_a_1" for name in switches}
+    assert {name: getattr(PUBLISHED[joint], name) for name in switches} == printed
+
+
+@pytest.mark.parametrize("joint", ROBUST)
+def test_the_motor_can_brake_with_a_max_against_its_load(joint: str) -> None:
+    """Torque that is left beside the load's, per equivalent inertia (5)."""
+    emla = EMLAS[joint]
+    left = emla.tau_max - emla.D_eq * abs(STUDY[joint].load)
+    assert 0.0 < ROBUST[joint].a_max <= left / emla.A_eq
