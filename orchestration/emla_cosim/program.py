@@ -34,7 +34,24 @@ def _run() -> None:
     except KeyboardInterrupt:  # while something was imported
         _end("Interrupted.")
     except (ImportError, MemoryError) as error:
-        _end(f"Error: emla cannot be started: {str(error) or 'there is not enough memory'}.")
+        *_, reason = str(error).strip().rstrip(".").splitlines() or ["there is not enough memory"]
+        _end(f"Error: emla cannot be started: {reason}.")
+    except (SystemExit, GeneratorExit):
+        raise
+    except BaseException:  # libraries fail in many ways where memory ends
+        if (limit := _memory_limit()) is None:
+            raise
+        _end(f"Error: emla needs more memory than the {limit / 2**20:.0f} MiB that it may have (ulimit -v).")
+
+
+def _memory_limit() -> int | None:
+    """Bytes of memory that this process may address; None without a limit, or where nobody knows."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 def _rescue(how: str) -> None:

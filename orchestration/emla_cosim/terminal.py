@@ -106,6 +106,8 @@ def _speed(result: "Result") -> Iterator[str]:
         f"{result.steps} steps{tried} in {result.wall_s:.2f} s: "
         f"{rate:,.0f} steps/s, {factor:.2g} x real time{slowly}"
     )
+    if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
+        yield f"The compiled loop could not be kept, the next run has to compile it again: {reason}"
     sweeps = result.stepping.get("sweeps_over_loops")
     if sweeps is not None:
         loops = result.stepping["loops"]

@@ -119,3 +119,39 @@ def test_a_polite_end_keeps_what_was_computed_and_tidies_up(
         assert {p.name for p in out.iterdir()} == {"results.csv", "metrics.json", "run.json"}
     else:
         assert b"Interrupted." in errors
+
+
+@pytest.mark.parametrize("place", ["read-only", "a file", "missing"])
+def test_a_loop_that_cannot_be_kept_is_compiled_and_that_is_said_once(
+    place: str, fmu_folder: Path, tmp_path: Path
+) -> None:
+    cache = tmp_path / "cache"
+    if place == "a file":
+        cache.mkdir()
+        (cache / "code").write_text("no folder")
+    elif place == "read-only":
+        (cache / "code").mkdir(parents=True)
+        subprocess.run(["mount", "-t", "tmpfs", "-o", "ro", "none", cache / "code"], check=False)
+    words = "The compiled loop could not be kept, the next run has to compile it again: "
+    try:
+        done = ended(fmu_folder, tmp_path, *RUN, environment={"EMLA_COSIM_CACHE": str(cache)})
+        text = done.stdout.decode()
+        assert done.returncode == 0, done.stderr
+        kept = any((cache / "code").glob("*.o"))
+        assert text.count(words) == (0 if kept else 1)
+        assert kept or place != "missing"
+    finally:
+        subprocess.run(["umount", cache / "code"], check=False, stderr=subprocess.DEVNULL)
+
+
+@pytest.mark.parametrize("megabytes", [100, 300, 500, 700, 900, 1100])
+def test_too_little_memory_is_one_sentence(megabytes: int, fmu_folder: Path, tmp_path: Path) -> None:
+    limit = f"--as={megabytes * 2**20}"
+    command = ["prlimit", limit, *EMLA, *RUN, "--no-plots", "--fmus", str(fmu_folder)]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, check=False, env=surroundings(fmu_folder, tmp_path)
+    )
+    assert done.returncode in (0, 1, 2)
+    assert b"Traceback (most" not in done.stderr
+    sentences = [line for line in done.stderr.splitlines() if line.startswith(b"Error: ")]
+    assert len(sentences) == (done.returncode > 0), done.stderr

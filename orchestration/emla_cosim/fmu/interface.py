@@ -74,7 +74,7 @@ def read_interface(path: Path) -> Interface:
         raise CommandError(
             f"'{path}' is not a valid FMU: {_first(error.problems)} (`fmpy validate` shows more)."
         ) from error
-    except CommandError:
+    except (CommandError, ImportError, MemoryError):
         raise
     except Exception as error:  # fmpy raises whatever zip and XML readers raise
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error

@@ -24,5 +24,5 @@ def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
         from .kernel import Kernel
 
         return Kernel(algorithm, known)
-    except ImportError:
+    except (ImportError, OSError):  # which is how LLVM says that it cannot be loaded
         return None

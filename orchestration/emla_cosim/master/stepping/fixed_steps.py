@@ -67,8 +67,12 @@ class FixedSteps(Stepping):
 
     def report(self) -> dict[str, Any]:
         """Also whether compiled code did the steps, where that can be."""
-        compiled = {"compiled": self.compiled} if isinstance(self.algorithm, Explicit) else {}
-        return {**super().report(), **compiled}
+        found = super().report()
+        if isinstance(self.algorithm, Explicit):
+            found["compiled"] = self.compiled
+        if self._kernel is not None and (reason := self._kernel.why_not_kept()):
+            found["compiled_code_not_kept"] = reason
+        return found
 
     def _last(self, until: float) -> int:
         """The last communication point that is not beyond a time in s, but for rounding."""

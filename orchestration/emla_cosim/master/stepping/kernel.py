@@ -67,6 +67,11 @@ class Kernel:
         error = self._error(failure, clock.point(reached), clock.point(reached + 1))
         return self._present.recorded, error
 
+    @staticmethod
+    def why_not_kept() -> str:
+        """Why this process had to compile and could not keep the code; empty if it could."""
+        return machine_code.why_not_kept()
+
     def _check_room(self, rows: Vector, needed: int) -> None:
         """Raise ValueError where the loop would write past the end of the rows, or into gaps."""
         width = 1 + len(self._algorithm.network.signals)

@@ -6,7 +6,6 @@ up as if it were to compile. Code that calls nothing of numba is loaded by LLVM 
 
 import hashlib
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +15,9 @@ import llvmlite.binding as llvm
 from ...files import CacheError, cache_folder, written_whole
 
 _DIGEST = hashlib.sha256
+
+_unkept: list[str] = []
+"""Why code that was compiled could not be kept."""
 
 _loaded: list[llvm.ExecutionEngine] = []
 """Owners of the code that is in memory; it stays there until the process ends."""
@@ -39,11 +41,17 @@ def load(name: str, source: bytes, generate: Callable[[], str]) -> int:
     return engine.get_function_address(name)
 
 
+def why_not_kept() -> str:
+    """Why code had to be compiled that could not be kept for later processes; empty if nothing had to."""
+    return _unkept[-1] if _unkept else ""
+
+
 def _path(name: str) -> Path | None:
     """Where code of this name is kept; None where nothing can be."""
     try:
         return cache_folder() / "code" / name
-    except CacheError:
+    except CacheError as error:
+        _unkept.append(str(error))
         return None
 
 
@@ -87,8 +95,11 @@ def _read(path: Path | None) -> bytes | None:
 
 def _keep(path: Path | None, code: bytes) -> None:
     """Write the code for later processes, in one go; without a place for it, they will compile again."""
-    if path is not None:
-        with suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(path) as stream:
-                stream.write(_DIGEST(code).digest() + code)
+    if path is None:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(path) as stream:
+            stream.write(_DIGEST(code).digest() + code)
+    except OSError as error:
+        _unkept.append(f"'{path.parent}' cannot be written: {error.strerror or error}")
