@@ -23,6 +23,10 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
         except CosimError as error:
             show_error(str(error))
             raise typer.Exit(error.exit_code) from error
+        except OSError as error:  # of a file or folder that mostly can be used
+            reason = error.strerror or error
+            show_error(f"'{error.filename}' cannot be used: {reason}." if error.filename else f"{reason}.")
+            raise typer.Exit(1) from error
         except KeyboardInterrupt as error:
             ERR.print("[bold red]Interrupted.[/]")
             raise typer.Exit(1) from error
