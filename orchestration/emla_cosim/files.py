@@ -5,12 +5,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from fmublock.cache import CacheError, cache_folder
-from fmublock.files import NoFileError, real_place, written_whole
+from fmublock.files import UNFINISHED, NoFileError, real_place, written_whole
 
 from .errors import CommandError
 
 __all__ = [
     "HERE",
+    "UNFINISHED",
     "CacheError",
     "NoFileError",
     "cache_folder",
