@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TextIO
 
 from .guard import guarded
-from .interruption import ending_as_ctrl_c
+from .interruption import ask_no_more, ending_as_ctrl_c
 
 COLLECT = 50_000
 """Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
@@ -35,6 +35,15 @@ def _run() -> None:
         _end("Interrupted.")
     except (ImportError, MemoryError) as error:
         _end(f"Error: emla cannot be started: {str(error) or 'there is not enough memory'}.")
+    except OSError as error:  # of help, which others put out
+        if _takes(sys.stdout, "\n"):
+            raise
+        _end(f"Error: the standard output cannot be written: {error.strerror}.")
+    finally:
+        ask_no_more()
+        for stream in (sys.stdout, sys.stderr):
+            if not _takes(stream):  # it was told; Python would end with a code of its own
+                _lead_nowhere(stream)
 
 
 def _rescue(how: str) -> None:
@@ -51,6 +60,21 @@ def _usable(stream: TextIO | None) -> TextIO:
     if isinstance(stream, TextIOWrapper):
         stream.reconfigure(errors="replace")
     return stream
+
+
+def _takes(stream: TextIO, text: str = "") -> bool:
+    """Whether a stream takes a text, and what waits to be written to it."""
+    try:
+        stream.write(text)
+        stream.flush()
+    except OSError:
+        return False
+    return True
+
+
+def _lead_nowhere(stream: TextIO) -> None:
+    with Path(os.devnull).open("w") as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _end(sentence: str) -> None:
