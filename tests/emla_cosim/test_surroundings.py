@@ -68,6 +68,14 @@ def test_help_that_cannot_be_put_out_is_one_sentence(arguments: list[str]) -> No
     assert done.stderr == b"Error: the standard output cannot be written: No space left on device.\n"
 
 
+def test_ctrl_c_while_a_command_is_imported_is_told() -> None:
+    code = (
+        "import emla_cosim.cli as c, signal\nc.import_module = lambda _: signal.raise_signal(signal.SIGINT)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code + EMLA[2], "list"], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (1, b"Interrupted.\n")
+
+
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_what_is_done_cannot_be_ended_early(name: str) -> None:
     code = f"import atexit, signal; atexit.register(signal.raise_signal, signal.{name})\n{EMLA[2]}"
