@@ -145,7 +145,8 @@ def test_a_run_that_is_ended_at_any_instant(
     assert not psutil.wait_procs(family, timeout=10.0)[1], "a process survives"
     counts[f"{way.name}{' of the child' * way.to_child} while {reached}"] += 1
 
-    killed = way == WAYS[0]
+    # a child that has locked its folder and told nothing yet leaves the lock's files, which lock nothing
+    killed = way.name == "SIGKILL" and (not way.to_child or reached == "starting")
     assert_whole(tmp_path / "out", killed) if (tmp_path / "out").exists() else None
     check_end(process.returncode, errors, way, reached)
     assert killed or not any((tmp_path / "temporary").iterdir())
