@@ -1,16 +1,19 @@
 """Files: read with one sentence for whatever is wrong with them, written whole and where nothing else is."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from fmublock.cache import CacheError, cache_folder
-from fmublock.files import NoFileError, real_place, written_whole
+from fmublock.files import UNFINISHED, NoFileError, real_place, written_whole
 
 from .errors import CommandError
 
 __all__ = [
     "HERE",
+    "UNFINISHED",
     "CacheError",
     "NoFileError",
     "cache_folder",
@@ -19,6 +22,7 @@ __all__ = [
     "read_file",
     "read_text",
     "real_place",
+    "temporary_folder",
     "written_whole",
 ]
 
@@ -42,6 +46,19 @@ def read_text(path: Path, what: str) -> str:
         return read_file(path, what).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CommandError(f"{what} '{path}' is not a text in UTF-8.") from error
+
+
+@contextmanager
+def temporary_folder(prefix: str) -> Iterator[Path]:
+    """A folder that goes with the block, by its real name; CommandError where there can be none."""
+    try:
+        made = TemporaryDirectory(prefix=prefix, ignore_cleanup_errors=True)
+    except OSError as error:
+        raise CommandError(
+            f"there is no place for temporary files: {error.strerror}; TMPDIR can name a folder."
+        ) from error
+    with made as folder:
+        yield Path(folder).resolve()
 
 
 def place_of(path: Path, what: str, folder: Path = HERE) -> Path:

@@ -42,6 +42,12 @@ def ending_as_ctrl_c() -> Iterator[None]:
         yield
 
 
+def ask_no_more() -> None:
+    """From now on these signals do nothing: there is nothing left that could be ended early."""
+    for number in POLITE:
+        signal.signal(number, signal.SIG_IGN)
+
+
 def _end(signum: int, frame: FrameType | None) -> None:
     if not repeated():
         raise KeyboardInterrupt

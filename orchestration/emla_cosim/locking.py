@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -30,10 +30,13 @@ def alone(folder: Path) -> Iterator[None]:
     except NotImplementedError:
         yield
         return
+    except OSError as error:
+        raise CommandError(f"the output folder '{folder}' cannot be written: {error.strerror}.") from error
     holder = folder / _HOLDER
     try:
         began = datetime.now().astimezone().isoformat(timespec="seconds")
-        holder.write_text(json.dumps({"process": os.getpid(), "began": began}), encoding="utf-8")
+        with suppress(OSError):  # the lock holds without a name
+            holder.write_text(json.dumps({"process": os.getpid(), "began": began}), encoding="utf-8")
         yield
     finally:
         for left in (holder, folder / _LOCK):

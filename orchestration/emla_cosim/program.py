@@ -9,10 +9,14 @@ from pathlib import Path
 from typing import TextIO
 
 from .guard import guarded
-from .interruption import ending_as_ctrl_c
+from .interruption import ask_no_more, ending_as_ctrl_c
 
 COLLECT = 50_000
 """Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
+
+
+_INTERRUPTED = 130
+"""How typer ends without a word where it was interrupted before a command began."""
 
 
 def main() -> None:
@@ -33,15 +37,26 @@ def _run() -> None:
             app()
     except KeyboardInterrupt:  # while something was imported
         _end("Interrupted.")
+    except SystemExit as end:
+        if end.code == _INTERRUPTED:
+            _end("Interrupted.")
+        raise
     except (ImportError, MemoryError) as error:
         *_, reason = str(error).strip().rstrip(".").splitlines() or ["there is not enough memory"]
         _end(f"Error: emla cannot be started: {reason}.")
-    except (SystemExit, GeneratorExit):
-        raise
+    except OSError as error:  # of help, which others put out
+        if _takes(sys.stdout, "\n"):
+            raise
+        _end(f"Error: the standard output cannot be written: {error.strerror}.")
     except BaseException:  # libraries fail in many ways where memory ends
         if (limit := _memory_limit()) is None:
             raise
         _end(f"Error: emla needs more memory than the {limit / 2**20:.0f} MiB that it may have (ulimit -v).")
+    finally:
+        ask_no_more()
+        for stream in (sys.stdout, sys.stderr):
+            if not _takes(stream):  # it was told; Python would end with a code of its own
+                _lead_nowhere(stream)
 
 
 def _memory_limit() -> int | None:
@@ -68,6 +83,21 @@ def _usable(stream: TextIO | None) -> TextIO:
     if isinstance(stream, TextIOWrapper):
         stream.reconfigure(errors="replace")
     return stream
+
+
+def _takes(stream: TextIO, text: str = "") -> bool:
+    """Whether a stream takes a text, and what waits to be written to it."""
+    try:
+        stream.write(text)
+        stream.flush()
+    except OSError:
+        return False
+    return True
+
+
+def _lead_nowhere(stream: TextIO) -> None:
+    with Path(os.devnull).open("w") as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _end(sentence: str) -> None:

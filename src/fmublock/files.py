@@ -8,6 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+UNFINISHED = ".unfinished-"
+"""How names of files begin that are not complete."""
+
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFCHR: "a device",
@@ -48,7 +51,7 @@ def written_whole(path: Path) -> Iterator[IO[bytes]]:
     leads to is written. Raises NoFileError and OSError.
     """
     place = real_place(path)
-    handle, name = tempfile.mkstemp(dir=place.parent, prefix=".unfinished-")
+    handle, name = tempfile.mkstemp(dir=place.parent, prefix=UNFINISHED)
     unfinished = Path(name)
     try:
         with os.fdopen(handle, "wb") as stream:

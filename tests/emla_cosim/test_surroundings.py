@@ -59,6 +59,30 @@ def test_a_full_standard_output_is_told_and_the_files_are_there(fmu_folder: Path
         assert b"position error" in quiet.stdout
 
 
+@pytest.mark.skipif(not FULL.exists(), reason="needs the device that is always full")
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["list"], ["--version"]], ids=" ".join)
+def test_help_that_cannot_be_put_out_is_one_sentence(arguments: list[str]) -> None:
+    with FULL.open("wb") as full:
+        done = subprocess.run([*EMLA, *arguments], stdout=full, stderr=subprocess.PIPE, check=False)
+    assert done.returncode == 1
+    assert done.stderr == b"Error: the standard output cannot be written: No space left on device.\n"
+
+
+def test_ctrl_c_while_a_command_is_imported_is_told() -> None:
+    code = (
+        "import emla_cosim.cli as c, signal\nc.import_module = lambda _: signal.raise_signal(signal.SIGINT)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code + EMLA[2], "list"], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (1, b"Interrupted.\n")
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_what_is_done_cannot_be_ended_early(name: str) -> None:
+    code = f"import atexit, signal; atexit.register(signal.raise_signal, signal.{name})\n{EMLA[2]}"
+    done = subprocess.run([sys.executable, "-c", code, "list"], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
 @pytest.mark.parametrize("closed", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"])
 def test_closed_streams_harm_nobody(closed: str, fmu_folder: Path, tmp_path: Path) -> None:
     command = " ".join([f"exec '{sys.executable}' -c '{EMLA[2]}'", *RUN, "--stop-time 0.002", "--fmus", "$F"])

@@ -18,6 +18,7 @@ import fmublock.files
 from emla_cosim.locking import alone
 from fmublock.files import real_place, written_whole
 from tests.support.commands import Emla, sentence
+from tests.support.full_disk import files_of_at_most
 
 SHORT = ("--stop-time", "0.002", "--no-plots")
 
@@ -172,6 +173,20 @@ def test_a_second_run_into_a_folder_is_refused(emla: Emla, tmp_path: Path) -> No
         other.kill()
     assert emla("run", "lift", *SHORT, "--output", "out").exit_code == 0
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"results.csv", "metrics.json", "run.json"}
+
+
+def test_what_was_not_ready_when_a_run_was_killed_goes_with_the_next(emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/.unfinished-ab_3z").write_text("half")
+    assert emla("run", "lift", *SHORT, "--output", "out").exit_code == 0
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"results.csv", "metrics.json", "run.json"}
+
+
+def test_a_folder_is_locked_without_a_name_on_a_full_disk(tmp_path: Path) -> None:
+    refused = pytest.raises(ec.CommandError, match=r"another run writes to '[^']*'; wait for it")
+    with files_of_at_most(1), alone(tmp_path), refused, alone(tmp_path):
+        pass
+    assert not any(tmp_path.iterdir())
 
 
 def test_runs_into_other_folders_go_on(tmp_path: Path) -> None:

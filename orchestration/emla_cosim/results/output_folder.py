@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Vector
 from ..errors import CommandError, RunError
-from ..files import place_of, written_whole
+from ..files import UNFINISHED, place_of, written_whole
 from ..locking import alone
 from ..progress import Progress
 from ..recorders.recorder import Outline, Recorder, recording
@@ -60,8 +60,14 @@ class OutputFolder:
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
-        """No other run writes here meanwhile; CommandError where one does."""
+        """No other run writes here meanwhile; CommandError where one does.
+
+        What was not complete when an earlier run was killed is removed.
+        """
         with alone(self._place):
+            with contextlib.suppress(OSError):
+                for left in self._place.glob(f"{UNFINISHED}*"):
+                    left.unlink()
             yield
 
     def recorders(self, continued: bool) -> list[Recorder]:

@@ -6,10 +6,10 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from urllib.parse import unquote, urlsplit
 
 from ...errors import CommandError, called_as_in, listed
+from ...files import temporary_folder
 from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..documents.structure import DEFAULT_SSD
 
@@ -74,17 +74,10 @@ def opened(path: Path, variant: str = "") -> Iterator[Package]:
     elif file.suffix.lower() == ".ssd":
         yield Package(file.parent, file, file.name)
     else:
-        with _temporary() as temporary, called_as_in(Path(temporary)):
-            folder = Path(temporary) / file.name
+        with temporary_folder("emla-ssp-") as temporary, called_as_in(temporary):
+            folder = temporary / file.name
             _unpack(file, folder)
-            yield replace(_package(folder, variant, name), unpacked=Path(temporary))
-
-
-@contextlib.contextmanager
-def _temporary() -> Iterator[str]:
-    """A temporary folder by the name that files in it have when links are resolved."""
-    with TemporaryDirectory(prefix="emla-ssp-") as folder:
-        yield str(Path(folder).resolve())
+            yield replace(_package(folder, variant, name), unpacked=temporary)
 
 
 def _variant(path: Path) -> tuple[Path, str]:

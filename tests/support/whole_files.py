@@ -1,0 +1,49 @@
+"""What a command leaves in a folder: every file whole, whatever happened to the command."""
+
+import csv
+import json
+import zipfile
+from io import StringIO
+from pathlib import Path
+
+import polars
+
+_PICTURE = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
+
+
+def assert_whole(folder: Path, killed: bool = False) -> int:
+    """All files of a folder, and of folders in it, are whole; how many there are.
+
+    Files that were not ready are gone, unless nobody was left to remove them.
+    """
+    files = [p for p in folder.rglob("*") if p.is_file() and not p.is_symlink()]
+    left = [p for p in files if p.name.startswith(".")]
+    assert killed or not left, left
+    for path in set(files) - set(left):
+        _assert_whole(path)
+    return len(files) - len(left)
+
+
+def _assert_whole(path: Path) -> None:
+    if zipfile.is_zipfile(path):  # checkpoints and packages may have any name
+        with zipfile.ZipFile(path) as archive:
+            assert archive.testzip() is None, path
+    elif path.suffix == ".json":
+        json.loads(path.read_text(encoding="utf-8"))
+    elif path.suffix == ".csv":
+        assert_whole_rows(path)
+    elif path.suffix == ".png":
+        content = path.read_bytes()
+        assert content.startswith(_PICTURE[0]) and content.endswith(_PICTURE[1]), path
+    elif path.suffix == ".parquet":
+        polars.read_parquet(path)
+    else:
+        raise AssertionError(f"{path} is nothing that is known")
+
+
+def assert_whole_rows(path: Path) -> None:
+    """A table ends with an end of line, and its rows are as long as its header."""
+    text = path.read_text(encoding="utf-8")
+    assert text == "" or text.endswith("\n"), path
+    header, *rows = csv.reader(StringIO(text, newline="")) if text else [[]]
+    assert {len(row) for row in rows} <= {len(header)}, path
