@@ -3,10 +3,10 @@
 import contextlib
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from fmpy.model_description import Unknown
 
+from ..files import temporary_folder
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.variables import TypedValue, typed_values
 from ..system.model import Alias, Component, System
@@ -34,7 +34,7 @@ class Assembly:
         not fit.
         """
         with contextlib.ExitStack() as held:
-            folder = Path(held.enter_context(TemporaryDirectory(prefix="emla-", ignore_cleanup_errors=True)))
+            folder = held.enter_context(temporary_folder("emla-"))
             self.files: Mapping[str, FmuFile] = _open_files(fmus, folder)
             self.system = system
             self._wired = resolved(system, {name: file.interface for name, file in self.files.items()})

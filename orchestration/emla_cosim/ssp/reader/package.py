@@ -6,10 +6,10 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from urllib.parse import unquote, urlsplit
 
 from ...errors import CommandError, called_as_in, listed
+from ...files import temporary_folder
 from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..documents.structure import DEFAULT_SSD
 
@@ -83,7 +83,7 @@ def opened(path: Path, variant: str = "") -> Iterator[Package]:
 @contextlib.contextmanager
 def _temporary() -> Iterator[str]:
     """A temporary folder by the name that files in it have when links are resolved."""
-    with TemporaryDirectory(prefix="emla-ssp-") as folder:
+    with temporary_folder("emla-ssp-") as folder:
         yield str(Path(folder).resolve())
 
 
