@@ -14,6 +14,9 @@ from .interruption import ending_as_ctrl_c
 COLLECT = 50_000
 """Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
 
+_INTERRUPTED = 130
+"""How typer ends where Ctrl-C comes before a command begins, without a word."""
+
 
 def main() -> None:
     """Run the command; it ends with 0, 1 or 2, and where that is not 0 with one sentence."""
@@ -33,6 +36,10 @@ def _run() -> None:
             app()
     except KeyboardInterrupt:  # while something was imported
         _end("Interrupted.")
+    except SystemExit as end:
+        if end.code == _INTERRUPTED:
+            _end("Interrupted.")
+        raise
     except (ImportError, MemoryError) as error:
         _end(f"Error: emla cannot be started: {str(error) or 'there is not enough memory'}.")
 

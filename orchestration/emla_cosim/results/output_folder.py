@@ -59,9 +59,9 @@ class OutputFolder:
         return [self.results, *(self.path / name for name in _names())]
 
     @contextlib.contextmanager
-    def alone(self) -> Iterator[None]:
-        """No other run writes here meanwhile; CommandError where one does."""
-        with alone(self._place):
+    def alone(self, heir_of: int | None = None) -> Iterator[None]:
+        """No other run writes here meanwhile; CommandError where one does. See `locking.alone`."""
+        with alone(self._place, heir_of):
             yield
 
     def recorders(self, continued: bool) -> list[Recorder]:
@@ -94,11 +94,11 @@ class OutputFolder:
                 table.end()
 
     def keep(self, result: Result, plots: bool, progress: Progress) -> tuple[Result, list[Path]]:
-        """`write`, with a failure as the problem of the result, unless that has one already."""
+        """`write`, with a failure among the problems of the result."""
         try:
             return result, self.write(result, plots, progress)
         except RunError as error:
-            return replace(result, problem=result.problem or str(error)), []
+            return replace(result, problem=" ".join(filter(None, (result.problem, str(error))))), []
 
     def write(self, result: Result, plots: bool, progress: Progress | None = None) -> list[Path]:
         """Write metrics.json, run.json and, if wanted, pictures, which are returned. Raises RunError."""

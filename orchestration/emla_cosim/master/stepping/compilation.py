@@ -24,5 +24,5 @@ def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
         from .kernel import Kernel
 
         return Kernel(algorithm, known)
-    except ImportError:
+    except (ImportError, OSError):  # the latter where LLVM does not fit into memory
         return None
