@@ -24,8 +24,8 @@ def interruption() -> Iterator[Callable[[], bool]]:
 
     Within another such block it is one with that: the flag is the same.
     """
-    if _Flag.open is not None and threading.current_thread() is threading.main_thread():
-        yield _Flag.open
+    if _open and threading.current_thread() is threading.main_thread():
+        yield _open[-1]
         return
     requested = False
     _Last.request = -math.inf  # what came before was meant for something else
@@ -38,18 +38,22 @@ def interruption() -> Iterator[Callable[[], bool]]:
         for number in POLITE:
             signal.signal(number, _end)
 
+    def asked() -> bool:
+        return requested
+
     with _handled(request) as ours:
-        _Flag.open = (lambda: requested) if ours else _Flag.open
+        if not ours:
+            yield asked
+            return
+        _open.append(asked)
         try:
-            yield lambda: requested
+            yield asked
         finally:
-            _Flag.open = None if ours else _Flag.open
+            _open.pop()
 
 
-class _Flag:
-    """The flag of the block that has the signals, while there is one."""
-
-    open: Callable[[], bool] | None = None
+_open: list[Callable[[], bool]] = []
+"""The flag of the block that has the signals, while there is one."""
 
 
 @contextmanager

@@ -348,10 +348,11 @@ def test_a_run_that_has_no_memory_left_keeps_what_it_has(package: Path) -> None:
             if run.stepping.steps:
                 raise MemoryError
 
+    kept = ec.TimeSeries()
     with load(package, output_interval=0.1).prepare() as simulation:
         with pytest.raises(ec.RunError, match="there is not enough memory") as found:
-            simulation.run(recorders=[Hungry(), table_ := ec.TimeSeries()])
-        assert len(table_.rows) == found.value.fields["result"].steps + 1
+            simulation.run(recorders=[Hungry(), kept])
+        assert len(kept.rows) == found.value.fields["result"].steps + 1
 
 
 ASKED = """
