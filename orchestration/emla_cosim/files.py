@@ -1,10 +1,13 @@
 """Files: read with one sentence for whatever is wrong with them, written whole and where nothing else is."""
 
+import atexit
 import os
+import shutil
+import stat
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from fmublock.cache import CacheError, cache_folder
 from fmublock.files import UNFINISHED, NoFileError, real_place, written_whole
@@ -19,6 +22,7 @@ __all__ = [
     "cache_folder",
     "check_places",
     "place_of",
+    "present_folder",
     "read_file",
     "read_text",
     "real_place",
@@ -30,9 +34,44 @@ HERE = Path()
 """The present working folder, whichever it is when a path is used."""
 
 
+@contextmanager
+def temporary_folder(prefix: str) -> Iterator[Path]:
+    """A folder, by its real name, that is removed at the end of the block or of the process that made it.
+
+    A process that divides from that one leaves it alone. Raises CommandError where there can be none.
+    """
+    try:
+        folder, owner = Path(tempfile.mkdtemp(prefix=prefix)).resolve(), os.getpid()
+    except OSError as error:
+        raise CommandError(
+            f"there is no place for temporary files: {error.strerror}; TMPDIR can name a folder."
+        ) from error
+
+    def remove() -> None:
+        if os.getpid() == owner:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(remove)
+    try:
+        yield folder
+    finally:
+        atexit.unregister(remove)
+        remove()
+
+
+def present_folder() -> Path:
+    """The present working folder; CommandError where it was removed."""
+    try:
+        return Path.cwd()
+    except OSError as error:
+        raise CommandError("the present folder was removed; go to another one.") from error
+
+
 def read_file(path: Path, what: str) -> bytes:
     """The content of a file; CommandError that says `what` it should have been where it cannot be read."""
     try:
+        if stat.S_IFMT(path.stat().st_mode) in (stat.S_IFCHR, stat.S_IFBLK):
+            raise CommandError(f"{what} '{path}' cannot be read: it is a device.")
         return path.read_bytes()
     except OSError as error:
         raise CommandError(f"{what} '{path}' cannot be read: {error.strerror}.") from error
@@ -46,19 +85,6 @@ def read_text(path: Path, what: str) -> str:
         return read_file(path, what).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CommandError(f"{what} '{path}' is not a text in UTF-8.") from error
-
-
-@contextmanager
-def temporary_folder(prefix: str) -> Iterator[Path]:
-    """A folder that goes with the block, by its real name; CommandError where there can be none."""
-    try:
-        made = TemporaryDirectory(prefix=prefix, ignore_cleanup_errors=True)
-    except OSError as error:
-        raise CommandError(
-            f"there is no place for temporary files: {error.strerror}; TMPDIR can name a folder."
-        ) from error
-    with made as folder:
-        yield Path(folder).resolve()
 
 
 def place_of(path: Path, what: str, folder: Path = HERE) -> Path:

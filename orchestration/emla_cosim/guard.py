@@ -12,6 +12,7 @@ import sys
 import tempfile
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from mmap import mmap
 
@@ -32,9 +33,11 @@ def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
         run()
         return
     black_box.share(mmap(-1, black_box.SIZE))
+    signal.pthread_sigmask(signal.SIG_BLOCK, POLITE)  # until somebody can answer
     folder = _temporary_folder()
     child = os.fork()
     if child == 0:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
         _watched(run)
         return
     try:
@@ -43,6 +46,7 @@ def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
         if not whole:
             rescue(_how(status))
     finally:
+        _heed_no_more()
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
     sys.exit(os.WEXITSTATUS(status) if whole else 1)
@@ -53,8 +57,22 @@ def _watched(run: Callable[[], None]) -> None:
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     try:
         run()
-    finally:
+    except SystemExit:
+        _heed_no_more()
         black_box.present().ended = 1
+        raise
+    except Exception:  # nothing can be relied on, not even that Python comes to its end
+        with contextlib.suppress(Exception):
+            traceback.print_exc()
+        os._exit(1)
+    _heed_no_more()
+    black_box.present().ended = 1
+
+
+def _heed_no_more() -> None:
+    """Nothing is left to be ended politely; Python's own end would otherwise be one by the signal."""
+    for number in POLITE:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _end_with(parent: int) -> None:
@@ -80,6 +98,7 @@ def _waited(child: int) -> int:
 
     for number in (*POLITE, signal.SIGALRM):
         signal.signal(number, pass_on)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
     return os.waitpid(child, 0)[1]
 
 

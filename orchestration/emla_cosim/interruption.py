@@ -2,6 +2,7 @@
 
 import math
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +20,13 @@ ONE_REQUEST = 0.3
 
 @contextmanager
 def interruption() -> Iterator[Callable[[], bool]]:
-    """Turn the first of these signals into a flag, given as a function; the second one acts at once."""
+    """Turn the first of these signals into a flag, given as a function; the second one acts at once.
+
+    Within another such block it is one with that: the flag is the same.
+    """
+    if _open and threading.current_thread() is threading.main_thread():
+        yield _open[-1]
+        return
     requested = False
     _Last.request = -math.inf  # what came before was meant for something else
 
@@ -31,8 +38,22 @@ def interruption() -> Iterator[Callable[[], bool]]:
         for number in POLITE:
             signal.signal(number, _end)
 
-    with _handled(request):
-        yield lambda: requested
+    def asked() -> bool:
+        return requested
+
+    with _handled(request) as ours:
+        if not ours:
+            yield asked
+            return
+        _open.append(asked)
+        try:
+            yield asked
+        finally:
+            _open.pop()
+
+
+_open: list[Callable[[], bool]] = []
+"""The flag of the block that has the signals, while there is one."""
 
 
 @contextmanager
@@ -67,14 +88,15 @@ def repeated() -> bool:
 
 
 @contextmanager
-def _handled(handler: Any) -> Iterator[None]:
+def _handled(handler: Any) -> Iterator[bool]:
+    """Let `handler` take the signals; whether it can."""
     try:
         previous = {number: signal.signal(number, handler) for number in POLITE}
     except ValueError:  # not in the main thread: signals are not ours to take
-        yield
+        yield False
         return
     try:
-        yield
+        yield True
     finally:
         for number, earlier in previous.items():
             signal.signal(number, earlier)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock, Timeout
 
@@ -15,18 +16,21 @@ _LOCK, _HOLDER = ".running", ".running.json"
 
 
 @contextmanager
-def alone(folder: Path) -> Iterator[None]:
+def alone(folder: Path, heir_of: int | None = None) -> Iterator[None]:
     """Nobody else writes to this folder meanwhile; CommandError that names the process that does.
 
-    The lock goes with its process, however that ends. Where a file system knows no locks there is none.
+    The lock goes with its process, however that ends, unless an FMU started another one, which holds it
+    too then. Who goes on for the process `heir_of`, which ended, does not mind a lock of that one. Where
+    a file system knows no locks there is none.
     """
     lock = FileLock(folder / _LOCK, timeout=0)
     try:
         lock.acquire()
     except Timeout as error:
-        raise CommandError(
-            f"another run writes to '{folder}'{_holder(folder)}; wait for it, or give another folder."
-        ) from error
+        if heir_of is None or _written(folder).get("process") != heir_of:
+            raise CommandError(
+                f"another run writes to '{folder}'{_holder(folder)}; wait for it, or give another folder."
+            ) from error
     except NotImplementedError:
         yield
         return
@@ -40,13 +44,22 @@ def alone(folder: Path) -> Iterator[None]:
         yield
     finally:
         for left in (holder, folder / _LOCK):
-            left.unlink(missing_ok=True)
+            with suppress(OSError):  # the folder may be gone, or be a file by now
+                left.unlink()
         lock.release()
 
 
 def _holder(folder: Path) -> str:
+    found = _written(folder)
+    if not {"process", "began"} <= set(found):  # it is just beginning, or just over
+        return ""
+    return f", process {found['process']} since {found['began']}"
+
+
+def _written(folder: Path) -> dict[str, Any]:
+    """What the holder of the lock wrote of itself; nothing where it did not."""
     try:
         found = json.loads((folder / _HOLDER).read_text(encoding="utf-8"))
-        return f", process {found['process']} since {found['began']}"
-    except (OSError, ValueError, KeyError, TypeError):  # it is just beginning, or just over
-        return ""
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

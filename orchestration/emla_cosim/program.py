@@ -14,6 +14,9 @@ from .interruption import ask_no_more, ending_as_ctrl_c
 COLLECT = 50_000
 """Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
 
+_INTERRUPTED = 130
+"""How typer ends where Ctrl-C comes before a command begins, without a word."""
+
 
 _INTERRUPTED = 130
 """How typer ends without a word where it was interrupted before a command began."""

@@ -115,12 +115,20 @@ class Run:
         """Give the recorders what is left, and end them."""
         began = time.perf_counter()
         self.over = True
-        if self.error is None:
+        try:
+            if self.error is None:
+                with self._ending_on_failure():
+                    self._pause()
+        finally:
             with self._ending_on_failure():
-                self._pause()
-        with self._ending_on_failure():
-            self._buffer.end()
+                self._buffer.end()
         self.wall_s += time.perf_counter() - began
+
+    def abandon(self) -> None:
+        """Give the recorders what is left, and end them, where something else is being raised."""
+        if not self.over:
+            with contextlib.suppress(Exception):
+                self._buffer.end()
 
     def _pause(self) -> None:
         if time.monotonic() - self._flushed >= FLUSH_INTERVAL:
@@ -146,8 +154,14 @@ class Run:
             yield
         except RecordingError as error:
             self.error = self.error or error
+        except MemoryError as error:
+            self._fail(RunError("there is not enough memory."), error)
         except RunError as error:
-            if self.error is None:
-                at = self.stepping.time
-                self.error = RunError(f"the run ended at t = {at:.6g} s: {error}", time=at, **error.fields)
-                self.error.__cause__ = error
+            self._fail(error, error)
+
+    def _fail(self, error: RunError, cause: Exception) -> None:
+        """Something other than a recorder ends the run."""
+        if self.error is None:
+            at = self.stepping.time
+            self.error = RunError(f"the run ended at t = {at:.6g} s: {error}", time=at, **error.fields)
+            self.error.__cause__ = cause

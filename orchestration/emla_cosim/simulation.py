@@ -4,7 +4,7 @@ import contextlib
 import math
 import threading
 import weakref
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 
 from .errors import CommandError, RunError, called_as_in
 from .experiment import isolated, run_times, selected, steps_per_row
+from .files import present_folder
 from .fmu.variables import find_variable, start_value
 from .master.algorithms.algorithm import Algorithm
 from .master.assembly import Assembly
@@ -84,7 +85,7 @@ class Simulation:
         self.options = options or Options()
         self._unpacked, self._holds = unpacked, holds
         told = progress or Progress()
-        self._here = Path.cwd()  # an FMU may go elsewhere
+        self._here = present_folder()  # an FMU may go elsewhere
         with called_as_in(unpacked):
             self.system, fmus = prepared(system, self.options, told)
             self._assembly = Assembly(self.system, fmus, isolated(self.options.isolated, self.system))
@@ -92,7 +93,7 @@ class Simulation:
         self._run: _Going | None = None
         self._error: RunError | None = None
         self._spent: Stepping | None = None  # freed late: an FMU may fail even there
-        self._turn = threading.RLock()
+        self._turn, self._busy = threading.RLock(), False
         if self.options.compiled:
             self._compile()
         told.advance(1)
@@ -106,8 +107,10 @@ class Simulation:
     def close(self) -> None:
         """Free the FMUs and what was unpacked; a run that goes on is ended."""
         with self._alone():
-            self._abandon()
-            self._finalizer()
+            try:
+                self._abandon()
+            finally:
+                self._finalizer()
 
     @property
     def names(self) -> list[str]:
@@ -137,21 +140,24 @@ class Simulation:
         that do not fit; RunError, whose `fields` have the `result` so far, for a run that fails, or whose
         figures are not as `require` says.
         """
-        result = self.attempt(recorders=recorders, fresh=fresh, **options)
-        if (error := self._error) is not None:
-            error.fields["result"] = result
-            raise error
-        return result
+        with self._alone():
+            return self._whole(self._attempt(recorders, fresh, options))
 
     def attempt(
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
     ) -> Result:
         """`run`, but a run that fails is a result too: its `problem` says why it ended."""
         with self._alone():
-            self._start(recorders, fresh, options)
-            assert self._run is not None
+            return self._attempt(recorders, fresh, options)
+
+    def _attempt(
+        self, recorders: Sequence[Recorder] | None, fresh: bool, options: Mapping[str, Any]
+    ) -> Result:
+        self._start(recorders, fresh, options)
+        assert self._run is not None
+        with self._abandoning_on_error():
             self._run.run.advance(self._run.run.stepping.times.stop)
-            return self._ended()
+        return self._ended()
 
     def so_far(self) -> Result:
         """What came out of the run that goes on; CommandError where none does."""
@@ -186,9 +192,7 @@ class Simulation:
         stepping = _stepping(algorithm, chosen, times)
         try:
             metrics, resumed = MetricsRecorder(), None
-            if wrong := [r for r in recorders or () if not isinstance(r, Recorder)]:
-                raise CommandError(f"{wrong[0]!r} is no Recorder.")
-            taking = [metrics, *([TimeSeries()] if recorders is None else recorders)]
+            taking = [metrics, *([TimeSeries()] if recorders is None else _recorders(recorders))]
             taking += chosen.make_recorders()
             if chosen.resume or chosen.checkpoint:
                 identity = run_identity(system, assembly, chosen, times)
@@ -206,8 +210,9 @@ class Simulation:
             _freed(stepping)
             raise
         self._run = _Going(run, system, chosen, metrics, taking, every, required)
-        # the states in a checkpoint would hold a continued run to this run's stop time
-        run.begin(times.stop if chosen.checkpoint is None else None)
+        with self._abandoning_on_error():
+            # the states in a checkpoint would hold a continued run to this run's stop time
+            run.begin(times.stop if chosen.checkpoint is None else None)
 
     def advance(self, time: float) -> None:
         """Step to a time in s, which must be a communication point; begins a run if none goes on.
@@ -215,8 +220,15 @@ class Simulation:
         Raises CommandError for another time, RunError where a step fails, and KeyboardInterrupt for
         Ctrl-C, after the step that was being done: the run can go on then, or be finished.
         """
+        with self._alone():
+            interrupted = self._advance(time)
+        if interrupted:
+            raise KeyboardInterrupt
+
+    def _advance(self, time: float) -> bool:
+        """See `advance`; whether Ctrl-C ended it."""
         if self._run is None:
-            self.start()
+            self._start(None, False, {})
         assert self._run is not None
         times = self._run.run.stepping.times
         time = converted(time, float, "the time to advance to")
@@ -231,18 +243,24 @@ class Simulation:
                 f"t = {time:.9g} s is beyond the stop time {times.stop:g} s; start with a later stop_time.",
                 time=time,
             )
-        with self._alone():
+        with self._abandoning_on_error():
             self._run.run.advance(time)
         if self._run.run.error is not None:
-            self.finish()
-        elif self._run.run.interrupted:
-            raise KeyboardInterrupt
+            self._finish()
+        return self._run is not None and self._run.run.interrupted
 
     def finish(self) -> Result:
         """End the run that goes on, and return what came out; see `run` for errors."""
+        with self._alone():
+            return self._finish()
+
+    def _finish(self) -> Result:
         if self._run is None:
             raise CommandError("no run goes on; `run`, or `start` and `advance`, begin one.")
-        result = self._ended()
+        return self._whole(self._ended())
+
+    def _whole(self, result: Result) -> Result:
+        """A result, but for that of a run that failed: RunError that has it."""
         if (error := self._error) is not None:
             error.fields["result"] = result
             raise error
@@ -260,6 +278,10 @@ class Simulation:
 
         Begins a run if none goes on. Raises CommandError for a name that is not there.
         """
+        with self._here_only():
+            return self._value(name)
+
+    def _value(self, name: str) -> Any:
         if self._run is None:
             self.start()
         component, variable = self.system.split(name)
@@ -273,6 +295,10 @@ class Simulation:
 
         Begins a run if none goes on. Raises CommandError for other variables and for values that do not fit.
         """
+        with self._here_only():
+            self._set(name, value)
+
+    def _set(self, name: str, value: Any) -> None:
         if self._run is None:
             self.start()
         component, variable = self.system.split(name)
@@ -291,7 +317,19 @@ class Simulation:
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
-        """Nothing else uses the FMUs meanwhile; CommandError where another thread does."""
+        """Nothing else uses the FMUs meanwhile; CommandError where another thread or a recorder does."""
+        with self._here_only():
+            if self._busy:
+                raise CommandError("the simulation is running; a recorder cannot run, end or close it.")
+            self._busy = True
+            try:
+                yield
+            finally:
+                self._busy = False
+
+    @contextlib.contextmanager
+    def _here_only(self) -> Iterator[None]:
+        """No other thread uses the FMUs meanwhile; CommandError where one does."""
         if not self._turn.acquire(blocking=False):
             raise CommandError("another thread uses this simulation; prepare one for each thread.")
         try:
@@ -319,8 +357,10 @@ class Simulation:
     def _ended(self) -> Result:
         """End the run that goes on; `_error` is then what made it fail, if anything did."""
         assert self._run is not None
-        going, self._run = self._run, None
-        going.run.end()
+        going = self._run
+        with self._abandoning_on_error():
+            going.run.end()
+        self._run = None
         result = self._result(going)
         self._spent = going.run.stepping
         self._error = going.run.error
@@ -336,6 +376,19 @@ class Simulation:
         if self._spent is not None:
             _freed(self._spent)
             self._spent = None
+
+    @contextlib.contextmanager
+    def _abandoning_on_error(self) -> Iterator[None]:
+        """Where something raises what is no failure of a run, no run goes on, and its recorders are ended."""
+        try:
+            yield
+        except BaseException:
+            going, self._run = self._run, None
+            if going is not None:
+                self._spent = going.run.stepping
+                self._error = RunError("the run was left")  # so that the next one trusts no instance
+                going.run.abandon()
+            raise
 
     def _result(self, going: "_Going") -> Result:
         run, stepping = going.run, going.run.stepping
@@ -383,6 +436,18 @@ class _Going:
     recorders: Sequence[Recorder]
     every: int
     required: Sequence[Requirement]
+
+
+def _recorders(given: Any) -> list[Recorder]:
+    """What was handed in as recorders; CommandError for anything else, and for one that is there twice."""
+    if isinstance(given, Recorder) or not isinstance(given, Iterable):
+        raise CommandError(f"the recorders are {given!r}; they must be a list.")
+    found = list(given)
+    if wrong := [r for r in found if not isinstance(r, Recorder)]:
+        raise CommandError(f"{wrong[0]!r} is no Recorder.")
+    if len({id(r) for r in found}) < len(found):
+        raise CommandError("a recorder is handed in twice; it would take every row twice.")
+    return found
 
 
 def _unmet(going: _Going, result: Result) -> str | None:

@@ -39,7 +39,7 @@ def converted(value: Any, type_: Any, label: str, folder: Path | None = None) ->
 def _plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
     """A value that is no table and no list."""
     if hasattr(value, "dtype") and hasattr(value, "item"):
-        value = value.item()  # a number of NumPy
+        value = value.item() if value.size == 1 else value.tolist()  # a number of NumPy, or many
     wanted = str if type_ is Path else type_
     if type_ is Path and isinstance(value, Path):
         value = str(value)

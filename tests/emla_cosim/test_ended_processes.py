@@ -293,3 +293,110 @@ def test_compiled_code_has_the_same_memory() -> None:
     fields = {name: getattr(black_box.Present, name).offset for name, _ in black_box.Present._fields_}
     assert {n: PRESENT.fields[n][1] for n in fields} == fields
     assert decoded(black_box.Present())[0] is None
+
+
+def test_results_are_kept_although_a_copy_of_the_run_holds_the_lock(package: Path, tmp_path: Path) -> None:
+    process = running(tmp_path, package, Fault.ORPHAN)
+    assert process.wait(60.0) == 1
+    assert record(tmp_path)["status"].endswith(
+        "j.bad ended the process in doStep at t = 0.3 s (exit code 3)."
+    )
+    assert table(tmp_path).equals(whole(package)[:4])
+
+
+def test_the_end_of_an_isolated_fmu_is_seen_although_a_copy_holds_its_streams(
+    package: Path, tmp_path: Path
+) -> None:
+    with load(package, output_interval=0.1).prepare(isolate=["j.bad"]) as simulation:
+        began = time.monotonic()
+        with pytest.raises(ec.RunError, match=r"j\.bad ended its process in doStep .* \(exit code 3\)"):
+            simulation.run(set={"j.bad.fault": Fault.ORPHAN.value})
+        assert time.monotonic() - began < 10.0
+
+
+def test_what_an_fmu_writes_to_the_streams_of_its_process_is_no_answer(package: Path) -> None:
+    with load(package, output_interval=0.1).prepare(isolate=["j.bad"]) as simulation:
+        with pytest.raises(ec.RunError, match="something else wrote to the stream") as found:
+            simulation.run(set={"j.bad.fault": Fault.GARBLE.value})
+        assert found.value.fields["result"].time[-1] == pytest.approx(0.3)
+        assert simulation.run().to_polars().equals(whole(package))
+
+
+def test_an_isolated_fmu_has_so_long_to_terminate(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("emla_cosim.master.slaves.isolated_slave._PATIENCE", 0.5)
+    began = time.monotonic()
+    with load(package).prepare(
+        isolate=["j.bad"], set={"j.bad.fault": Fault.HANG_TERMINATE.value}
+    ) as simulation:
+        simulation.run()
+    assert time.monotonic() - began < 10.0
+
+
+def test_an_isolated_fmu_whose_parent_is_gone_says_nothing(package: Path, tmp_path: Path) -> None:
+    process = running(tmp_path, package, Fault.NONE, "--isolate", "--stop-time", 1000.0)
+    wait_for(lambda: (tmp_path / "out/results.csv").exists())
+    (child,) = psutil.Process(process.pid).children()
+    child.kill()
+    _, errors = process.communicate(timeout=60.0)
+    assert "Traceback" not in errors
+    assert "killed" in errors or "SIGKILL" in errors
+
+
+def test_a_run_that_has_no_memory_left_keeps_what_it_has(package: Path) -> None:
+    class Hungry(ec.Recorder):
+        def pause(self, run: Any) -> None:
+            if run.stepping.steps:
+                raise MemoryError
+
+    kept = ec.TimeSeries()
+    with load(package, output_interval=0.1).prepare() as simulation:
+        with pytest.raises(ec.RunError, match="there is not enough memory") as found:
+            simulation.run(recorders=[Hungry(), kept])
+        assert len(kept.rows) == found.value.fields["result"].steps + 1
+
+
+ASKED = """
+import os, signal, sys
+from emla_cosim.results.output_folder import OutputFolder
+write = OutputFolder.write
+def interrupted(*arguments, **options):
+    os.kill(os.getpid(), signal.SIGTERM)
+    return write(*arguments, **options)
+OutputFolder.write = interrupted
+from emla_cosim.program import main
+main()
+"""
+
+
+def test_what_asks_for_the_end_after_the_last_step_waits_for_the_files(package: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", ASKED, "run", str(package), "--output", "out"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+    assert record(tmp_path)["status"] == "completed"
+    assert {p.name for p in (tmp_path / "out").iterdir()} >= {"metrics.json", "run.json", "results.csv"}
+
+
+@pytest.mark.parametrize("after", [0.2, 0.3, 0.5, 0.8, 1.1])
+def test_a_run_that_is_ended_while_it_starts_says_so(after: float, package: Path, tmp_path: Path) -> None:
+    process = running(tmp_path, package, Fault.NONE)
+    wait_for(lambda: any((tmp_path / "temporary").iterdir()) or process.poll() is not None)
+    time.sleep(after - 0.2)
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60.0)
+    assert process.returncode in (0, 1)
+    assert process.returncode == 0 or "nterrupted" in errors
+    assert "Traceback" not in errors
+    assert not any((tmp_path / "temporary").iterdir())
+
+
+def test_many_signals_are_one_request(package: Path, tmp_path: Path) -> None:
+    process = running(tmp_path, package, Fault.NONE, "--stop-time", 1e7)
+    wait_for(lambda: (tmp_path / "out/results.csv").exists())
+    time.sleep(0.5)
+    while process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+        time.sleep(0.01)
+    _, errors = process.communicate(timeout=60.0)
+    assert process.returncode == 1
+    assert "Traceback" not in errors
+    assert record(tmp_path)["status"].startswith("interrupted at t = ")

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from emla_cosim.errors import CommandError
 from emla_cosim.master.algorithms.explicit import Explicit
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
@@ -202,3 +203,12 @@ def test_steps_chosen_by_their_error_join(interval: float | None) -> None:
         times_added = slave.added_up(0.0)
         assert [time for time, _ in slave.told] == times_added[:-1]
         assert set(rows[:, 0]) <= set(times_added[::2])
+
+
+def test_a_run_that_begins_far_from_zero_has_as_many_steps() -> None:
+    assert timing(1000000000.01, 1e-4, 1e9).steps == 100
+
+
+def test_steps_that_numbers_cannot_tell_apart_are_refused() -> None:
+    with pytest.raises(CommandError, match="cannot be told apart near t = "):
+        timing(1e15 + 1.0, 1e-4, 1e15)

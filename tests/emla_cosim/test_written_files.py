@@ -320,3 +320,32 @@ def test_the_time_of_a_lock_is_told(tmp_path: Path) -> None:
         assert found["began"].startswith(time.strftime("%Y"))
         with pytest.raises(ec.CommandError, match=f"process {os.getpid()} since"), alone(tmp_path):
             pass
+
+
+@pytest.mark.parametrize("replaced", [False, True])
+def test_rows_that_went_to_a_file_that_is_gone_are_missed(
+    replaced: bool, fmu_folder: Path, tmp_path: Path
+) -> None:
+    """Whoever removes or replaces the table while it grows is told that the rows are not there."""
+    path = tmp_path / "results.csv"
+
+    class Removing(ec.Recorder):
+        def write(self, rows: Any) -> None:
+            path.unlink()
+            if replaced:
+                path.write_text("precious")
+
+    with (
+        ec.load("lift", stop_time=0.01, fmus=fmu_folder).prepare() as simulation,
+        pytest.raises(ec.RunError, match="removed or replaced while the run wrote to it"),
+    ):
+        simulation.run(recorders=[ec.CsvFile(path), Removing()])
+    assert not replaced or path.read_text() == "precious"
+
+
+def test_a_device_is_no_scenario(emla: Emla, tmp_path: Path) -> None:
+    device = tmp_path / "endless.toml"
+    device.symlink_to("/dev/zero")
+    done = emla("run", str(device))
+    assert done.exit_code == 2
+    assert "it is a device" in done.output

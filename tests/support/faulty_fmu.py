@@ -61,6 +61,12 @@ class Fault(IntEnum):
     """The step that would pass `at` answers -1, which is no status, and is not done."""
     HUGE_STATE = 24
     """fmi2SerializedFMUstateSize answers 2^60 bytes after `at`."""
+    ORPHAN = 25
+    """The step that would pass `at` ends the process with exit code 3, and leaves a copy of it behind."""
+    GARBLE = 26
+    """The step that passes `at` writes to every file that the process has open, but for the first three."""
+    HANG_TERMINATE = 27
+    """fmi2Terminate never returns."""
 
 
 class Counts:

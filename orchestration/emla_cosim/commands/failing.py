@@ -7,6 +7,7 @@ from typing import Any
 import typer
 
 from ..errors import CosimError
+from ..files import present_folder
 from ..interruption import ending_as_ctrl_c
 
 
@@ -19,6 +20,7 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
 
         try:
             with ending_as_ctrl_c():
+                present_folder()
                 command(*args, **kwargs)
         except CosimError as error:
             show_error(str(error))

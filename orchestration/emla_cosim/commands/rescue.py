@@ -5,6 +5,7 @@ that names the component, its call and the time.
 """
 
 import contextlib
+import os
 import pickle
 import time
 from collections.abc import Mapping, Sequence
@@ -15,6 +16,7 @@ from typing import Any
 from .. import black_box
 from ..bars import BarProgress
 from ..errors import CosimError
+from ..interruption import POLITE
 from ..master.slaves.calls import decoded
 from ..progress import Progress
 from ..recorders.metrics import MetricsRecorder
@@ -24,7 +26,7 @@ from ..results.output_folder import OutputFolder
 from ..results.result import Result
 from ..scenarios.scenario import Scenario
 from ..simulation import Simulation
-from ..terminal import show_error, show_result
+from ..terminal import ERR, show_error, show_result
 from ..units import LinearTransformation
 
 _SELDOM = 1.0
@@ -53,6 +55,7 @@ class _Told:
     form: str
     plots: bool
     notes: Sequence[str]
+    process: int
     begun: _Begun | None = None
     over: bool = False
 
@@ -64,13 +67,22 @@ class Remembered(Recorder):
         """Tell that a run of the scenario is about to be made, with results in this folder."""
         names = [c.name for c in scenario.system.components]
         self._told = _Told(
-            scenario.name, names, output.path, output.form, scenario.options.plots, scenario.notes
+            scenario.name,
+            names,
+            output.path,
+            output.form,
+            scenario.options.plots,
+            scenario.notes,
+            os.getpid(),
         )
         self._quick = output.table().quick_memory
         self._run: Pause | None = None
         self._memory: Mapping[str, Any] = {}
         self._looked, self._at = time.monotonic(), 0.0
         self._tell()
+
+    def __str__(self) -> str:
+        return "the record of the run"
 
     def watch(self, simulation: Simulation) -> None:
         """The simulation whose run is recorded."""
@@ -123,6 +135,9 @@ def rescue(how: str, ended: float) -> None:
     """Finish the results of a run whose process ended so, at this time in s, and say it."""
     message = black_box.message()
     if not message:
+        if how in {number.name for number in POLITE}:  # it is so young that it cannot say so itself
+            ERR.print("[bold red]Interrupted.[/]")
+            return
         show_error(f"the process of the run ended ({how}) before it began.")
         return
     told: _Told = pickle.loads(message)
@@ -130,7 +145,7 @@ def rescue(how: str, ended: float) -> None:
     cause = _cause(how, told.components[slave] if slave is not None else None, call)
     try:
         output = OutputFolder(told.folder, told.form)
-        with output.alone():
+        with output.alone(heir_of=told.process):
             problem = _kept(told, output, cause, ended)
         show_error(f"{problem} What was computed is in {output.path}.")
     except CosimError as error:

@@ -9,6 +9,7 @@ from ..bars import BarProgress
 from ..errors import CosimError
 from ..experiment import check_run
 from ..files import check_places
+from ..interruption import interruption
 from ..loading import load
 from ..option import RUN
 from ..options import Options
@@ -35,9 +36,11 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
             with chosen.prepare(progress) as simulation:
                 remembered.watch(simulation)
                 writing = output.recorders(continued=options.resume is not None)
-                result = simulation.attempt(recorders=[*writing, ProgressRecorder(progress), remembered])
-                # before FMUs are terminated, which is their last occasion to fail
-                result, pictures = output.keep(result, options.plots and not result.interrupted, progress)
+                recorders = [*writing, ProgressRecorder(progress), remembered]
+                with interruption() as asked:  # from the first row to the last file
+                    result = simulation.attempt(recorders=recorders)
+                    # before FMUs are terminated, which is their last occasion to fail
+                    result, pictures = output.keep(result, options.plots and not asked(), progress)
     show_result(result, chosen.notes, output, pictures)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {output.path}.")

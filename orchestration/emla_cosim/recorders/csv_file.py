@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import os
 from collections.abc import Sequence
 from io import BytesIO, StringIO
 from itertools import islice
@@ -49,9 +50,14 @@ class CsvFile(Table):
             self._write_lines(header)
 
     def end(self) -> None:
-        """Append the last row if it was not due, and close the file."""
+        """Append the last row if it was not due, and close the file.
+
+        Raises OSError, also where the rows went to a file that is no more at its place.
+        """
         try:
             super().end()
+            if not self._in_place():
+                raise OSError(0, "it was removed or replaced while the run wrote to it")
         finally:
             self._stream.close()
 
@@ -69,6 +75,12 @@ class CsvFile(Table):
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Columns by name; one that the file does not have is left out."""
         return read_csv(self.path, names, most)
+
+    def _in_place(self) -> bool:
+        try:
+            return os.path.samestat(os.fstat(self._stream.fileno()), self.path.stat())
+        except OSError:
+            return False
 
     def _write_lines(self, text: bytes) -> None:
         """Append whole lines; where not all of them fit, those that do, and none in part."""

@@ -1,6 +1,6 @@
 """The interface of all recorders, and how rows come to them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -136,22 +136,25 @@ class RowBuffer:
             for signal, transformation in self._shown.items():
                 column = rows[:, 1 + signal]
                 column[:] = transformation.factor * column + transformation.offset
-            for recorder in self._recorders:
-                with recording(recorder):
-                    recorder.write(rows)
+            rows = rows.view()
+            rows.flags.writeable = False  # they go to the others too
+            self._each(lambda recorder: recorder.write(rows))
 
     def end(self) -> None:
         """Pass on what is left and end the recorders, every one of them. Raises RecordingError."""
-        failure: RecordingError | None = None
         try:
             self.flush()
-        except RecordingError as error:
-            failure = error
+        finally:
+            self._each(lambda recorder: recorder.end())
+
+    def _each(self, call: Callable[[Recorder], None]) -> None:
+        """Call every recorder, also after one that fails; the first failure is raised then."""
+        failure: BaseException | None = None
         for recorder in self._recorders:
             try:
                 with recording(recorder):
-                    recorder.end()
-            except RecordingError as error:
+                    call(recorder)
+            except BaseException as error:
                 failure = failure or error
         if failure is not None:
             raise failure

@@ -59,12 +59,12 @@ class OutputFolder:
         return [self.results, *(self.path / name for name in _names())]
 
     @contextlib.contextmanager
-    def alone(self) -> Iterator[None]:
-        """No other run writes here meanwhile; CommandError where one does.
+    def alone(self, heir_of: int | None = None) -> Iterator[None]:
+        """No other run writes here meanwhile; CommandError where one does. See `locking.alone`.
 
         What was not complete when an earlier run was killed is removed.
         """
-        with alone(self._place):
+        with alone(self._place, heir_of):
             with contextlib.suppress(OSError):
                 for left in self._place.glob(f"{UNFINISHED}*"):
                     left.unlink()
@@ -100,11 +100,11 @@ class OutputFolder:
                 table.end()
 
     def keep(self, result: Result, plots: bool, progress: Progress) -> tuple[Result, list[Path]]:
-        """`write`, with a failure as the problem of the result, unless that has one already."""
+        """`write`, with a failure among the problems of the result."""
         try:
             return result, self.write(result, plots, progress)
         except RunError as error:
-            return replace(result, problem=result.problem or str(error)), []
+            return replace(result, problem=" ".join(filter(None, (result.problem, str(error))))), []
 
     def write(self, result: Result, plots: bool, progress: Progress | None = None) -> list[Path]:
         """Write metrics.json, run.json and, if wanted, pictures, which are returned. Raises RunError."""

@@ -12,6 +12,7 @@ from ..master.stepping.timing import Timing
 from ..recorders.metrics import Figures, Shown
 from ..recorders.table import Table
 from ..units import Unit
+from ..values import converted
 
 if TYPE_CHECKING:
     import pandas
@@ -111,7 +112,7 @@ class Result:
         """
         from .output_folder import OutputFolder
 
-        output = OutputFolder(Path(folder), self.record["settings"]["output_format"])
+        output = OutputFolder(converted(folder, Path, "the folder"), self.record["settings"]["output_format"])
         with output.alone():
             output.write_table(self)
             return output.write(self, plots)

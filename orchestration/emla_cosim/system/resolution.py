@@ -21,8 +21,12 @@ def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
 
     `interfaces` has that of every component. Raises CommandError for whatever does not fit.
     """
+    names: set[str] = set()
     for component in system.components:
         _check_name(component.name)
+        if component.name in names:
+            raise CommandError(f"there are two components '{component.name}'; each needs its own name.")
+        names.add(component.name)
     components = tuple(in_fmu_terms(c) for c in system.components)
     driven: dict[tuple[str, str], Connection] = {}
     for x in system.connections:

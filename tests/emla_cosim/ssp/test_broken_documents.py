@@ -274,7 +274,7 @@ def test_parameters(
     ("given", "words"),
     [
         ({"b": "two"}, ["a.b", "two", "not a number"]),
-        ({"fault": 99}, ["a.fault = 99", "out of range", "at most 24"]),
+        ({"fault": 99}, ["a.fault = 99", "out of range", "at most 27"]),
         ({"fault": "none"}, ["a.fault", "none", "not a whole number"]),
     ],
 )

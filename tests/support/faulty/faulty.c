@@ -112,6 +112,7 @@ fmi2Status fmi2Terminate(fmi2Component c) {
     ALIVE(instance);
     if (require(instance, STEP, "terminate") != fmi2OK) return fmi2Error;
     maybe_die(&instance->now, SEGFAULT_TERMINATE);
+    while (instance->now.fault == HANG_TERMINATE) hung++;
     instance->now.phase = TERMINATED;
     return fmi2OK;
 }

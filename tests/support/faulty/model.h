@@ -4,6 +4,14 @@
 
 #include "instance.h"
 
+#ifdef _WIN32
+#define fork() 0
+#define sleep(seconds) (void)(seconds)
+#include <io.h>
+#else
+#include <unistd.h>
+#endif
+
 /* Values of the parameter `fault`. */
 enum {
     NO_FAULT,
@@ -31,6 +39,9 @@ enum {
     SEGFAULT_FREE_STATE,
     NEGATIVE,
     HUGE_STATE,
+    ORPHAN,
+    GARBLE,
+    HANG_TERMINATE,
     N_FAULTS
 };
 
@@ -99,6 +110,14 @@ static fmi2Status faulty_step(Instance *instance, double end) {
         case EXIT: exit(0);
         case SEGFAULT: raise(SIGSEGV); break;
         case ABORT: abort();
+        case ORPHAN:
+            if (fork() > 0) _exit(3);
+            sleep(20);
+            _exit(0);
+        case GARBLE:
+            for (int file = 3; file < 64; file++)
+                if (write(file, "\0\0\0\0garbage", 11) < 0) continue;
+            break;
         case HANG:
             for (;;) hung++;
         case NAN_Y:

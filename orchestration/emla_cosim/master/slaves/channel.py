@@ -1,11 +1,21 @@
 """Requests and answers between two processes, through a pipe each way."""
 
 import pickle
+import select
 import struct
+import time
+from collections.abc import Callable
 from typing import IO, Any, NamedTuple
 
-_LENGTH = struct.Struct("=Q")
+_HEAD = struct.Struct("=8sQ")
+_MARK = b"\x93emla\r\n\x1a"
 _BLOCK = 2**16
+_LOOK = 0.5
+"""Seconds between two looks at whether the other end is still there."""
+
+
+class SilenceError(Exception):
+    """The other end has not answered in time."""
 
 
 class Request(NamedTuple):
@@ -18,25 +28,43 @@ class Request(NamedTuple):
 
 
 class Channel:
-    """Sends and receives objects; both ends are ours, and trust each other."""
+    """Sends and receives objects; both ends are ours, but an FMU may write to any stream it finds."""
 
-    def __init__(self, incoming: IO[bytes] | None, outgoing: IO[bytes] | None) -> None:
-        """Take unbuffered streams."""
+    def __init__(
+        self,
+        incoming: IO[bytes] | None,
+        outgoing: IO[bytes] | None,
+        alive: Callable[[], bool] | None = None,
+    ) -> None:
+        """Take unbuffered streams.
+
+        `alive` says whether the other process is there, where its end of a stream may outlive it: what
+        it started can hold that open.
+        """
         assert incoming is not None
         assert outgoing is not None
         self._incoming, self._outgoing = incoming, outgoing
         self._ahead = b""
+        self._alive, self._poll = alive, None
+        if alive is not None and hasattr(select, "poll"):
+            self._poll = select.poll()
+            self._poll.register(incoming, select.POLLIN)
 
     def send(self, content: Any) -> None:
         """Send one object; OSError where nobody listens any more."""
         text = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
-        left = memoryview(_LENGTH.pack(len(text)) + text)
+        left = memoryview(_HEAD.pack(_MARK, len(text)) + text)
         while left:
             left = left[self._outgoing.write(left) :]
 
-    def receive(self) -> Any:
-        """Wait for one object; EOFError where nobody will send any."""
-        (length,) = _LENGTH.unpack(self._read(_LENGTH.size))
+    def receive(self, patience: float | None = None) -> Any:
+        """Wait for one object; EOFError where nobody will send any, or something else came.
+
+        Raises SilenceError where nothing comes for so many seconds, if the host can tell.
+        """
+        mark, length = _HEAD.unpack(self._read(_HEAD.size, patience))
+        if mark != _MARK:
+            raise EOFError("something else wrote to the stream")
         return pickle.loads(self._read(length))
 
     def close(self) -> None:
@@ -47,12 +75,24 @@ class Channel:
             except OSError:
                 continue
 
-    def _read(self, count: int) -> bytes:
+    def _read(self, count: int, patience: float | None = None) -> bytes:
         found = self._ahead
         while len(found) < count:
+            self._wait(patience)
             block = self._incoming.read(max(count - len(found), _BLOCK))  # what there is, mostly all of it
             if not block:
                 raise EOFError
             found += block
         self._ahead = found[count:]
         return found[:count]
+
+    def _wait(self, patience: float | None) -> None:
+        """Wait until there is something to read, or nothing will be any more."""
+        if self._poll is None or self._alive is None:
+            return
+        until = time.monotonic() + patience if patience is not None else None
+        while not self._poll.poll(1e3 * _LOOK):
+            if not self._alive():
+                raise EOFError
+            if until is not None and time.monotonic() > until:
+                raise SilenceError

@@ -15,11 +15,11 @@ from fmpy.model_description import ModelVariable
 
 from ...arrays import Vector
 from ...black_box import Present
-from ...errors import CommandError
+from ...errors import CommandError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.variables import TypedValue
 from .calls import decoded
-from .channel import Channel, Request
+from .channel import Channel, Request, SilenceError
 from .described_slave import DescribedSlave
 from .slave import SlaveError
 
@@ -53,7 +53,10 @@ class IsolatedSlave(DescribedSlave):
         except OSError as error:
             self._calls.close()
             raise CommandError(f"{name} cannot have a process of its own: {error.strerror}.") from error
-        self._channel = Channel(self._process.stdout, self._process.stdin)
+        self._owner = os.getpid()
+        self._channel = Channel(
+            self._process.stdout, self._process.stdin, lambda: self._process.poll() is None
+        )
         self._send(Request("start", (name, file, list(inputs), list(outputs))))
 
     def ready(self) -> None:
@@ -126,8 +129,10 @@ class IsolatedSlave(DescribedSlave):
 
     def close(self) -> None:
         """Terminate the FMU where the standard allows it, free the instance, and end its process."""
+        if os.getpid() != self._owner:  # this process divided from the one that has the FMU
+            return
         with contextlib.suppress(Exception):
-            self._ask("close")
+            self._ask("close", patience=_PATIENCE)
         self._channel.close()
         try:
             self._process.wait(_PATIENCE)
@@ -136,14 +141,16 @@ class IsolatedSlave(DescribedSlave):
             self._process.wait()
         self._calls.close()
 
-    def _ask(self, call: str, *arguments: Any) -> Any:
+    def _ask(self, call: str, *arguments: Any, patience: float | None = None) -> Any:
         """Let the FMU's process do a call, after it set what is still to be set."""
         request = Request(call, arguments, self._inputs_to_set, self._slopes_to_set)
         self._inputs_to_set = self._slopes_to_set = self._outputs_of_step = None
         self._send(request)
-        return self._receive()
+        return self._receive(patience)
 
     def _send(self, request: Request) -> None:
+        if os.getpid() != self._owner:
+            raise RunError(f"the FMU of {self.name} belongs to another process; prepare it in this one.")
         if self._end is not None:
             raise self._end
         try:
@@ -151,17 +158,27 @@ class IsolatedSlave(DescribedSlave):
         except OSError as error:
             raise self._ended() from error
 
-    def _receive(self) -> Any:
+    def _receive(self, patience: float | None = None) -> Any:
         try:
-            answer = self._channel.receive()
-        except (EOFError, OSError) as error:
+            answer = self._channel.receive(patience)
+        except SilenceError as error:
+            raise self._killed("no answer") from error
+        except EOFError as error:
+            if error.args:  # what wrote into the stream will not end by itself
+                raise self._killed(str(error)) from error
             raise self._ended() from error
         except KeyboardInterrupt as error:  # twice Ctrl-C, so that a call that never returns ends
-            self._process.kill()
-            raise self._ended("interrupted") from error
+            raise self._killed("interrupted") from error
+        except BaseException:  # a late answer must not be taken for that of the next request
+            self._killed("left")
+            raise
         if isinstance(answer, Exception):
             raise answer
         return answer
+
+    def _killed(self, how: str) -> SlaveError:
+        self._process.kill()
+        return self._ended(how)
 
     def _ended(self, how: str = "") -> SlaveError:
         """The error of a process that is no more; it is the answer to everything from now on."""

@@ -95,7 +95,10 @@ def main() -> None:
             answer = error
         except Exception as error:
             answer = RunError(f"the process of an isolated FMU failed: {error!r}.")
-        channel.send(answer)
+        try:
+            channel.send(answer)
+        except OSError:  # the parent is gone
+            os._exit(0)
 
 
 def _started(name: str, file: FmuFile, inputs: list[str], outputs: list[str]) -> Worker:

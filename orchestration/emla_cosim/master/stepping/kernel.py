@@ -65,7 +65,7 @@ class Kernel:
         reached = int(loop["reached"])
         self._algorithm.steps += reached - first
         error = self._error(failure, clock.point(reached), clock.point(reached + 1))
-        return self._present.recorded, error
+        return int(loop["recorded"]), error
 
     @staticmethod
     def why_not_kept() -> str:

@@ -80,6 +80,7 @@ LOOP = _record(
     present=_ADDRESS,  # of a PRESENT record
     clock=CLOCK,
     reached=_NUMBER,  # answer: the step that failed, or the one after the last
+    recorded=_NUMBER,  # answer: how many rows were filled; others may write to the PRESENT record
     slave=_NUMBER,  # answer: the slave that failed
     status=_NUMBER,  # answer: what its FMI function returned
 )

@@ -182,13 +182,13 @@ def _all_finite(loop):
 @_part
 def _record(loop, time, rows):
     """Fill the next row: time, then all signals."""
-    present = _present(loop.present, 0)
-    row, signals = present.recorded * (1 + loop.signal_count), _doubles(loop.signals)
+    row, signals = loop.recorded * (1 + loop.signal_count), _doubles(loop.signals)
     values = _doubles(rows)
     values[row] = time
     for s in range(loop.signal_count):
         values[row + 1 + s] = signals[s]
-    present.recorded += 1
+    loop.recorded += 1
+    _present(loop.present, 0).recorded = loop.recorded
 
 
 @_part
@@ -225,7 +225,7 @@ def advance(address, first, count, every, rows):
     `every`-th point fills one.
     """
     loop = _loop(address, 0)
-    _present(loop.present, 0).recorded = 0
+    loop.recorded = 0
     next_time = _point(loop.clock, first)
     for k in range(first, first + count):
         loop.reached = k

@@ -10,6 +10,9 @@ from ...errors import CommandError
 
 MAXIMUM_STEPS = 10**10
 
+_COARSE = 1e-2
+"""A part of a step: by so much a point of time may be off, where numbers are that large."""
+
 _LARGEST = 2**53
 """Up to here doubles hold every integer."""
 
@@ -83,6 +86,8 @@ def timing(stop_time: float, step_size: float, start_time: float = 0.0) -> Timin
     if not 0.0 < step_size < float("inf"):
         raise CommandError(f"the step size {step_size:.12g} s must be a positive number of seconds.")
     span = stop_time - start_time
+    if math.isfinite(span):  # as the numbers mean, not as they are rounded far from zero
+        span = float(Fraction(repr(float(stop_time))) - Fraction(repr(float(start_time))))
     if not 0.0 < span < float("inf"):
         raise CommandError(
             f"the stop time {stop_time:.12g} s must be a finite number of seconds after {start_time:.12g} s."
@@ -97,5 +102,10 @@ def timing(stop_time: float, step_size: float, start_time: float = 0.0) -> Timin
         raise CommandError(
             f"the stop time {stop_time:.12g} s is not a whole number of steps of {step_size:.12g} s; "
             f"{start_time + whole * step_size:.12g} s would be."
+        )
+    latest = max(abs(start_time), abs(stop_time))
+    if math.ulp(latest) > _COARSE * step_size:
+        raise CommandError(
+            f"steps of {step_size:.12g} s cannot be told apart near t = {latest:.12g} s; start nearer to 0 s."
         )
     return Timing(start_time, step_size, steps)
