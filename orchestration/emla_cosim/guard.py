@@ -17,7 +17,7 @@ from collections.abc import Callable
 from mmap import mmap
 
 from . import black_box
-from .interruption import POLITE, repeated
+from .interruption import POLITE, ask_no_more, repeated
 
 _PATIENCE = 3.0
 """Seconds that a run has to end when it was asked to twice."""
@@ -27,29 +27,43 @@ def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
     """Do `run` in a child process, and end as that ends.
 
     Where it does not come to an end of its own, `rescue` is called here with the way it ended. Without
-    processes that can divide there is no guard.
+    processes that can divide, or room for one more, there is no guard.
     """
     if not hasattr(os, "fork"):
         run()
         return
-    black_box.share(mmap(-1, black_box.SIZE))
     signal.pthread_sigmask(signal.SIG_BLOCK, POLITE)  # until somebody can answer
-    folder = _temporary_folder()
-    child = os.fork()
+    child, folder = _divided()
     if child == 0:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
         _watched(run)
         return
     try:
+        if child is None:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
+            run()
+            return
         status = _waited(child)
         whole = black_box.present().ended and os.WIFEXITED(status)
         if not whole:
             rescue(_how(status))
     finally:
-        _heed_no_more()
+        ask_no_more()
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
     sys.exit(os.WEXITSTATUS(status) if whole else 1)
+
+
+def _divided() -> tuple[int | None, str | None]:
+    """The child as `fork` gives it, None where there can be none; and the folder for temporary files."""
+    folder = None
+    try:
+        memory = mmap(-1, black_box.SIZE)
+        folder = _temporary_folder()
+        black_box.share(memory)
+        return os.fork(), folder
+    except OSError:
+        return None, folder
 
 
 def _watched(run: Callable[[], None]) -> None:
@@ -58,21 +72,15 @@ def _watched(run: Callable[[], None]) -> None:
     try:
         run()
     except SystemExit:
-        _heed_no_more()
+        ask_no_more()
         black_box.present().ended = 1
         raise
     except Exception:  # nothing can be relied on, not even that Python comes to its end
         with contextlib.suppress(Exception):
             traceback.print_exc()
         os._exit(1)
-    _heed_no_more()
+    ask_no_more()
     black_box.present().ended = 1
-
-
-def _heed_no_more() -> None:
-    """Nothing is left to be ended politely; Python's own end would otherwise be one by the signal."""
-    for number in POLITE:
-        signal.signal(number, signal.SIG_IGN)
 
 
 def _end_with(parent: int) -> None:

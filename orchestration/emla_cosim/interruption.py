@@ -64,7 +64,7 @@ def ending_as_ctrl_c() -> Iterator[None]:
 
 
 def ask_no_more() -> None:
-    """From now on these signals do nothing: there is nothing left that could be ended early."""
+    """From now on these signals do nothing: nothing is left that could be ended early."""
     for number in POLITE:
         signal.signal(number, signal.SIG_IGN)
 

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -21,7 +22,7 @@ EVENTS = {
 """What the interpreter tells of before it does it; the first argument is the path."""
 
 COMMANDS = {
-    "run": ["run", "my.toml", "--output", "out", "--checkpoint", "c"],
+    "run": ["run", "my.toml", "--output", "out", "--no-plots", "--checkpoint", "c"],
     "resume": ["run", "lift", "--stop-time", "0.02", "--output", "out", "--no-plots", "--resume", "before"],
     "parquet": [
         "run",
@@ -38,34 +39,44 @@ COMMANDS = {
     "package": ["run", "lift.ssp", "--stop-time", "0.01", "--output", "out", "--no-plots"],
     "build": ["build", "Reference", "--output", "built"],
 }
-HARMLESS = ("os.remove", "os.rmdir", "shutil.rmtree", "os.scandir", "os.listdir")
-"""Failures that may pass without a word: something is left that nobody needs."""
+OURS = re.compile(r"[/\\\\](emla_cosim|fmublock)[/\\\\](?!test_)")
+
+MADE = {"export": "mine.ssp", "build": "built/Reference/Reference.fmu", "parquet": "out/results.parquet"}
+"""What commands are for, if not for results.csv."""
 
 
 class _Failing:
-    """Counts the events in a folder, and lets one of them fail."""
+    """Lets an event in a folder fail, at a place of our code where none has failed yet."""
 
     def __init__(self) -> None:
         self.folder: str | None = None
-        self.seen = 0
-        self.at = -1
-        self.failed = ""
+        self.tried: set[tuple[str, str, int]] = set()
+        self.failed: tuple[str, str, int] | None = None
         sys.addaudithook(self.hear)  # for ever: there is no way to remove one
 
     def hear(self, event: str, arguments: tuple[Any, ...]) -> None:
         """What the interpreter calls."""
-        if self.folder is None or event not in EVENTS or not arguments:
+        if self.folder is None or self.failed or event not in EVENTS or not arguments:
             return
         path = arguments[0]
         if not isinstance(path, (str, bytes, os.PathLike)) or not self._inside(os.fsdecode(path)):
             return
-        self.seen += 1
-        if self.seen == self.at:
-            self.failed = f"{event} {os.fsdecode(path)}"
+        place = (event, *_place())
+        if place not in self.tried:
+            self.tried.add(place)
+            self.failed = place
             raise OSError(errno.EIO, os.strerror(errno.EIO), path)
 
     def _inside(self, path: str) -> bool:
         return not Path(path).is_absolute() or path.startswith(str(self.folder))
+
+
+def _place() -> tuple[str, int]:
+    """The innermost line of ours that is being executed."""
+    frame = sys._getframe(2)
+    while frame.f_back is not None and not OURS.search(frame.f_code.co_filename):
+        frame = frame.f_back
+    return Path(frame.f_code.co_filename).name, frame.f_lineno
 
 
 @pytest.fixture(scope="module")
@@ -102,22 +113,22 @@ def test_every_call_to_the_file_system_fails_once(
     assert emla("export", "lift", "lift.ssp").exit_code == 0
     before = ["run", "lift", "--stop-time", "0.01", "--output", "out", "--no-plots", "--checkpoint", "before"]
     assert emla(*before).exit_code == 0
-    failures, silent, at = 0, [], 0
+    made, silent = tmp_path / MADE.get(what, "out/results.csv"), []
+    failing.tried = set()
     while True:
-        at += 1
-        failing.folder, failing.seen, failing.at, failing.failed = str(tmp_path), 0, at, ""
+        failing.folder, failing.failed = str(tmp_path), None
         result = emla(*COMMANDS[what])
         failing.folder = None
-        if not failing.failed:
+        if failing.failed is None:
             break
-        failures += 1
         assert result.exception is None or isinstance(result.exception, SystemExit), failing.failed
         assert result.exit_code in (0, 1, 2), failing.failed
         lines = [x for x in result.stderr.splitlines() if x.startswith("Error:")]
         assert len(lines) == (result.exit_code > 0), (failing.failed, result.stderr)
-        if not result.exit_code and not failing.failed.startswith(HARMLESS):
-            silent.append(failing.failed)
+        if not result.exit_code:  # it could do without
+            silent.append(made.read_bytes())
         assert_whole(tmp_path)
-    assert result.exit_code == 0, (at, result.stderr)
-    assert failures > 0
-    print(what, failures, "failures;", "silent:", *silent, sep="\n  ")
+    assert result.exit_code == 0, result.stderr
+    assert all(content == made.read_bytes() for content in silent)
+    assert len(silent) < len(failing.tried) or what == "build"  # which reads what it made before
+    print(f"{what}: {len(failing.tried)} places failed, {len(silent)} of them without harm")

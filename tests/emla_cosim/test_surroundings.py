@@ -179,3 +179,18 @@ def test_too_little_memory_is_one_sentence(megabytes: int, fmu_folder: Path, tmp
     assert b"Traceback (most" not in done.stderr
     sentences = [line for line in done.stderr.splitlines() if line.startswith(b"Error: ")]
     assert len(sentences) == (done.returncode > 0), done.stderr
+
+
+def test_a_host_without_room_for_a_guard_runs_without_one(fmu_folder: Path, tmp_path: Path) -> None:
+    without = (
+        "import os\n"
+        "def fork(): raise BlockingIOError(11, 'Resource temporarily unavailable')\n"
+        "os.fork = fork\n"
+        "from emla_cosim.program import main; main()"
+    )
+    command = [sys.executable, "-c", without, *RUN, "--stop-time", "0.01", "--fmus", str(fmu_folder)]
+    environment = surroundings(fmu_folder, tmp_path)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert b"Wrote out/: results.csv" in done.stdout
+    assert not any((tmp_path / "temporary").iterdir())

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,11 +47,11 @@ class IsolatedSlave(DescribedSlave):
         self._slopes_to_set: bytes | None = None
         self._outputs_of_step: bytes | None = None
         self._end: SlaveError | None = None
-        self._calls = _CallFile()
         try:
-            self._process = _start(self._calls.path)
+            self._calls = _CallFile()
+            with self._calls.kept():
+                self._process = _start(self._calls.path)
         except OSError as error:
-            self._calls.close()
             raise CommandError(f"{name} cannot have a process of its own: {error.strerror}.") from error
         self._owner = os.getpid()
         self._channel = Channel(
@@ -195,6 +195,15 @@ class _CallFile:
         self.path = Path(name)
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(bytes(Present()))
+
+    @contextlib.contextmanager
+    def kept(self) -> Iterator[None]:
+        """Remove it if what is done here fails."""
+        try:
+            yield
+        except BaseException:
+            self.close()
+            raise
 
     def last(self) -> str:
         """The call during which the process ended."""
