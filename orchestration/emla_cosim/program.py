@@ -47,7 +47,9 @@ def _run() -> None:
     except (ImportError, MemoryError) as error:
         *_, reason = str(error).strip().rstrip(".").splitlines() or ["there is not enough memory"]
         _end(f"Error: emla cannot be started: {reason}.")
-    except OSError as error:  # of help, which others put out
+    except OSError as error:  # of help, or of what is wrong with the command, which others put out
+        if not _takes(sys.stderr, "\n"):
+            sys.exit(2)
         if _takes(sys.stdout, "\n"):
             raise
         _end(f"Error: the standard output cannot be written: {error.strerror}.")
