@@ -63,6 +63,18 @@ def ending_as_ctrl_c() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def ending_at_once(end: Callable[[], None]) -> Iterator[None]:
+    """Let each of these signals call `end`: while modules are imported an exception would come to anybody."""
+
+    def called(signum: int, frame: FrameType | None) -> None:
+        if not repeated():
+            end()
+
+    with _handled(called):
+        yield
+
+
 def ask_no_more() -> None:
     """From now on these signals do nothing: nothing is left that could be ended early."""
     for number in POLITE:

@@ -4,22 +4,20 @@ import gc
 import os
 import sys
 import time
+from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
+from . import black_box
 from .guard import guarded
-from .interruption import ask_no_more, ending_as_ctrl_c
+from .interruption import ask_no_more, ending_at_once
 
 COLLECT = 50_000
 """Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
 
 _INTERRUPTED = 130
 """How typer ends where Ctrl-C comes before a command begins, without a word."""
-
-
-_INTERRUPTED = 130
-"""How typer ends without a word where it was interrupted before a command began."""
 
 
 def main() -> None:
@@ -34,25 +32,23 @@ def main() -> None:
 
 def _run() -> None:
     try:
-        with ending_as_ctrl_c():
+        with ending_at_once(_interrupted):
             from .cli import app
 
             app()
-    except KeyboardInterrupt:  # while something was imported
+    except KeyboardInterrupt:
         _end("Interrupted.")
-    except SystemExit as end:
-        if end.code == _INTERRUPTED:
-            _end("Interrupted.")
+    except SystemExit:
         raise
     except (ImportError, MemoryError) as error:
         *_, reason = str(error).strip().rstrip(".").splitlines() or ["there is not enough memory"]
         _end(f"Error: emla cannot be started: {reason}.")
     except OSError as error:  # of help, or of what is wrong with the command, which others put out
+        if not _takes(sys.stdout, "\n"):
+            _end(f"Error: the standard output cannot be written: {error.strerror}.")
         if not _takes(sys.stderr, "\n"):
             sys.exit(2)
-        if _takes(sys.stdout, "\n"):
-            raise
-        _end(f"Error: the standard output cannot be written: {error.strerror}.")
+        raise
     except BaseException:  # libraries fail in many ways where memory ends
         if (limit := _memory_limit()) is None:
             raise
@@ -103,6 +99,14 @@ def _takes(stream: TextIO, text: str = "") -> bool:
 def _lead_nowhere(stream: TextIO) -> None:
     with Path(os.devnull).open("w") as nowhere:
         os.dup2(nowhere.fileno(), stream.fileno())
+
+
+def _interrupted() -> None:
+    """End before a command has begun: nothing is there that had to be tidied up."""
+    with suppress(OSError):
+        os.write(2, b"Interrupted.\n")
+    black_box.present().ended = 1
+    os._exit(1)
 
 
 def _end(sentence: str) -> None:
