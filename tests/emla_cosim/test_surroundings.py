@@ -177,8 +177,8 @@ def test_too_little_memory_is_one_sentence(megabytes: int, fmu_folder: Path, tmp
     )
     assert done.returncode in (0, 1, 2)
     assert b"Traceback (most" not in done.stderr
-    sentences = [line for line in done.stderr.splitlines() if line.startswith(b"Error: ")]
-    assert len(sentences) == (done.returncode > 0), done.stderr
+    # anywhere in a line: what ran out of memory may have been writing one
+    assert done.stderr.count(b"Error: ") == (done.returncode > 0), done.stderr
 
 
 def test_a_host_without_room_for_a_guard_runs_without_one(fmu_folder: Path, tmp_path: Path) -> None:
