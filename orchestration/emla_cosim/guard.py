@@ -112,9 +112,12 @@ def _waited(child: int) -> int:
 
 def _temporary_folder() -> str | None:
     """A folder for all temporary files, which then go however the run ends; None where there can be none."""
-    with contextlib.suppress(OSError):
-        tempfile.tempdir = tempfile.mkdtemp(prefix="emla-run-")
-    return tempfile.tempdir
+    try:
+        folder = tempfile.mkdtemp(prefix="emla-run-")
+    except OSError:
+        return None  # `tempdir` names everybody's folder now, which is not ours to remove
+    tempfile.tempdir = folder
+    return folder
 
 
 def _how(status: int) -> str:

@@ -194,3 +194,21 @@ def test_a_host_without_room_for_a_guard_runs_without_one(fmu_folder: Path, tmp_
     assert done.returncode == 0, done.stderr
     assert b"Wrote out/: results.csv" in done.stdout
     assert not any((tmp_path / "temporary").iterdir())
+
+
+def test_a_guard_without_a_folder_of_its_own_removes_nobody_elses(fmu_folder: Path, tmp_path: Path) -> None:
+    code = (
+        "import os\n"
+        "original = os.mkdir\n"
+        "def mkdir(path, *more, **how):\n"
+        "    if 'emla-run-' in str(path): raise OSError(28, 'No space left on device')\n"
+        "    return original(path, *more, **how)\n"
+        "os.mkdir = mkdir\n"
+        "from emla_cosim.program import main; main()"
+    )
+    environment = surroundings(fmu_folder, tmp_path)
+    (tmp_path / "temporary" / "precious").write_text("mine")
+    command = [sys.executable, "-c", code, *RUN, "--stop-time", "0.01", "--fmus", str(fmu_folder)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert [p.name for p in (tmp_path / "temporary").iterdir()] == ["precious"]
