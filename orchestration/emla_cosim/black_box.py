@@ -68,14 +68,15 @@ def shared() -> bool:
     return _Box.memory is not None
 
 
-def tell(content: bytes, which: int = RUN) -> None:
-    """Leave a message in place of the last one of its kind; one that is too long is none."""
+def tell(content: bytes, which: int = RUN) -> bool:
+    """Leave a message in place of the last one of its kind; none where it is too long. Whether it fits."""
     told = _Box.present.told
     told[which] = 0
     if shared() and len(content) <= _LONGEST:
         first = _MESSAGES + which * _LONGEST
         _Box.memory[first : first + len(content)] = content
         told[which] = len(content)
+    return told[which] == len(content)
 
 
 def message(which: int = RUN) -> bytes:

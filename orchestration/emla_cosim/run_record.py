@@ -14,6 +14,9 @@ from .master.stepping.timing import Timing
 from .options import Options
 from .system.model import System
 
+COMPLETED = "completed"
+"""The status of a run that came to its end."""
+
 _PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pythonfmu")
 
 
@@ -35,7 +38,7 @@ def run_record(
     """
     return {
         "scenario": scenario,
-        "status": "completed" if problem is None else problem,
+        "status": COMPLETED if problem is None else problem,
         "settings": _settings(options, times, every),
         "stepping": stepping,
         "versions": dict(_versions()),

@@ -151,6 +151,39 @@ def test_results_are_complete_before_fmus_are_ended(fault: Fault, package: Path,
     assert json.loads((tmp_path / "out/metrics.json").read_text())["run"]["steps"] == 10
 
 
+def test_an_end_when_fmus_are_freed_hides_no_earlier_problem(package: Path, tmp_path: Path) -> None:
+    more = ("--set", f"j.sink.fault={Fault.SEGFAULT_FREE.value}")
+    sentence = failed(running(tmp_path, package, Fault.ERROR, *more), tmp_path)
+    assert "j.bad answered doStep at t = 0.3 s with fmi2Error" in sentence
+    assert "Then j.sink ended the process in freeInstance (SIGSEGV)" in sentence
+    assert record(tmp_path)["status"] in sentence
+
+
+def test_a_run_that_is_killed_between_its_last_row_and_its_files_gets_them(
+    package: Path, tmp_path: Path
+) -> None:
+    keep = (
+        "import os, signal, emla_cosim.results.output_folder as o, emla_cosim.program as p\n"
+        "parent, whole = os.getpid(), o.OutputFolder.keep\n"
+        "def keep(*given):\n"
+        "    if os.getpid() != parent: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "    return whole(*given)\n"
+        "o.OutputFolder.keep = keep\n"
+        "p.main()"
+    )
+    arguments = ("run", str(package), "--output", "out", "--no-plots", "--output-interval", "0.3")
+    (tmp_path / "temporary").mkdir()
+    process = subprocess.Popen(
+        [sys.executable, "-c", keep, *arguments], cwd=tmp_path, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(tmp_path / "temporary")},
+    )  # fmt: skip
+    assert "the run ended at t = 1 s: the process was killed" in failed(process, tmp_path)
+    assert table(tmp_path)["time"].to_list() == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])
+    assert json.loads((tmp_path / "out/metrics.json").read_text())["run"]["steps"] == 10
+    assert "killed" in record(tmp_path)["status"]
+
+
 @pytest.mark.parametrize("fault", LATE, ids=lambda f: f.name)
 def test_an_isolated_fmu_may_end_as_it_likes(fault: Fault, package: Path, tmp_path: Path) -> None:
     process = running(tmp_path, package, fault, "--algorithm", "strong", "--isolate")

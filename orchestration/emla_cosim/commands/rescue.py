@@ -20,10 +20,11 @@ from ..interruption import POLITE
 from ..master.slaves.calls import decoded
 from ..progress import Progress
 from ..recorders.metrics import MetricsRecorder
-from ..recorders.recorder import Outline, Pause, Recorder, RowBuffer
+from ..recorders.recorder import Outline, Pause, Recorder, RowBuffer, recording
 from ..recorders.table import Table
 from ..results.output_folder import OutputFolder
 from ..results.result import Result
+from ..run_record import COMPLETED
 from ..scenarios.scenario import Scenario
 from ..simulation import Simulation
 from ..terminal import ERR, show_error, show_result
@@ -56,8 +57,11 @@ class _Told:
     plots: bool
     notes: Sequence[str]
     process: int
+    stepping: bool = False
+    """Whether the first step began; `begun` is None then where it was too much to tell."""
     begun: _Begun | None = None
-    over: bool = False
+    rows_written: bool = False
+    files_written: bool = False
 
 
 class Remembered(Recorder):
@@ -100,7 +104,9 @@ class Remembered(Recorder):
         self._look()
         result = replace(self._simulation.so_far(), table=None)
         rows = self._memory[Table.key]["rows"]
-        self._tell(begun=_Begun(result, self._outline, run.shown, rows, time.monotonic()))
+        begun = _Begun(result, self._outline, run.shown, rows, time.monotonic())
+        if not self._tell(stepping=True, begun=begun):
+            self._tell(begun=None)
 
     def write(self, rows: Any) -> None:
         """Rows have reached the other recorders."""
@@ -113,7 +119,11 @@ class Remembered(Recorder):
 
     def end(self) -> None:
         """All rows are where they belong."""
-        self._tell(over=True)
+        self._tell(rows_written=True)
+
+    def keep(self) -> None:
+        """All files are where they belong."""
+        self._tell(files_written=True)
 
     def _look(self) -> None:
         assert self._run is not None
@@ -126,9 +136,10 @@ class Remembered(Recorder):
         """What recorders remembered, whether rows that wait are the next ones, and when it was."""
         black_box.tell(pickle.dumps((self._memory, follows, self._at)), black_box.MEMORY)
 
-    def _tell(self, **changed: Any) -> None:
+    def _tell(self, **changed: Any) -> bool:
+        """Tell what has changed; whether there was room for it."""
         self._told = replace(self._told, **changed)
-        black_box.tell(pickle.dumps(self._told))
+        return black_box.tell(pickle.dumps(self._told))
 
 
 def rescue(how: str, ended: float) -> None:
@@ -140,15 +151,19 @@ def rescue(how: str, ended: float) -> None:
             return
         show_error(f"the process of the run ended ({how}) before it began.")
         return
-    told: _Told = pickle.loads(message)
-    slave, call = decoded(black_box.present())
-    cause = _cause(how, told.components[slave] if slave is not None else None, call)
+    try:
+        told: _Told = pickle.loads(message)
+        slave, call = decoded(black_box.present())
+        cause = _cause(how, told.components[slave] if slave is not None else None, call)
+    except Exception:  # an FMU wrote where it should not have
+        show_error(f"the process of the run ended ({how}), and what it left cannot be read.")
+        return
     try:
         output = OutputFolder(told.folder, told.form)
         with output.alone(heir_of=told.process):
             problem = _kept(told, output, cause, ended)
         show_error(f"{problem} What was computed is in {output.path}.")
-    except CosimError as error:
+    except (CosimError, OSError) as error:
         show_error(f"{cause}; {error}")
 
 
@@ -161,37 +176,42 @@ def _cause(how: str, component: str | None, call: str) -> str:
 
 def _kept(told: _Told, output: OutputFolder, cause: str, ended: float) -> str:
     """Write what can be written; the sentence that says why the run ended."""
-    if told.over:
-        problem = f"{cause}, when the results were complete."
+    if told.files_written:
+        earlier = output.status()
+        whole = f"{cause}, when the results were complete."
+        problem = whole if earlier in ("", COMPLETED) else f"{earlier} Then {whole}"
         output.change_record(status=problem)
         return problem
-    if told.begun is None:
-        problem = f"the run ended before its first step: {cause}."
+    if told.begun is None or not black_box.message(black_box.MEMORY):
+        problem = f"the run ended{'' if told.stepping else ' before its first step'}: {cause}."
         output.change_record(scenario=told.name, status=problem)
         return problem
-    result = _finished(told.begun, output, cause, ended)
+    result = _finished(told.begun, output, cause, ended, told.rows_written)
     with BarProgress() if told.plots else contextlib.nullcontext(Progress()) as progress:
         result, pictures = output.keep(result, told.plots, progress)
     show_result(result, told.notes, output, pictures)
     return str(result.problem)
 
 
-def _finished(begun: _Begun, output: OutputFolder, cause: str, ended: float) -> Result:
-    """The result, with all rows that were recorded."""
+def _finished(begun: _Begun, output: OutputFolder, cause: str, ended: float, written: bool) -> Result:
+    """The result, with all rows that were recorded; the table has them already if they are `written`."""
     memory, follows, end = pickle.loads(black_box.message(black_box.MEMORY))
     table, metrics = output.table(), MetricsRecorder()
-    recorders = [table, metrics]
-    for recorder in recorders:
-        recorder.begin(begun.outline, memory[recorder.key])
-    rows = RowBuffer(1 + len(begun.outline.names), recorders, shown=begun.shown)
-    if follows and (last := rows.recover()) is not None:
-        end = last
-    rows.end()
+    metrics.begin(begun.outline, memory[metrics.key])
+    count = memory[table.key]["rows"]
+    if not written:
+        with recording(table):
+            table.begin(begun.outline, memory[table.key])
+        rows = RowBuffer(1 + len(begun.outline.names), [table, metrics], shown=begun.shown)
+        if follows and (last := rows.recover()) is not None:
+            end = last
+        rows.end()
+        count = table.memory()["rows"]
     problem = f"the run ended at t = {end:.6g} s: {cause}."
-    before, steps = begun.result, table.memory()["rows"] - begun.rows
+    before, steps = begun.result, count - begun.rows
     return replace(
         before,
-        table=table,
+        table=None if written else table,
         metrics=metrics.figures(),
         remarks=metrics.remarks(),
         steps=steps,

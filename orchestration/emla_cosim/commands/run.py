@@ -41,6 +41,7 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
                     result = simulation.attempt(recorders=recorders)
                     # before FMUs are terminated, which is their last occasion to fail
                     result, pictures = output.keep(result, options.plots and not asked(), progress)
+                    remembered.keep()
     show_result(result, chosen.notes, output, pictures)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {output.path}.")

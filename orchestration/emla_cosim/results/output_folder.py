@@ -120,10 +120,21 @@ class OutputFolder:
     def change_record(self, **entries: Any) -> None:
         """Write run.json with these entries, and those that it has. Raises RunError."""
         with self._written():
-            found = {}
-            if (place := self._place / RECORD).is_file():
-                found = json.loads(place.read_text(encoding="utf-8"))
-            self._write_json(RECORD, found | entries)
+            self._write_json(RECORD, self._record() | entries)
+
+    def status(self) -> str:
+        """What run.json says of how the run ended; empty where there is none."""
+        with self._written():
+            return str(self._record().get("status", ""))
+
+    def _record(self) -> dict[str, Any]:
+        """What run.json holds; nothing where it cannot be understood."""
+        place = self._place / RECORD
+        try:
+            found = json.loads(place.read_text(encoding="utf-8")) if place.is_file() else {}
+        except ValueError:
+            return {}
+        return found if isinstance(found, dict) else {}
 
     def _write_json(self, name: str, content: object) -> None:
         with written_whole(self._place / name) as stream:
