@@ -10,14 +10,13 @@ import shutil
 import signal
 import sys
 import tempfile
-import threading
-import time
 import traceback
 from collections.abc import Callable
 from mmap import mmap
 
 from . import black_box
 from .interruption import POLITE, ask_no_more, repeated
+from .processes import end_with, how_it_ended
 
 _PATIENCE = 3.0
 """Seconds that a run has to end when it was asked to twice."""
@@ -33,10 +32,11 @@ def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
         run()
         return
     signal.pthread_sigmask(signal.SIG_BLOCK, POLITE)  # until somebody can answer
+    parent = os.getpid()
     child, folder = _divided()
     if child == 0:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
-        _watched(run)
+        _watched(run, parent)
         return
     try:
         if child is None:
@@ -46,7 +46,7 @@ def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
         status = _waited(child)
         whole = black_box.present().ended and os.WIFEXITED(status)
         if not whole:
-            rescue(_how(status))
+            rescue(how_it_ended(os.waitstatus_to_exitcode(status)))
     finally:
         ask_no_more()
         if folder is not None:
@@ -66,27 +66,19 @@ def _divided() -> tuple[int | None, str | None]:
         return None, folder
 
 
-def _watched(run: Callable[[], None]) -> None:
+def _watched(run: Callable[[], None], parent: int) -> None:
     """The run, which ends at once when its parent does."""
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    end_with(parent, lambda: os.kill(os.getpid(), signal.SIGKILL))
     try:
         run()
     except SystemExit:
-        ask_no_more()
         black_box.present().ended = 1
         raise
     except Exception:  # nothing can be relied on, not even that Python comes to its end
         with contextlib.suppress(Exception):
             traceback.print_exc()
         os._exit(1)
-    ask_no_more()
     black_box.present().ended = 1
-
-
-def _end_with(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.2)
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _waited(child: int) -> int:
@@ -118,10 +110,3 @@ def _temporary_folder() -> str | None:
         return None  # `tempdir` names everybody's folder now, which is not ours to remove
     tempfile.tempdir = folder
     return folder
-
-
-def _how(status: int) -> str:
-    if os.WIFEXITED(status):
-        return f"exit code {os.WEXITSTATUS(status)}"
-    number = os.WTERMSIG(status)
-    return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"

@@ -9,15 +9,10 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
-from . import black_box
-from .guard import guarded
 from .interruption import ask_no_more, ending_at_once
 
 COLLECT = 50_000
 """Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
-
-_INTERRUPTED = 130
-"""How typer ends where Ctrl-C comes before a command begins, without a word."""
 
 
 def main() -> None:
@@ -25,6 +20,8 @@ def main() -> None:
     gc.set_threshold(COLLECT)
     sys.stdout, sys.stderr = (_usable(stream) for stream in (sys.stdout, sys.stderr))
     if sys.argv[1:2] == ["run"]:  # which calls what others compiled
+        from .guard import guarded  # which no other command needs
+
         guarded(_run, _rescue)
     else:
         _run()
@@ -105,6 +102,8 @@ def _interrupted() -> None:
     """End before a command has begun: nothing is there that had to be tidied up."""
     with suppress(OSError):
         os.write(2, b"Interrupted.\n")
+    from . import black_box
+
     black_box.present().ended = 1
     os._exit(1)
 

@@ -86,9 +86,10 @@ class Simulation:
         self._unpacked, self._holds = unpacked, holds
         told = progress or Progress()
         self._here = present_folder()  # an FMU may go elsewhere
+        apart = isolated(self.options.isolated, system)  # a wrong name is told before anything is built
         with called_as_in(unpacked):
             self.system, fmus = prepared(system, self.options, told)
-            self._assembly = Assembly(self.system, fmus, isolated(self.options.isolated, self.system))
+            self._assembly = Assembly(self.system, fmus, apart)
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _Going | None = None
         self._error: RunError | None = None

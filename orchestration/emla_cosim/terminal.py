@@ -72,6 +72,11 @@ def show_error(sentence: str) -> None:
     ERR.print(f"[bold red]Error:[/] {escape(sentence)}", highlight=False, soft_wrap=True)
 
 
+def show_interrupted() -> None:
+    """That somebody ended what was done."""
+    ERR.print("[bold red]Interrupted.[/]")
+
+
 def show_file(path: Path) -> None:
     """A file that was written, and its size."""
     size = path.stat().st_size / 1024

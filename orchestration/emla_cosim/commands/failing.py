@@ -16,7 +16,7 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> None:
-        from ..terminal import ERR, show_error
+        from ..terminal import show_error, show_interrupted
 
         try:
             with ending_as_ctrl_c():
@@ -30,7 +30,7 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
             show_error(f"'{error.filename}' cannot be used: {reason}." if error.filename else f"{reason}.")
             raise typer.Exit(1) from error
         except KeyboardInterrupt as error:
-            ERR.print("[bold red]Interrupted.[/]")
+            show_interrupted()
             raise typer.Exit(1) from error
 
     return guarded

@@ -27,7 +27,7 @@ from ..results.result import Result
 from ..run_record import COMPLETED
 from ..scenarios.scenario import Scenario
 from ..simulation import Simulation
-from ..terminal import ERR, show_error, show_result
+from ..terminal import show_error, show_interrupted, show_result
 from ..units import LinearTransformation
 
 _SELDOM = 1.0
@@ -147,7 +147,7 @@ def rescue(how: str, ended: float) -> None:
     message = black_box.message()
     if not message:
         if how in {number.name for number in POLITE}:  # it is so young that it cannot say so itself
-            ERR.print("[bold red]Interrupted.[/]")
+            show_interrupted()
             return
         show_error(f"the process of the run ended ({how}) before it began.")
         return

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -18,6 +17,7 @@ from ...black_box import Present
 from ...errors import CommandError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.variables import TypedValue
+from ...processes import how_it_ended
 from .calls import decoded
 from .channel import Channel, Request, SilenceError
 from .described_slave import DescribedSlave
@@ -183,7 +183,7 @@ class IsolatedSlave(DescribedSlave):
     def _ended(self, how: str = "") -> SlaveError:
         """The error of a process that is no more; it is the answer to everything from now on."""
         code = self._process.wait()
-        self._end = ProcessEndedError(self.name, self._calls.last(), how or _how(code), [])
+        self._end = ProcessEndedError(self.name, self._calls.last(), how or how_it_ended(code), [])
         return self._end
 
 
@@ -225,10 +225,3 @@ def _start(calls: Path) -> subprocess.Popen[bytes]:
         env={**os.environ, "PYTHONPATH": found},
         start_new_session=True,
     )
-
-
-def _how(code: int) -> str:
-    """How a process ended, by its return code."""
-    if code >= 0:
-        return f"exit code {code}"
-    return signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"

@@ -2,10 +2,7 @@
 
 import mmap
 import os
-import signal
 import sys
-import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +11,8 @@ import numpy as np
 from ... import black_box
 from ...errors import CosimError, RunError
 from ...fmu.file import FmuFile
+from ...interruption import ask_no_more
+from ...processes import end_with
 from .channel import Channel, Request
 from .fmu_log import FmuLog
 from .fmu_slave import FmuSlave
@@ -72,10 +71,8 @@ class Worker:
 
 def main() -> None:
     """Serve the parent at the other end of standard input and output."""
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # it is the parent who ends a run
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    ask_no_more()  # it is the parent who ends a run
+    end_with(os.getppid(), lambda: os._exit(0))  # also where an FMU does not return
     channel = _channel()
     with Path(sys.argv[1]).open("r+b") as stream:
         black_box.share(mmap.mmap(stream.fileno(), 0))
@@ -111,13 +108,6 @@ def _channel() -> Channel:
     os.dup2(2, 1)
     os.close(0)
     return Channel(os.fdopen(incoming, "rb", buffering=0), os.fdopen(outgoing, "wb", buffering=0))
-
-
-def _end_with(parent: int) -> None:
-    """End when the parent has: an FMU may be in a call that does not return."""
-    while os.getppid() == parent:
-        time.sleep(1.0)
-    os._exit(0)
 
 
 if __name__ == "__main__":
