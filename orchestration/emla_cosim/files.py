@@ -5,6 +5,7 @@ import os
 import shutil
 import stat
 import tempfile
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +22,7 @@ __all__ = [
     "NoFileError",
     "cache_folder",
     "check_places",
+    "coming_back",
     "place_of",
     "present_folder",
     "read_file",
@@ -59,12 +61,28 @@ def temporary_folder(prefix: str) -> Iterator[Path]:
         remove()
 
 
+_going = threading.RLock()
+"""Held by who goes to another folder for a while, and by who wants to know where this one is."""
+
+
 def present_folder() -> Path:
     """The present working folder; CommandError where it was removed."""
     try:
-        return Path.cwd()
+        with _going:
+            return Path.cwd()
     except OSError as error:
         raise CommandError("the present folder was removed; go to another one.") from error
+
+
+@contextmanager
+def coming_back() -> Iterator[None]:
+    """In the end the working folder, which all threads share, is the one of before; one at a time."""
+    with _going:
+        before = present_folder()
+        try:
+            yield
+        finally:
+            os.chdir(before)
 
 
 def read_file(path: Path, what: str) -> bytes:

@@ -5,14 +5,17 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import fmpy.fmi1
 import numpy as np
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.files import present_folder
 from emla_cosim.system.model import System
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault
@@ -47,6 +50,46 @@ def test_simulations_in_threads_do_not_meet(fmu_folder: Path) -> None:
     run()
     assert len(found) == 7
     assert len(set(found)) == 1
+
+
+def test_threads_that_prepare_stay_where_they_are(
+    fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The working folder belongs to all of them, and a library is loaded from a folder of its own."""
+    load = fmpy.fmi1.cdll.LoadLibrary
+
+    def slowly(path: str) -> Any:
+        time.sleep(0.02)
+        return load(path)
+
+    monkeypatch.setattr(fmpy.fmi1.cdll, "LoadLibrary", slowly)
+    monkeypatch.chdir(tmp_path)
+    scenario, seen = ec.load("lift", stop_time=0.01, fmus=fmu_folder), set[Path]()
+
+    def prepare() -> None:
+        with scenario.prepare():
+            seen.add(present_folder())
+
+    threads = [threading.Thread(target=prepare) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert seen == {tmp_path}
+    assert Path.cwd() == tmp_path
+
+
+def test_a_library_that_cannot_be_loaded_leaves_the_working_folder(
+    fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: str) -> Any:
+        raise OSError("not today")
+
+    monkeypatch.setattr(fmpy.fmi1.cdll, "LoadLibrary", refuse)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ec.CommandError, match=r"cannot be started: .* not today"):
+        ec.load("lift", stop_time=0.01, fmus=fmu_folder).prepare()
+    assert Path.cwd() == tmp_path
 
 
 class Failing(ec.Recorder):

@@ -14,6 +14,7 @@ from fmpy.model_description import ModelVariable
 from ... import black_box
 from ...arrays import Vector
 from ...errors import CommandError, RunError
+from ...files import coming_back
 from ...fmu.file import FmuFile
 from .calls import CALLS, code_of
 from .described_slave import DescribedSlave
@@ -77,7 +78,7 @@ class FmuSlave(DescribedSlave):
         self._present = black_box.present()
         self._codes = {call: code_of(number, call) for call in CALLS}
         try:
-            with self._doing("loading its library"):
+            with self._doing("loading its library"), coming_back():  # fmpy goes to the library's folder
                 self._fmu = fmi2.FMU2Slave(
                     guid=file.description.guid,
                     unzipDirectory=str(file.folder),
