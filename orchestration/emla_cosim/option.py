@@ -10,7 +10,7 @@ from .errors import CommandError, check_choice
 SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
 """What options are about; the command line's help shows them in these groups."""
 
-RUN, EXPORT = "run", "export"
+RUN, EXPORT, SWEEP = "run", "export", "sweep"
 """Commands that take options."""
 
 
@@ -40,7 +40,7 @@ class About:
     record: str = ""
     recorded: bool = True
     in_file: bool = True
-    commands: tuple[str, ...] = (RUN,)
+    commands: tuple[str, ...] = (RUN, SWEEP)
     parse: Callable[[str], Any] | None = None
     takes: type | None = None
     alone: str = ""

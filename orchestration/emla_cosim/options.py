@@ -16,14 +16,14 @@ from .errors import CommandError, listed
 from .master.algorithms.algorithm import Algorithm
 from .master.algorithms.registry import ALGORITHMS
 from .models import FLAVOURS, PLATFORMS
-from .option import EXPORT, OUTPUT, RUN, STEPPING, SYSTEM, Option, option, options_of
+from .option import EXPORT, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
 from .system.model import Replacement, Value
 from .values import converted
 
-BOTH = (RUN, EXPORT)
-_system = partial(option, group=SYSTEM, commands=BOTH)
+ALL = (RUN, EXPORT, SWEEP)
+_system = partial(option, group=SYSTEM, commands=ALL)
 _stepping = partial(option, group=STEPPING)
 _output = partial(option, group=OUTPUT)
 
@@ -65,11 +65,11 @@ class Options:
         recorded=False,
     )
     start_time: float | None = _stepping(
-        help="Beginning of the run.", unit="s", identity="start time", commands=BOTH
+        help="Beginning of the run.", unit="s", identity="start time", commands=ALL
     )
-    stop_time: float | None = _stepping(help="End of the run.", unit="s", commands=BOTH)
+    stop_time: float | None = _stepping(help="End of the run.", unit="s", commands=ALL)
     step_size: float | None = _stepping(
-        help="Communication step.", unit="s", identity="step size", commands=BOTH
+        help="Communication step.", unit="s", identity="step size", commands=ALL
     )
     algorithm: str | Algorithm = _stepping(
         "gauss-seidel",
@@ -88,7 +88,7 @@ class Options:
         [],
         help="Run a component in a process of its own (repeatable, * for anything); without a name, all.",
         metavar="[COMPONENT]",
-        commands=(RUN,),
+        commands=(RUN, SWEEP),
         takes=bool,
         alone="*",
     )
@@ -104,11 +104,17 @@ class Options:
         flag="--realtime",
         metavar="FACTOR",
         record="real_time_factor",
+        commands=(RUN,),
     )
     output: Path | None = _output(help="Output folder. Without: results/SCENARIO.", recorded=False)
-    output_format: str = _output("csv", help="Form of the table of results.", choices=lambda: TABLES)
+    output_format: str = _output(
+        "csv", help="Form of the table of results.", choices=lambda: TABLES, commands=(RUN,)
+    )
     signals: Sequence[str] = _output(
-        [], help="Signals of the table, * for anything (repeatable); without, all.", metavar="PATTERN"
+        [],
+        help="Signals of the table, * for anything (repeatable); without, all.",
+        metavar="PATTERN",
+        commands=(RUN,),
     )
     output_interval: float | None = _output(
         help="Time between rows of the table. Without: 1 ms.", unit="s", identity="output interval"
@@ -120,10 +126,16 @@ class Options:
     )
     plots: bool = _output(True, help="Draw plots.", recorded=False)
     checkpoint: Path | None = _output(
-        help="Write checkpoints to this file: every minute, and at the end.", in_file=False, recorded=False
+        help="Write checkpoints to this file: every minute, and at the end.",
+        in_file=False,
+        recorded=False,
+        commands=(RUN,),
     )
     resume: Path | None = _output(
-        help="Continue the run of this checkpoint.", in_file=False, record="resumed_from"
+        help="Continue the run of this checkpoint.",
+        in_file=False,
+        record="resumed_from",
+        commands=(RUN,),
     )
     own: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
@@ -136,10 +148,8 @@ class Options:
         values, own = {}, dict(self.own)
         known = table()
         for name, value in given.items():
-            if name not in known:
-                raise CommandError(f"there is no option '{name}'{_near(name, known)}", option=name)
             label = f"'{name}' of {where}" if where else f"the option '{name}'"
-            found = _read(known[name], value, label, folder)
+            found = read_option(name, value, label, folder, known)
             if name in _FIXED:
                 before = getattr(self, name)
                 values[name] = {**before, **found} if isinstance(before, Mapping) else found
@@ -230,6 +240,19 @@ def table(command: str | None = None) -> dict[str, Option]:
 
 def _names(kind: type) -> set[str]:
     return {o.name for o in options_of(kind)}
+
+
+def read_option(
+    name: str, value: Any, label: str, folder: Path | None = None, known: Mapping[str, Option] | None = None
+) -> Any:
+    """The value of an option as its type; sentences call it `label`, paths are relative to `folder`.
+
+    Raises CommandError for a name that is none of `known`, and for a value of another type or range.
+    """
+    options = table() if known is None else known
+    if name not in options:
+        raise CommandError(f"there is no option '{name}'{_near(name, options)}", option=name)
+    return _read(options[name], value, label, folder)
 
 
 def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:

@@ -67,7 +67,7 @@ def check_requirements(requirements: Sequence[Requirement], figures: Figures, ru
 
     `figures` are those before the first row. Where some kind has none yet, any name may still come.
     """
-    known = _by_name(figures, run)
+    known = by_name(figures, run)
     complete = all(figures.values())
     for required in requirements:
         name = required.figure
@@ -84,14 +84,14 @@ def check_requirements(requirements: Sequence[Requirement], figures: Figures, ru
 
 def unmet(requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]) -> str | None:
     """A sentence with all that is not as required, and what it is; None where everything is."""
-    known = _by_name(figures, run)
+    known = by_name(figures, run)
     failing = [r for r in requirements if not r.met_by(known.get(r.figure))]
     if not failing:
         return None
     return f"not as required: {'; '.join(f'{r}, but {_told(known.get(r.figure), r)}' for r in failing)}."
 
 
-def _by_name(figures: Figures, run: Mapping[str, Any]) -> dict[str, Any]:
+def by_name(figures: Figures, run: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers and truths by name.figure."""
     all_ = [of for kind in figures.values() for of in kind.items()] + [("run", run)]
     return {f"{of}.{name}": value for of, found in all_ for name, value in found.items() if _is_figure(value)}

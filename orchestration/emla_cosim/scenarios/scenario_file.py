@@ -2,12 +2,13 @@
 
 import difflib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_origin
 
 from ..errors import CommandError, listed
+from ..option import RUN
 from ..options import table
 from ..values import converted
 
@@ -34,19 +35,9 @@ def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
     except (ValueError, RecursionError) as error:  # also numbers and nestings too long to be meant
         raise CommandError(f"the scenario '{where}' is not TOML: {error}.") from error
     label = f"the scenario '{where}'"
-    options = {name: option for name, option in table().items() if option.about.in_file}
-    known = sorted([*options, "system", "description"])
-    for key in content:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            meant = f"did you mean '{near[0]}'?" if near else f"it may have {listed(known)}."
-            raise CommandError(f"{label} has the key '{key}'; {meant}", key=key)
+    given = options_given(content, label, ("system", "description"))
     if "system" not in content:
         raise CommandError(f'{label} has no system; write system = "study" or the path of an SSP.')
-    given = {key: value for key, value in content.items() if key in options}
-    for key, value in given.items():
-        if get_origin(options[key].type) is Mapping and isinstance(value, dict):
-            given[key] = dict(_flat(value, options[key].type.__args__[1]))
     return ScenarioFile(
         converted(content.get("description", ""), str, f"'description' of {label}"),
         converted(content["system"], str, f"'system' of {label}"),
@@ -54,6 +45,27 @@ def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
         where,
         folder,
     )
+
+
+def options_given(
+    content: Mapping[str, Any], label: str, own: Sequence[str], command: str = RUN
+) -> dict[str, Any]:
+    """The options of a command among the keys of a file, which has the keys `own` beside them.
+
+    Raises CommandError for any other key; sentences call the file `label`.
+    """
+    options = {name: option for name, option in table(command).items() if option.about.in_file}
+    known = sorted([*options, *own])
+    for key in content:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            meant = f"did you mean '{near[0]}'?" if near else f"it may have {listed(known)}."
+            raise CommandError(f"{label} has the key '{key}'; {meant}", key=key)
+    given = {key: value for key, value in content.items() if key in options}
+    for key, value in given.items():
+        if get_origin(options[key].type) is Mapping and isinstance(value, dict):
+            given[key] = dict(_flat(value, options[key].type.__args__[1]))
+    return given
 
 
 def _flat(table: Mapping[str, Any], of: Any) -> Iterator[tuple[str, Any]]:

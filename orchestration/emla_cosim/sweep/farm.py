@@ -1,0 +1,244 @@
+"""Variants given out to Dask's workers in chunks, until every one of them has come back."""
+
+import contextlib
+import itertools
+import math
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
+from dataclasses import dataclass
+from typing import Any
+
+from distributed import Client, Future, KilledWorker, wait
+from distributed.comm import CommClosedError
+
+from ..errors import CosimError, RunError
+from .local_cluster import local_cluster
+from .measures import Measures
+from .result import DIED
+from .shipment import Shipment
+from .worker import Chunk, Description, Outcome, SweepPlugin, Variant, describe, run_chunk
+
+_CHUNK_S = 1.0
+"""How long a chunk takes, in s: more than a hundred times what giving it out does."""
+
+_CHUNK_S_PER_THREAD = 0.02
+"""The same for each thread of the cluster: whoever collects the chunks has to keep up."""
+
+_SHARE = 3
+"""Of what is left a thread gets at most this part at a time, so that all end at about the same time."""
+
+_MOST_BYTES = 64 * 2**20
+"""Size of the signals of a chunk, at most."""
+
+_TRIES = 2
+"""So many workers may a variant take with it."""
+
+_PATIENCE = 60.0
+"""Seconds to wait for a cluster, or for its workers to come back."""
+
+_LOOK = 0.2
+"""Seconds between two looks at whether somebody wants it to end."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """Variants that one prepared simulation can run."""
+
+    group: int
+    variants: Sequence[Variant]
+
+
+class Farm:
+    """A Dask cluster that has what a sweep needs."""
+
+    def __init__(self, client: Client, shipment: Shipment, address: str) -> None:
+        self._client, self._key, self._address = client, shipment.key, address
+        self._calls = itertools.count()
+        with self._answering():
+            client.wait_for_workers(1, timeout=_PATIENCE)
+            client.register_plugin(SweepPlugin(shipment))
+
+    @property
+    def threads(self) -> int:
+        """How many variants can run at once now."""
+        return sum(self._client.nthreads().values())
+
+    def describe(self, group: int) -> Description:
+        """What the simulation of a preparation gives. Raises CosimError where it cannot be prepared."""
+        with self._answering():
+            try:
+                return self._submit(describe, group).result()
+            except KilledWorker as error:
+                raise RunError(
+                    "the process ended that was to prepare the scenario: an FMU ends it, or memory does not "
+                    "suffice."
+                ) from error
+
+    def run(
+        self,
+        work: Sequence[Work],
+        measures: Measures,
+        bytes_each: int,
+        keep: Callable[[Chunk], None],
+        interrupted: Callable[[], bool],
+    ) -> bool:
+        """Run all of it, hand each chunk to `keep`, and say whether it was all.
+
+        It is less where `interrupted` says so. `bytes_each` is the size of the signals of a variant.
+        Raises RunError where the cluster is gone.
+        """
+        chunks = _Chunks(work, max(_MOST_BYTES // max(bytes_each, 1), 1))
+        flying: dict[Future, Work] = {}
+        alone = time.monotonic()
+        try:
+            with self._answering():
+                while (chunks or flying) and not interrupted():
+                    threads = self.threads
+                    while chunks and len(flying) < threads:
+                        chunk = chunks.next(threads)
+                        flying[self._submit(run_chunk, chunk.group, chunk.variants, measures)] = chunk
+                    if threads:
+                        alone = time.monotonic()
+                    elif time.monotonic() - alone > _PATIENCE:
+                        raise RunError(f"the scheduler at {self._address} has no workers any more.")
+                    for future in _done(list(flying)):
+                        chunk = flying.pop(future)
+                        for done in chunks.answered(chunk, future):
+                            keep(done)
+                return not (chunks or flying)
+        finally:
+            with contextlib.suppress(Exception):
+                self._client.cancel(list(flying), force=True)
+
+    def close(self) -> None:
+        """Let the workers forget what they were sent."""
+        with contextlib.suppress(Exception):
+            self._client.unregister_worker_plugin(self._key)
+
+    def _submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
+        key = f"{self._key}-{next(self._calls)}"
+        return self._client.submit(function, self._key, *arguments, key=key, pure=False)
+
+    @contextlib.contextmanager
+    def _answering(self) -> Iterator[None]:
+        """Turn whatever a cluster raises that does not answer into one sentence."""
+        try:
+            yield
+        except CosimError:
+            raise
+        except (CommClosedError, OSError, CancelledError, TimeoutError) as error:
+            raise RunError(
+                f"the scheduler at {self._address} does not answer, or has no workers: "
+                f"{_first_line(error)}."
+            ) from error
+        except (ImportError, AttributeError, RuntimeError) as error:
+            raise RunError(
+                f"the workers of {self._address} cannot run this: {_first_line(error)}; the same versions "
+                "have to be installed there."
+            ) from error
+
+
+class _Chunks:
+    """What is still to be given out, and what became of that which was."""
+
+    def __init__(self, work: Sequence[Work], most: int) -> None:
+        self._waiting = deque(work)
+        self._again = deque[Work]()
+        self._left = sum(len(w.variants) for w in work)
+        self._most = most
+        self._seconds: dict[int, float] = {}
+        self._deaths = Counter[int]()
+
+    def __bool__(self) -> bool:
+        return bool(self._waiting or self._again)
+
+    def next(self, threads: int) -> Work:
+        """Variants to run next: those first whose chunk was lost."""
+        if self._again:
+            return self._again.popleft()
+        first = self._waiting.popleft()
+        count = self._count(first.group, threads)
+        self._left -= len(first.variants[:count])
+        if rest := first.variants[count:]:
+            self._waiting.appendleft(Work(first.group, rest))
+        return Work(first.group, first.variants[:count])
+
+    def _count(self, group: int, threads: int) -> int:
+        """How many variants make a chunk; one while nobody knows how long it takes."""
+        if group not in self._seconds:
+            return 1
+        wanted = max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / max(self._seconds[group], 1e-6)
+        fair = math.ceil(self._left / (_SHARE * threads))
+        return max(min(int(wanted), fair, self._most), 1)
+
+    def answered(self, chunk: Work, future: Future) -> Iterator[Chunk]:
+        """What a chunk gave; one that took its worker with it is tried again in two halves.
+
+        A variant that did so alone is tried once more, and then that is what came out of it.
+        """
+        try:
+            done: Chunk = future.result()
+        except KilledWorker:
+            yield from self._lost(chunk)
+            return
+        each = done.wall_s / len(chunk.variants)
+        known = self._seconds.get(chunk.group, each)
+        self._seconds[chunk.group] = 0.5 * (known + each)
+        yield done
+
+    def _lost(self, chunk: Work) -> Iterator[Chunk]:
+        if (count := len(chunk.variants)) > 1:
+            for half in (chunk.variants[: count // 2], chunk.variants[count // 2 :]):
+                self._again.append(Work(chunk.group, half))
+            return
+        number = chunk.variants[0].number
+        self._deaths[number] += 1
+        if self._deaths[number] < _TRIES:
+            self._again.append(chunk)
+            return
+        sentence = f"its process ended {_TRIES} times: an FMU ends it, or memory does not suffice."
+        yield Chunk([Outcome(number, DIED, sentence)], 0.0)
+
+
+@contextlib.contextmanager
+def farm(
+    shipment: Shipment, scheduler: str | None, workers: int | None, told: Callable[[str], None]
+) -> Iterator[Farm]:
+    """A cluster with these contents: at this address, or one of this machine with so many workers.
+
+    `told` hears where its dashboard is. Raises RunError for one that does not answer.
+    """
+    with contextlib.ExitStack() as held:
+        if scheduler is None:
+            place = held.enter_context(local_cluster(workers))
+            address, security, dashboard = place
+        else:
+            address, security, dashboard = scheduler, None, ""
+        try:
+            client = held.enter_context(Client(address, security=security, timeout=_PATIENCE / 4, set_as_default=False))
+        except (OSError, TimeoutError, ValueError, RuntimeError) as error:
+            raise RunError(f"no scheduler answers at '{address}': {_first_line(error)}.") from error
+        told(dashboard or client.dashboard_link)
+        found = Farm(client, shipment, address)
+        try:
+            yield found
+        finally:
+            found.close()
+
+
+def _done(futures: Sequence[Future]) -> Sequence[Future]:
+    """Those that are done, after a look's time at most."""
+    if not futures:
+        time.sleep(_LOOK)
+        return []
+    try:
+        return list(wait(futures, timeout=_LOOK, return_when="FIRST_COMPLETED").done)
+    except TimeoutError:
+        return []
+
+
+def _first_line(error: BaseException) -> str:
+    text = str(error).strip() or type(error).__name__
+    return text.splitlines()[0].rstrip(".")

@@ -1,0 +1,197 @@
+"""The folder of a sweep: parts as chunks come back, one table when all are there."""
+
+import contextlib
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import polars
+
+from ..errors import CommandError, RunError
+from ..files import UNFINISHED, written_whole
+from ..locking import alone
+from .measures import Measures
+from .result import PROBLEM, STATUS, VARIANT
+from .worker import Chunk
+
+TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
+COMPLETED = "completed"
+
+_ENDS = {
+    VARIANT: polars.Int64,
+    STATUS: polars.String,
+    PROBLEM: polars.String,
+    "end_s": polars.Float64,
+}
+
+
+class SweepFolder:
+    """What a sweep leaves: `variants.parquet`, `series/`, `sweep.json`, and `parts/` until it is complete."""
+
+    def __init__(self, path: Path) -> None:
+        """Make the folder; CommandError where it cannot be written."""
+        self.path = path
+        with self._writing():
+            path.mkdir(parents=True, exist_ok=True)
+            self._place = path.resolve()
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """No other run writes here meanwhile; CommandError where one does."""
+        with alone(self._place):
+            for folder in (self._place, self._place / PARTS, self._place / SERIES):
+                for left in folder.glob(f"{UNFINISHED}*"):
+                    with contextlib.suppress(OSError):
+                        left.unlink()
+            yield
+
+    def begin(self, identity: Mapping[str, Any], resume: bool) -> None:
+        """Begin a sweep with this identity, or go on with it.
+
+        Raises CommandError where an unfinished sweep is there that is not to be resumed, or where another
+        one is; RunError where nothing can be written.
+        """
+        found = self.record()
+        if resume and not found:
+            raise CommandError(f"'{self.path}' has no sweep to resume; leave out --resume.")
+        if resume and (differing := _differing(found.get("identity"), identity)):
+            raise CommandError(
+                f"the sweep in '{self.path}' cannot be resumed: it has other {differing}; name another folder."
+            )
+        if not resume and found and found.get("status") != COMPLETED:
+            raise CommandError(
+                f"'{self.path}' has an unfinished sweep; --resume continues it, or name another folder."
+            )
+        with self._writing():
+            if not resume:
+                self.clear()
+            for name in (PARTS, SERIES):
+                (self._place / name).mkdir(exist_ok=True)
+            self.write_record({"identity": dict(identity), "status": "unfinished"})
+            self._forget_orphans()
+
+    def clear(self) -> None:
+        """Remove what an earlier sweep left. May raise OSError."""
+        (self._place / RECORD).unlink(missing_ok=True)
+        (self._place / TABLE).unlink(missing_ok=True)
+        for name in (PARTS, SERIES):
+            place = self._place / name
+            if place.is_dir() and not place.is_symlink():
+                shutil.rmtree(place)
+
+    def record(self) -> dict[str, Any]:
+        """What sweep.json says; nothing where there is none. CommandError where it is none of ours."""
+        place = self._place / RECORD
+        if not place.exists():
+            return {}
+        try:
+            found = json.loads(place.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise CommandError(f"'{self.path / RECORD}' cannot be read: {error}.") from error
+        if not isinstance(found, dict):
+            raise CommandError(f"'{self.path / RECORD}' is not the record of a sweep.")
+        return found
+
+    def write_record(self, entries: Mapping[str, Any]) -> None:
+        """Write sweep.json with these entries and those that it has. Raises RunError."""
+        with self._writing(), written_whole(self._place / RECORD) as stream:
+            stream.write((json.dumps({**self.record(), **entries}, indent=2) + "\n").encode())
+
+    def keep(self, chunk: Chunk, measures: Measures) -> None:
+        """Write what the variants of a chunk gave; it is there whole or not at all. Raises RunError."""
+        name = f"{chunk.outcomes[0].number:09d}.parquet"
+        with self._writing():
+            if chunk.series is not None:  # before the part, without which it does not count
+                with written_whole(self._place / SERIES / name) as stream:
+                    stream.write(chunk.series)
+            with written_whole(self._place / PARTS / name) as stream:
+                stream.write(_parquet(_frame(chunk, measures)))
+
+    def finished(self) -> set[int]:
+        """Numbers of the variants that are there. Raises CommandError for a part that cannot be read."""
+        parts = self._parts()
+        return set() if parts is None else set(parts[VARIANT])
+
+    def merge(self, about: polars.DataFrame) -> polars.DataFrame:
+        """Write variants.parquet, `about` (columns by variant) beside what came out. Raises RunError."""
+        parts = self._parts()
+        found = about.head(0) if parts is None else about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
+        with self._writing(), written_whole(self._place / TABLE) as stream:
+            stream.write(_parquet(found))
+        return found
+
+    def complete(self, entries: Mapping[str, Any]) -> None:
+        """Say that all variants are there; parts are not needed any more. Raises RunError."""
+        self.write_record({**entries, "status": COMPLETED})
+        with self._writing():
+            shutil.rmtree(self._place / PARTS, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                (self._place / SERIES).rmdir()  # where there are none
+
+    def _parts(self) -> polars.DataFrame | None:
+        files = sorted((self._place / PARTS).glob("*.parquet"))
+        tables = [self._part(file) for file in files]
+        return polars.concat(tables, how="vertical") if tables else None
+
+    def _part(self, file: Path) -> polars.DataFrame:
+        try:
+            return polars.read_parquet(file)
+        except Exception as error:
+            raise CommandError(
+                f"'{self.path / PARTS / file.name}' cannot be read; remove it, and what it had is run again."
+            ) from error
+
+    def _forget_orphans(self) -> None:
+        """Remove signals of chunks whose part was not written."""
+        for file in (self._place / SERIES).glob("*.parquet"):
+            if not (self._place / PARTS / file.name).exists():
+                file.unlink()
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise RunError(
+                f"the output folder '{self.path}' cannot be written: {error.strerror or error}."
+            ) from error
+
+
+def digest(content: object) -> str:
+    """A short hash of plain data."""
+    text = json.dumps(content, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
+    rows = [(o.number, o.status, o.problem, o.end_s) for o in chunk.outcomes]
+    ends = polars.DataFrame(rows, schema=_ENDS, orient="row")
+    columns = [
+        polars.Series(
+            name,
+            [o.figures.get(name) for o in chunk.outcomes],
+            polars.Boolean if name in measures.truths else polars.Float64,
+            strict=False,
+        )
+        for name in measures.names
+    ]
+    return ends.with_columns(columns)
+
+
+def _parquet(frame: polars.DataFrame) -> bytes:
+    stream = BytesIO()
+    frame.write_parquet(stream)
+    return stream.getvalue()
+
+
+def _differing(before: Any, now: Mapping[str, Any]) -> str:
+    """What is not the same in two identities; empty where all is."""
+    if not isinstance(before, Mapping):
+        return "contents"
+    names = sorted(set(before) | set(now))
+    found: Sequence[str] = [n for n in names if before.get(n) != json.loads(json.dumps(now.get(n)))]
+    return " and ".join(found)

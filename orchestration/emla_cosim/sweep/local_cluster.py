@@ -1,0 +1,110 @@
+"""A Dask cluster of this machine's cores, in processes apart from the one that asks for it.
+
+They are apart since a program that calls `sweep` may not be one that can be imported again, as worker
+processes are started, and so that all of it ends when that program does, however that ends. Nobody else
+on this machine can talk to it: connections are encrypted, with keys made for it alone.
+"""
+
+import contextlib
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..errors import RunError
+from ..processes import end_with
+
+
+class Place(NamedTuple):
+    """Where a scheduler is, and what it takes to talk to it."""
+
+    address: str
+    security: Any
+    dashboard: str
+
+
+_CONFIG = {
+    "distributed.scheduler.allowed-failures": 0,  # who retries a chunk is `farming`
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.worker.profile.enabled": False,  # which looks at every frame all the time
+    "distributed.worker.memory.target": False,  # nothing is worth spilling
+    "distributed.worker.memory.spill": False,
+}
+
+
+@contextlib.contextmanager
+def local_cluster(workers: int | None = None) -> Iterator[Place]:
+    """A cluster of so many worker processes with one thread each, by default one for each core.
+
+    Raises RunError where it does not come up.
+    """
+    command = [sys.executable, "-m", __spec__.name, str(workers or 0)]
+    found = os.pathsep.join(path for path in sys.path if path)  # this package, wherever it was found
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=said,
+            env={**os.environ, "PYTHONPATH": found},
+            start_new_session=True,  # Ctrl-C is for who asked for it
+        )
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            try:
+                place = Place(*pickle.load(process.stdout))
+            except Exception as error:
+                said.seek(0)
+                last = said.read().decode(errors="replace").strip().splitlines()[-1:] or ["it said nothing"]
+                raise RunError(f"no cluster could be started on this machine: {last[0]}.") from error
+            yield place
+        finally:
+            with contextlib.suppress(OSError):
+                process.stdin.close()  # which asks it to end
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            process.stdout.close()
+
+
+def _usual(workers: int) -> int:
+    """So many workers, or as many as this process may use cores."""
+    if workers:
+        return workers
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def main() -> None:
+    """Serve until standard input ends, or the parent is gone."""
+    end_with(os.getppid(), lambda: os._exit(1))
+    answer, sys.stdout = sys.stdout.buffer, sys.stderr  # nothing else may say anything there
+    import dask
+    from distributed import LocalCluster, Security
+
+    with tempfile.TemporaryDirectory(prefix="emla-cluster-", ignore_cleanup_errors=True) as folder:
+        dask.config.set({**_CONFIG, "temporary-directory": folder})
+        security = Security.temporary()
+        with LocalCluster(
+            n_workers=_usual(int(sys.argv[1])),
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            security=security,
+            silence_logs=50,
+            local_directory=folder,
+        ) as cluster:
+            pickle.dump((cluster.scheduler_address, security, cluster.dashboard_link), answer)
+            answer.flush()
+            sys.stdin.buffer.read()
+        sys.stderr.flush()
+
+
+if __name__ == "__main__":
+    main()

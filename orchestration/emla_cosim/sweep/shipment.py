@@ -1,0 +1,107 @@
+"""What travels to the workers, once: FMUs by their content, and the systems that are made of them."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from ..errors import called_as_in
+from ..fmu.interface import Interface, read_interfaces
+from ..master.algorithms.registry import ALGORITHMS
+from ..options import Options
+from ..preparation import prepared
+from ..progress import Progress
+from ..recorders.metrics import METRICS
+from ..scenarios.scenario import Scenario
+from ..simulation import PREPARED
+from ..system.model import System
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """A scenario whose FMUs are built and whose components are what the options make them.
+
+    `fmus` has the content hash of every component's FMU, `interfaces` what it shows of itself.
+    """
+
+    name: str
+    system: System
+    options: Options
+    fmus: Mapping[str, str]
+    interfaces: Mapping[str, Interface]
+    files: Mapping[str, Path]
+
+    @classmethod
+    def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
+        """Build what is missing, and read what is there; raises as `Scenario.prepare`."""
+        options = scenario.options
+        with called_as_in(scenario.unpacked):
+            system, fmus = prepared(scenario.system, options, progress or Progress())
+            hashes = {path: _sha256(path) for path in dict.fromkeys(fmus.values())}
+            interfaces = read_interfaces(fmus)
+        usual = Options()
+        done = {o.name: getattr(usual, o.name) for o in fields(Options) if o.name in (*PREPARED, "set")}
+        done["isolate"] = options.isolate  # which is for where it runs
+        return cls(
+            scenario.name,
+            system,
+            replace(options, **done),
+            {name: hashes[path] for name, path in fmus.items()},
+            interfaces,
+            {hashes[path]: path for path in hashes},
+        )
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """A `Preparation` as it travels; `system` has no FMUs, `fmus` has them by content hash."""
+
+    name: str
+    system: System
+    options: Options
+    fmus: Mapping[str, str]
+
+    def simulated(self, files: Mapping[str, Path]) -> System:
+        """The system with the FMUs' files, given by content hash."""
+        return replace(
+            self.system,
+            components=tuple(replace(c, fmu=files[self.fmus[c.name]]) for c in self.system.components),
+        )
+
+
+@dataclass(frozen=True)
+class Shipment:
+    """All that workers need; `files` has name and content of FMU files by their hash.
+
+    Metrics and algorithms go along since users register their own.
+    """
+
+    key: str
+    shipped: Sequence[Shipped]
+    files: Mapping[str, tuple[str, bytes]]
+    metrics: Mapping[str, Any]
+    algorithms: Mapping[str, Any]
+    version: str
+
+    @classmethod
+    def of(cls, key: str, preparations: Sequence[Preparation]) -> "Shipment":
+        """Everything that these preparations need; `key` names it on the workers."""
+        paths = {sha: path for p in preparations for sha, path in p.files.items()}
+        return cls(
+            key,
+            [Shipped(p.name, _without_files(p.system), p.options, p.fmus) for p in preparations],
+            {sha: (path.name, path.read_bytes()) for sha, path in paths.items()},
+            dict(METRICS),
+            dict(ALGORITHMS),
+            version("emla-cosim"),
+        )
+
+
+def _without_files(system: System) -> System:
+    return replace(system, components=tuple(replace(c, model="", fmu=None) for c in system.components))
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
