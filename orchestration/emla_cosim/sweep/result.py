@@ -1,0 +1,41 @@
+"""What came out of a sweep: one row for every variant, and some signals over time."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import polars
+
+from ..recorders.metrics import Shown
+
+DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
+"""How a variant ended: whole; early, in a step; before its first step; by a figure or a requirement; with its
+process."""
+
+VARIANT, STATUS, PROBLEM = "variant", "status", "problem"
+"""Columns of the table beside those of what varies and of figures."""
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """What came out of a sweep.
+
+    `variants` has a row for each variant, sorted: `variant` (its number, from 0), a column for each of
+    `factors` (what varies), `status` (one of the names above), `problem` (a sentence, or null) and a column for
+    each of `figures`: numbers or truths, null or NaN where there is none. `series` has `variant`, `time`
+    and the `signals` that were kept, a row for each row of each variant; None where none were. `units` are
+    those of factors and signals, by name; `shown` says how a person sees a figure, where that is known.
+    `sampling` is the name of the method and `seed` its seed.
+    """
+
+    name: str
+    sampling: str
+    seed: int
+    factors: Sequence[str]
+    figures: Sequence[str]
+    variants: polars.DataFrame
+    signals: Sequence[str] = ()
+    series: polars.LazyFrame | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    shown: Mapping[str, Shown] = field(default_factory=dict)
+    folder: Path | None = None
