@@ -22,7 +22,7 @@ KINDS: list[tuple[str, Any]] = [
     ("normal(0.14, 0.01)", stats.norm(0.14, 0.01)),
     ("normal(0.14, 0.01, 0.13, 0.145)", stats.truncnorm(-1, 0.5, 0.14, 0.01)),
     ("normal(1, 2, low=0)", stats.truncnorm(-0.5, np.inf, 1, 2)),
-    ("normal(0, 1, low=5)", stats.truncnorm(5, np.inf)),
+    ("normal(0, 1, low=7)", stats.truncnorm(7, np.inf)),
     ("normal(0, 1, -8, -6)", stats.truncnorm(-8, -6)),
     ("log-normal(3, 0.5)", stats.lognorm(0.5, scale=3)),
     ("triangular(-1, 0, 4)", stats.triang(0.2, -1, 5)),
