@@ -1,0 +1,1 @@
+"""Kinds of distributions: how one quantity varies from variant to variant."""
