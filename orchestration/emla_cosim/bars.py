@@ -44,6 +44,10 @@ class BarProgress(Progress):
         """So many units more are done."""
         self._bars.advance(self._task, count)
 
+    def note(self, sentence: str) -> None:
+        """A line above the bars."""
+        self._bars.console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
     def replaced(self, fit: "Fit") -> None:
         """A component is replaced: what fits, what is converted and what is missing, as a table."""
         table = Table(title=escape(f"{fit.fmu} as {fit.component}"), title_justify="left")

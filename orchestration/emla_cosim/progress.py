@@ -15,5 +15,8 @@ class Progress:
     def advance(self, count: int) -> None:
         """So many units more are done."""
 
+    def note(self, sentence: str) -> None:
+        """Something worth knowing while it goes on."""
+
     def replaced(self, fit: "Fit") -> None:
         """A component is replaced; this is how the other FMU fits."""

@@ -61,24 +61,32 @@ def run_record(
 
 def run_identity(system: System, assembly: Assembly, options: Options, times: Timing) -> dict[str, Any]:
     """What must be the same for a run to be continued, by the names it has in messages."""
+    fmus = {name: file.sha256 for name, file in assembly.files.items()}
     return {
-        "FMUs": {name: file.sha256 for name, file in assembly.files.items()},
-        "components": [c.name for c in system.components],
-        "values set": {
-            f"{c.name}.{n}": str(v) for c in system.components for n, v in sorted(c.parameters.items())
-        },
-        "mappings": {f"{c.name}.{n}": str(a) for c in system.components for n, a in c.aliases.items()},
-        "connections": [f"{x} {x.transformation}" for x in system.connections],
-        **{o.about.identity: _plain(value) for o, value in options.in_effect() if o.about.identity},
+        **system_identity(system, fmus),
+        **{o.about.identity: plain(value) for o, value in options.in_effect() if o.about.identity},
         "algorithm": options.algorithm_name,
         "start time": times.start,
         "step size": times.step,
     }
 
 
+def system_identity(system: System, fmus: Mapping[str, str]) -> dict[str, Any]:
+    """What a system is, by the names that it has in messages; `fmus` has the content hash of every FMU."""
+    return {
+        "FMUs": dict(fmus),
+        "components": [c.name for c in system.components],
+        "values set": {
+            f"{c.name}.{n}": str(v) for c in system.components for n, v in sorted(c.parameters.items())
+        },
+        "mappings": {f"{c.name}.{n}": str(a) for c in system.components for n, a in c.aliases.items()},
+        "connections": [f"{x} {x.transformation}" for x in system.connections],
+    }
+
+
 def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
     """The options that applied, as they were in effect."""
-    found = {o.record: _plain(value) for o, value in options.in_effect() if o.about.recorded}
+    found = {o.record: plain(value) for o, value in options.in_effect() if o.about.recorded}
     del found["mapping"]  # which is told with the replacement
     interval = options.output_interval if options.error_tolerance is not None else every * times.step
     return found | {
@@ -87,7 +95,7 @@ def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
         "stop_time_s": times.stop,
         "step_size_s": times.step,
         "output_interval_s": interval,
-        "replace": {name: _plain(r) for name, r in options.replacements().items()},
+        "replace": {name: plain(r) for name, r in options.replacements().items()},
     }
 
 
@@ -112,16 +120,16 @@ def _versions() -> dict[str, str | None]:
     return found
 
 
-def _plain(value: Any) -> Any:
-    """A value as JSON has it."""
+def plain(value: Any) -> Any:
+    """A value of an option as JSON has it."""
     if isinstance(value, Algorithm):
-        return _plain(type(value))
+        return plain(type(value))
     if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if is_dataclass(value) and not isinstance(value, type):
-        return _plain(asdict(value))
+        return plain(asdict(value))
     if isinstance(value, type):
         return f"{value.__module__}.{value.__qualname__}"
     return str(value) if isinstance(value, Path) else value

@@ -1,7 +1,7 @@
 """What varies, with names instead of patterns, and what that means for a run."""
 
 import difflib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any
@@ -13,24 +13,13 @@ from ..options import table
 from ..simulation import OF_THE_COMMAND
 from ..system.model import Component, System, Value
 from ..system.resolution import refuse_driven
+from ..values import converted
 from .distributions import Distribution, distribution
 from .reserved import RESERVED
+from .targets import FMU, OPTION, START, Target, options_of
 
 _FIXED = (*OF_THE_COMMAND, "set", "mapping", "isolate", "fmus", "require", "compiled", "signals")
 """Options that are the same for all variants."""
-
-
-OPTION, FMU, START = "option", "replace", "set"
-"""What a target is: an option by its name, a component whose FMU varies, or a start value by its full name."""
-
-
-@dataclass(frozen=True)
-class Target:
-    """Where a value goes; `nominal` is what it multiplies there, if it is relative."""
-
-    name: str
-    kind: str = START
-    nominal: float | None = None
 
 
 @dataclass(frozen=True)
@@ -56,31 +45,6 @@ class Factor:
         return options_of(self.targets, value)
 
 
-def options_of(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
-    """The options that bring a value of the table of variants to these targets; none for None."""
-    found: dict[str, Any] = {}
-    if value is None:
-        return found
-    for target in targets:
-        given = value
-        if target.nominal is not None and len(targets) > 1:
-            given = target.nominal * float(value)
-        if target.kind == OPTION:
-            found[target.name] = given
-        else:
-            found.setdefault(target.kind, {})[target.name] = given
-    return found
-
-
-def merged(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Options of several factors as those of one run."""
-    found: dict[str, Any] = {}
-    for part in parts:
-        for name, value in part.items():
-            found[name] = {**found.get(name, {}), **value} if isinstance(value, Mapping) else value
-    return found
-
-
 def factors(
     vary: Mapping[str, Any], system: System, interfaces: Mapping[str, Interface], where: str
 ) -> list[Factor]:
@@ -98,7 +62,9 @@ def factors(
                 raise CommandError(f"{label} needs another name: every table of variants has this column.")
             for target in factor.targets:
                 if (other := taken.setdefault(target.name, factor.name)) != factor.name:
-                    raise CommandError(f"{where} varies {target.name} twice: as {other} and as {factor.name}.")
+                    raise CommandError(
+                        f"{where} varies {target.name} twice: as {other} and as {factor.name}."
+                    )
             found.append(factor)
     if twice := {f.name for f in found if [g.name for g in found].count(f.name) > 1}:
         raise CommandError(f"{where} has two factors '{min(twice)}'; give one another name.")
@@ -111,9 +77,9 @@ def _factors(
     of = [name]
     if isinstance(given, Mapping) and "of" in given:
         given = dict(given)
-        of = given.pop("of")
-        if isinstance(of, str) or not isinstance(of, Sequence) or not all(isinstance(x, str) for x in of) or not of:
-            raise CommandError(f"'of' in {label} is {of!r}; it must be a list of names.")
+        of = converted(given.pop("of"), Sequence[str], f"'of' in {label}")
+        if not of:
+            raise CommandError(f"'of' in {label} is empty; it must be a list of names.")
         targets = [t for pattern in of for t in _targets(pattern, system, interfaces, label)]
         return [_factor(name, list(dict.fromkeys(targets)), given, system, interfaces, label)]
     targets = _targets(name, system, interfaces, label)

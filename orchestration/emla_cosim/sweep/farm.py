@@ -5,13 +5,14 @@ import itertools
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
-from typing import Any
+from queue import Empty, SimpleQueue
+from typing import Any, cast
 
-from distributed import Client, Future, KilledWorker, wait
-from distributed.comm import CommClosedError
+from distributed import Client, Future, KilledWorker
+from distributed.comm.core import CommClosedError
 
 from ..errors import CosimError, RunError
 from .local_cluster import local_cluster
@@ -44,10 +45,10 @@ _LOOK = 0.2
 
 @dataclass(frozen=True)
 class Work:
-    """Variants that one prepared simulation can run."""
+    """Variants that one prepared simulation can run, by number."""
 
     group: int
-    variants: Sequence[Variant]
+    variants: Sequence[int]
 
 
 class Farm:
@@ -63,7 +64,7 @@ class Farm:
     @property
     def threads(self) -> int:
         """How many variants can run at once now."""
-        return sum(self._client.nthreads().values())
+        return sum(dict(cast(Any, self._client.nthreads())).values())
 
     def describe(self, group: int) -> Description:
         """What the simulation of a preparation gives. Raises CosimError where it cannot be prepared."""
@@ -79,18 +80,20 @@ class Farm:
     def run(
         self,
         work: Sequence[Work],
+        variant: Callable[[int], Variant],
         measures: Measures,
         bytes_each: int,
         keep: Callable[[Chunk], None],
         interrupted: Callable[[], bool],
     ) -> bool:
-        """Run all of it, hand each chunk to `keep`, and say whether it was all.
+        """Run all of it, hand each chunk to `keep`, and say whether it was all; `variant` has them by number.
 
         It is less where `interrupted` says so. `bytes_each` is the size of the signals of a variant.
         Raises RunError where the cluster is gone.
         """
         chunks = _Chunks(work, max(_MOST_BYTES // max(bytes_each, 1), 1))
         flying: dict[Future, Work] = {}
+        done = SimpleQueue[Future]()
         alone = time.monotonic()
         try:
             with self._answering():
@@ -98,15 +101,18 @@ class Farm:
                     threads = self.threads
                     while chunks and len(flying) < threads:
                         chunk = chunks.next(threads)
-                        flying[self._submit(run_chunk, chunk.group, chunk.variants, measures)] = chunk
+                        variants = [variant(number) for number in chunk.variants]
+                        future = self._submit(run_chunk, chunk.group, variants, measures)
+                        flying[future] = chunk
+                        future.add_done_callback(done.put)
                     if threads:
                         alone = time.monotonic()
                     elif time.monotonic() - alone > _PATIENCE:
                         raise RunError(f"the scheduler at {self._address} has no workers any more.")
-                    for future in _done(list(flying)):
-                        chunk = flying.pop(future)
-                        for done in chunks.answered(chunk, future):
-                            keep(done)
+                    with contextlib.suppress(Empty):
+                        future = done.get(timeout=_LOOK)
+                        for answer in chunks.answered(flying.pop(future), future):
+                            keep(answer)
                 return not (chunks or flying)
         finally:
             with contextlib.suppress(Exception):
@@ -130,8 +136,7 @@ class Farm:
             raise
         except (CommClosedError, OSError, CancelledError, TimeoutError) as error:
             raise RunError(
-                f"the scheduler at {self._address} does not answer, or has no workers: "
-                f"{_first_line(error)}."
+                f"the scheduler at {self._address} does not answer, or has no workers: {_first_line(error)}."
             ) from error
         except (ImportError, AttributeError, RuntimeError) as error:
             raise RunError(
@@ -193,7 +198,7 @@ class _Chunks:
             for half in (chunk.variants[: count // 2], chunk.variants[count // 2 :]):
                 self._again.append(Work(chunk.group, half))
             return
-        number = chunk.variants[0].number
+        number = chunk.variants[0]
         self._deaths[number] += 1
         if self._deaths[number] < _TRIES:
             self._again.append(chunk)
@@ -217,26 +222,17 @@ def farm(
         else:
             address, security, dashboard = scheduler, None, ""
         try:
-            client = held.enter_context(Client(address, security=security, timeout=_PATIENCE / 4, set_as_default=False))
+            client = held.enter_context(
+                Client(address, security=security, timeout=_PATIENCE / 4, set_as_default=False)
+            )
         except (OSError, TimeoutError, ValueError, RuntimeError) as error:
             raise RunError(f"no scheduler answers at '{address}': {_first_line(error)}.") from error
-        told(dashboard or client.dashboard_link)
+        told(f"Dask's dashboard: {dashboard or client.dashboard_link}")
         found = Farm(client, shipment, address)
         try:
             yield found
         finally:
             found.close()
-
-
-def _done(futures: Sequence[Future]) -> Sequence[Future]:
-    """Those that are done, after a look's time at most."""
-    if not futures:
-        time.sleep(_LOOK)
-        return []
-    try:
-        return list(wait(futures, timeout=_LOOK, return_when="FIRST_COMPLETED").done)
-    except TimeoutError:
-        return []
 
 
 def _first_line(error: BaseException) -> str:

@@ -4,7 +4,7 @@ import contextlib
 import hashlib
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,14 @@ from typing import Any
 import polars
 
 from ..errors import CommandError, RunError
-from ..files import UNFINISHED, written_whole
+from ..files import UNFINISHED, read_text, written_whole
 from ..locking import alone
 from .measures import Measures
 from .result import PROBLEM, STATUS, VARIANT
 from .worker import Chunk
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
-COMPLETED = "completed"
+COMPLETED, UNFINISHED_SWEEP = "completed", "unfinished"
 
 _ENDS = {
     VARIANT: polars.Int64,
@@ -49,29 +49,45 @@ class SweepFolder:
                         left.unlink()
             yield
 
-    def begin(self, identity: Mapping[str, Any], resume: bool) -> None:
-        """Begin a sweep with this identity, or go on with it.
+    def check(self, identity: Mapping[str, Any], resume: bool) -> None:
+        """See that a sweep with this identity can begin here, or go on.
 
-        Raises CommandError where an unfinished sweep is there that is not to be resumed, or where another
-        one is; RunError where nothing can be written.
+        Raises CommandError where an unfinished sweep is there that is not to be resumed, or another one
+        is that should be.
         """
         found = self.record()
         if resume and not found:
             raise CommandError(f"'{self.path}' has no sweep to resume; leave out --resume.")
         if resume and (differing := _differing(found.get("identity"), identity)):
             raise CommandError(
-                f"the sweep in '{self.path}' cannot be resumed: it has other {differing}; name another folder."
+                f"the sweep in '{self.path}' cannot be resumed, it has other {differing}; name another folder."
             )
         if not resume and found and found.get("status") != COMPLETED:
             raise CommandError(
                 f"'{self.path}' has an unfinished sweep; --resume continues it, or name another folder."
             )
+
+    def check_room(self, variants: int, figures: int, values_each: int) -> None:
+        """Raise CommandError where the disk will not hold the results; `values_each` are those over time."""
+        needed = 8 * variants * (figures + values_each)
+        with self._writing():
+            free = shutil.disk_usage(self._place).free
+        if needed > free:
+            raise CommandError(
+                f"the results of {variants:,} variants take up to {needed / 2**30:.3g} GiB, and '{self.path}' "
+                f"has {free / 2**30:.3g} GiB left; keep fewer signals, or rows further apart."
+            )
+
+    def begin(self, record: Mapping[str, Any], resume: bool) -> None:
+        """Begin a sweep with this record, or go on with it; see `check`. Raises RunError."""
         with self._writing():
             if not resume:
                 self.clear()
             for name in (PARTS, SERIES):
                 (self._place / name).mkdir(exist_ok=True)
-            self.write_record({"identity": dict(identity), "status": "unfinished"})
+            if resume and self.record().get("status") == COMPLETED:
+                return
+            self.write_record({**record, "status": UNFINISHED_SWEEP})
             self._forget_orphans()
 
     def clear(self) -> None:
@@ -85,15 +101,17 @@ class SweepFolder:
 
     def record(self) -> dict[str, Any]:
         """What sweep.json says; nothing where there is none. CommandError where it is none of ours."""
-        place = self._place / RECORD
-        if not place.exists():
-            return {}
+        return self.record_of(self._place) if (self._place / RECORD).exists() else {}
+
+    @staticmethod
+    def record_of(folder: Path) -> dict[str, Any]:
+        """What sweep.json in this folder says. Raises CommandError where it cannot be read."""
         try:
-            found = json.loads(place.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise CommandError(f"'{self.path / RECORD}' cannot be read: {error}.") from error
+            found = json.loads(read_text(folder / RECORD, "the record of the sweep"))
+        except ValueError as error:
+            raise CommandError(f"'{folder / RECORD}' cannot be read: {error}.") from error
         if not isinstance(found, dict):
-            raise CommandError(f"'{self.path / RECORD}' is not the record of a sweep.")
+            raise CommandError(f"'{folder / RECORD}' is not the record of a sweep.")
         return found
 
     def write_record(self, entries: Mapping[str, Any]) -> None:
@@ -113,21 +131,26 @@ class SweepFolder:
 
     def finished(self) -> set[int]:
         """Numbers of the variants that are there. Raises CommandError for a part that cannot be read."""
+        if self.record().get("status") == COMPLETED:
+            return set(polars.read_parquet(self._place / TABLE, columns=[VARIANT])[VARIANT])
         parts = self._parts()
         return set() if parts is None else set(parts[VARIANT])
 
-    def merge(self, about: polars.DataFrame) -> polars.DataFrame:
-        """Write variants.parquet, `about` (columns by variant) beside what came out. Raises RunError."""
+    def merge(self, about: polars.DataFrame) -> None:
+        """Write variants.parquet: `about` (columns by variant) beside what came out. Raises RunError."""
+        if self.record().get("status") == COMPLETED:
+            return
         parts = self._parts()
         found = about.head(0) if parts is None else about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
         with self._writing(), written_whole(self._place / TABLE) as stream:
             stream.write(_parquet(found))
-        return found
 
-    def complete(self, entries: Mapping[str, Any]) -> None:
-        """Say that all variants are there; parts are not needed any more. Raises RunError."""
-        self.write_record({**entries, "status": COMPLETED})
-        with self._writing():
+    def close(self, whole: bool, wall_s: float) -> None:
+        """Say how long it took in s, and whether all variants are there: no parts are needed then."""
+        earlier = self.record()
+        spent = earlier.get("wall_s", 0.0) + wall_s
+        self.write_record({"wall_s": spent, "status": COMPLETED if whole else UNFINISHED_SWEEP})
+        if whole:
             shutil.rmtree(self._place / PARTS, ignore_errors=True)
             with contextlib.suppress(OSError):
                 (self._place / SERIES).rmdir()  # where there are none
@@ -193,5 +216,5 @@ def _differing(before: Any, now: Mapping[str, Any]) -> str:
     if not isinstance(before, Mapping):
         return "contents"
     names = sorted(set(before) | set(now))
-    found: Sequence[str] = [n for n in names if before.get(n) != json.loads(json.dumps(now.get(n)))]
+    found = [n for n in names if before.get(n) != json.loads(json.dumps(now.get(n)))]
     return " and ".join(found)

@@ -12,8 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from ..errors import RunError
 from ..processes import end_with
@@ -83,12 +82,13 @@ def _usual(workers: int) -> int:
 def main() -> None:
     """Serve until standard input ends, or the parent is gone."""
     end_with(os.getppid(), lambda: os._exit(1))
+    os.environ.setdefault("POLARS_MAX_THREADS", "1")  # a worker has one core
     answer, sys.stdout = sys.stdout.buffer, sys.stderr  # nothing else may say anything there
-    import dask
+    from dask.config import set as configure
     from distributed import LocalCluster, Security
 
     with tempfile.TemporaryDirectory(prefix="emla-cluster-", ignore_cleanup_errors=True) as folder:
-        dask.config.set({**_CONFIG, "temporary-directory": folder})
+        configure({**_CONFIG, "temporary-directory": folder})
         security = Security.temporary()
         with LocalCluster(
             n_workers=_usual(int(sys.argv[1])),
@@ -99,7 +99,8 @@ def main() -> None:
             security=security,
             silence_logs=50,
             local_directory=folder,
-        ) as cluster:
+        ) as made:
+            cluster = cast(Any, made)
             pickle.dump((cluster.scheduler_address, security, cluster.dashboard_link), answer)
             answer.flush()
             sys.stdin.buffer.read()

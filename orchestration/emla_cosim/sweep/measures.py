@@ -1,6 +1,7 @@
 """What is kept of a variant: registered figures, expressions over signals, and anybody's functions."""
 
 import difflib
+import inspect
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -50,10 +51,21 @@ class Asked:
                 expressions[name] = metric
         return cls(figures, expressions, functions)
 
+    def identity(self, signals: Sequence[str]) -> list[Any]:
+        """What decides which figures come out, as plain data."""
+        functions = [(name, _source(function)) for name, function in self.functions.items()]
+        return [list(self.figures), list(self.expressions.items()), functions, list(signals)]
 
-def _named(
-    metrics: Sequence[Metric] | Mapping[str, Metric], where: str
-) -> list[tuple[str | None, Metric]]:
+
+def _source(function: Callable[..., Any]) -> str:
+    """What a function is, as far as that can be told."""
+    try:
+        return inspect.getsource(function)
+    except (OSError, TypeError):
+        return getattr(function, "__qualname__", type(function).__name__)
+
+
+def _named(metrics: Sequence[Metric] | Mapping[str, Metric], where: str) -> list[tuple[str | None, Metric]]:
     if isinstance(metrics, Mapping):
         given: list[tuple[Any, Any]] = list(metrics.items())
     elif isinstance(metrics, str) or not isinstance(metrics, Sequence):

@@ -71,7 +71,8 @@ class Plan:
             raise CommandError(f"the seed {self.seed} of {self.where} must be from 0 to {_LARGEST_SEED}.")
         if not self.vary:
             raise CommandError(
-                f"{self.where} varies nothing; say what does, such as --vary lift.plant.motor.R_s=0.05:0.3:20."
+                f"{self.where} varies nothing; say what does, such as "
+                "--vary lift.plant.motor.R_s=0.05:0.3:20."
             )
 
 

@@ -1,12 +1,16 @@
 """What came out of a sweep: one row for every variant, and some signals over time."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import polars
 
+from ..errors import CommandError
 from ..recorders.metrics import Shown
+from .targets import Target, as_arguments, merged, options_of
 
 DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
 """How a variant ended: whole; early, in a step; before its first step; by a figure or a requirement; with its
@@ -21,11 +25,13 @@ class SweepResult:
     """What came out of a sweep.
 
     `variants` has a row for each variant, sorted: `variant` (its number, from 0), a column for each of
-    `factors` (what varies), `status` (one of the names above), `problem` (a sentence, or null) and a column for
-    each of `figures`: numbers or truths, null or NaN where there is none. `series` has `variant`, `time`
+    `factors` (what varies), `status` (one of the names above), `problem` (a sentence, or null) and a column
+    for each of `figures`: numbers or truths, null or NaN where there is none. `series` has `variant`, `time`
     and the `signals` that were kept, a row for each row of each variant; None where none were. `units` are
     those of factors and signals, by name; `shown` says how a person sees a figure, where that is known.
-    `sampling` is the name of the method and `seed` its seed.
+    `sampling` is the name of the method and `seed` its seed. `complete` says whether all variants are
+    there; `base` is the command that runs the scenario as all variants have it, None where there is none,
+    and `targets` where values of each factor go.
     """
 
     name: str
@@ -39,3 +45,21 @@ class SweepResult:
     units: Mapping[str, str] = field(default_factory=dict)
     shown: Mapping[str, Shown] = field(default_factory=dict)
     folder: Path | None = None
+    complete: bool = True
+    base: Sequence[str] | None = None
+    targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
+    wall_s: float = 0.0
+    holds: object = field(default=None, compare=False, repr=False)
+
+    def options(self, variant: int) -> dict[str, Any]:
+        """The options that are a variant's own; CommandError where there is no such variant."""
+        rows = self.variants.filter(polars.col(VARIANT) == variant)
+        if not rows.height:
+            raise CommandError(f"there is no variant {variant}.", variant=variant)
+        row = rows.row(0, named=True)
+        return merged(options_of(self.targets[name], row[name]) for name in self.factors)
+
+    def command(self, variant: int) -> str | None:
+        """The command that runs a variant alone; None where its scenario or an option is of Python alone."""
+        own = as_arguments(self.options(variant))
+        return None if self.base is None or own is None else shlex.join([*self.base, *own])

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,13 @@ from ..options import Options
 from ..preparation import prepared
 from ..progress import Progress
 from ..recorders.metrics import METRICS
+from ..run_record import plain, system_identity
 from ..scenarios.scenario import Scenario
 from ..simulation import PREPARED
 from ..system.model import System
+
+_OF_ONE_RUN = ("real_time", "checkpoint", "resume", "signals", "output", "plots")
+"""Options of a scenario that mean nothing for many runs."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,7 @@ class Preparation:
             hashes = {path: _sha256(path) for path in dict.fromkeys(fmus.values())}
             interfaces = read_interfaces(fmus)
         usual = Options()
-        done = {o.name: getattr(usual, o.name) for o in fields(Options) if o.name in (*PREPARED, "set")}
-        done["isolate"] = options.isolate  # which is for where it runs
+        done = {name: getattr(usual, name) for name in (*PREPARED, "set", *_OF_ONE_RUN) if name != "isolate"}
         return cls(
             scenario.name,
             system,
@@ -52,6 +55,14 @@ class Preparation:
             interfaces,
             {hashes[path]: path for path in hashes},
         )
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """All that decides what a run gives, as plain data."""
+        times = self.options.start_time, self.options.stop_time, self.options.step_size
+        chosen = {o.name: plain(value) for o, value in self.options.in_effect() if o.about.recorded}
+        algorithm = self.options.algorithm_name
+        return {**system_identity(self.system, self.fmus), "options": chosen, "times": times, "by": algorithm}
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ class SweepPlugin(WorkerPlugin):
         shipment = self._shipment
         if (here := version("emla-cosim")) != shipment.version:
             raise CommandError(
-                f"the worker {worker.address} has emla-cosim {here}, not {shipment.version}; install the same."
+                f"the worker {worker.address} has emla-cosim {here}, not {shipment.version}; install that."
             )
         METRICS.update(shipment.metrics)
         ALGORITHMS.update(shipment.algorithms)
@@ -139,7 +139,8 @@ def describe(key: str, group: int) -> Description:
     shown = {}
     for name, kind in recorder.kinds.items():
         seen = {s.name: s for s in kind.shown}
-        shown |= {f"{of}.{s}": seen[s] for of, figures in recorder.figures()[name].items() for s in figures if s in seen}
+        for of, figures in recorder.figures()[name].items():
+            shown |= {f"{of}.{figure}": seen[figure] for figure in figures if figure in seen}
     units = {name: str(unit) if unit is not None else "" for name, unit in simulation.units.items()}
     rows = 1 + -(-found.times.steps // found.every)
     figures = {name: isinstance(value, bool) for name, value in by_name(recorder.figures(), {}).items()}
@@ -165,25 +166,27 @@ def run_chunk(key: str, group: int, variants: Sequence[Variant], measures: Measu
 def _run(
     plugin: SweepPlugin, group: int, variant: Variant, measures: Measures
 ) -> tuple[Outcome, Result | None]:
+    """Run one variant; whatever goes wrong is told as what came out of it."""
     recorders = [TimeSeries()] if measures.read else []
+    status, problem = DONE, None
     try:
         try:
             simulation = plugin.simulation(group)
             result = simulation.run(recorders=recorders, signals=measures.read, **variant.options)
-            status, problem = DONE, None
         except RunError as error:
-            result, status, problem = error.fields.get("result"), _status(error), str(error)
-            if result is None:
+            if "result" not in error.fields:
                 raise
-        end, figures = result.end_s, measures.of(result)
+            result, status, problem = error.fields["result"], _status(error), str(error)
+        try:
+            figures = measures.of(result)
+        except MeasureError as error:
+            figures, status = {}, FAILED
+            problem = " ".join(filter(None, (problem, str(error))))
+        return Outcome(variant.number, status, problem, result.end_s, figures), result
     except CosimError as error:
         return Outcome(variant.number, REFUSED, str(error)), None
-    except MeasureError as error:
-        problem = " ".join(filter(None, (problem, str(error))))
-        return Outcome(variant.number, FAILED, problem, result.end_s), result
     except Exception as error:  # of somebody's metrics or algorithm
         return Outcome(variant.number, FAILED, f"the run raised {error!r}."), None
-    return Outcome(variant.number, status, problem, end, figures), result
 
 
 def _status(error: RunError) -> str:

@@ -1,0 +1,121 @@
+"""`emla sweep`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..bars import BarProgress
+from ..errors import CommandError, CosimError
+from ..option import SWEEP
+from ..results.output_folder import results_folder
+from ..sweep.distributions import FORMS
+from ..sweep.plan import plan_of
+from ..sweep.result import DONE, STATUS
+from ..sweep.sampling import SAMPLINGS
+from ..sweep.sweeping import sweep
+from ..terminal import show_sweep
+
+OPTIONS = SWEEP
+"""Options that the command takes."""
+
+_SOURCE = "Plan (.toml, or its name), or scenario as `emla run` takes it."
+_VARIES, _RUNS = "What varies", "Where it runs"
+
+
+def command(
+    plan: Annotated[
+        str, typer.Argument(help="Plan (.toml, or its name), or scenario as `emla run` takes it.")
+    ],
+    given: dict[str, Any],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"What varies (repeatable, * for anything): {FORMS}.",
+            metavar="NAME=VALUES",
+            rich_help_panel=_VARIES,
+        ),
+    ] = None,
+    runs: Annotated[
+        int | None, typer.Option(help="Variants to draw. Without: a grid.", rich_help_panel=_VARIES)
+    ] = None,
+    sampling: Annotated[
+        str | None,
+        typer.Option(
+            help=f"{', '.join(SAMPLINGS)}. Without: grid, or random with --runs.", rich_help_panel=_VARIES
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of what is drawn. Without: 0.", rich_help_panel=_VARIES)
+    ] = None,
+    metric: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Figure to keep (repeatable, * for anything), or 'NAME = EXPRESSION'. Without: all.",
+            metavar="FIGURE",
+            rich_help_panel="What comes out",
+        ),
+    ] = None,
+    signals: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Signals to keep over time, * for anything (repeatable). Without: none.",
+            metavar="PATTERN",
+            rich_help_panel="What comes out",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Without: this machine's cores.",
+            metavar="ADDRESS",
+            rich_help_panel=_RUNS,
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes on this machine. Without: one per core.", rich_help_panel=_RUNS),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what the output folder has.", rich_help_panel=_RUNS)
+    ] = False,
+) -> None:
+    """Run many variants of a scenario into an output folder."""
+    found = plan_of(plan)
+    output, plots = given.pop("output", None), given.pop("plots", True)
+    place = output or results_folder(found.name)
+    with BarProgress() as progress:
+        result = sweep(
+            found,
+            _varied(vary or []),
+            runs=runs,
+            seed=seed,
+            sampling=sampling,
+            metrics=metric,
+            signals=signals,
+            scheduler=scheduler,
+            workers=workers,
+            output=place,
+            resume=resume,
+            progress=progress,
+            **given,
+        )
+        pictures = result.draw(Path(place), progress) if plots and result.variants.height else []
+    show_sweep(result, pictures)
+    if not result.complete:
+        raise CosimError(f"interrupted; what was computed is in {place}, and --resume goes on.")
+    if given.get("require") and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):
+        raise CosimError(f"{failing} of {result.variants.height} variants are not as required; see above.")
+
+
+def _varied(texts: Sequence[str]) -> dict[str, str]:
+    found = dict[str, str]()
+    for text in texts:
+        name, equals, values = (part.strip() for part in text.partition("="))
+        if not (name and equals and values):
+            raise CommandError(f"--vary {text} lacks a name or values; write --vary NAME={FORMS}.")
+        if name in found:
+            raise CommandError(f"--vary names {name} twice.")
+        found[name] = values
+    return found

@@ -1,0 +1,41 @@
+"""A sweep read from its folder."""
+
+from pathlib import Path
+
+import polars
+
+from ..errors import CommandError
+from ..recorders.metrics import Shown
+from ..values import converted
+from .folder import COMPLETED, SERIES, TABLE, SweepFolder
+from .result import SweepResult
+from .targets import Target
+
+
+def read_sweep(folder: str | Path) -> SweepResult:
+    """What a sweep left in its folder, also where it ended early. Raises CommandError where there is none."""
+    place = converted(folder, Path, "the folder of the sweep")
+    record = SweepFolder.record_of(place)
+    try:
+        variants = polars.read_parquet(place / TABLE)
+        parts = place / SERIES
+        series = polars.scan_parquet(parts / "*.parquet") if any(parts.glob("*.parquet")) else None
+        return SweepResult(
+            name=record["name"],
+            sampling=record["sampling"],
+            seed=record["seed"],
+            factors=list(record["factors"]),
+            figures=record["figures"],
+            variants=variants,
+            signals=record["signals"],
+            series=series,
+            units=record["units"],
+            shown={name: Shown(**shown) for name, shown in record["shown"].items()},
+            folder=place,
+            complete=record["status"] == COMPLETED,
+            base=record["base"],
+            targets={name: [Target(**t) for t in targets] for name, targets in record["factors"].items()},
+            wall_s=record.get("wall_s", 0.0),
+        )
+    except (OSError, KeyError, TypeError, ValueError, polars.exceptions.PolarsError) as error:
+        raise CommandError(f"'{place}' has no sweep that can be read: {error}.") from error

@@ -1,0 +1,174 @@
+"""The one way to run a sweep: laid out, given out to workers, and kept as it comes back."""
+
+import contextlib
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import polars
+
+from ..errors import CommandError
+from ..experiment import selected
+from ..files import temporary_folder
+from ..interruption import interruption
+from ..progress import Progress
+from ..values import converted
+from .design import Design, designed
+from .farm import Farm, farm
+from .folder import SweepFolder, digest
+from .measures import Asked, Measures, Metric, resolved
+from .plan import Plan, Source, plan_of
+from .reading import read_sweep
+from .result import SweepResult
+from .shipment import Shipment
+from .targets import as_arguments
+from .worker import Chunk, Description
+
+
+def sweep(
+    source: Source | Plan,
+    vary: Mapping[str, Any] | None = None,
+    *,
+    runs: int | None = None,
+    seed: int | None = None,
+    sampling: str | None = None,
+    metrics: Sequence[Metric] | Mapping[str, Metric] | None = None,
+    signals: Sequence[str] | None = None,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    output: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+    **options: Any,
+) -> SweepResult:
+    """Run many variants of a scenario side by side, and return what came out.
+
+    `source` is a plan, its name or its file; or a scenario as `load` takes it, with `vary` to say what
+    varies: the name of a start value (component.variable, or a pattern), of an option or of a component
+    (whose FMU varies), and for each a distribution, a list of values or a text such as "0.05:0.3:20",
+    "normal(0.14, 0.01)" or "±10%". `sampling` is one of `SAMPLINGS`, by default "grid", or "random" with
+    `runs`; `seed` is that of whatever is drawn. `metrics` says what is kept of each variant: names or
+    patterns of figures, "name = expression" over signals, functions of a `Result`; by default all
+    figures. `signals` are names or patterns of those to keep over time. `options` are those of
+    `Options`, for all variants.
+
+    It runs on a Dask cluster: the one whose scheduler is at the address `scheduler`, or one of this
+    machine with so many `workers`, by default one for each core. What came out is in the folder `output`,
+    where `resume` goes on with a sweep that ended early; without a folder it lives as long as the result.
+
+    Ctrl-C ends it early, and the result has what was there. Raises CommandError for whatever is wrong
+    with the plan, before anything is run; RunError where the cluster is gone or files cannot be written.
+    """
+    given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
+    plan = plan_of(source).updated({**given, "signals": signals, "options": options})
+    if workers is not None and converted(workers, int, "the number of workers") < 1:
+        raise CommandError(f"the number of workers {workers} must be at least 1.")
+    with _place(output, resume) as (folder, held):
+        design = designed(plan, progress or Progress())
+        with folder.alone():
+            _run(design, folder, (scheduler, workers), resume, progress or Progress())
+        result = read_sweep(folder.path)
+        return replace(result, folder=None, holds=held.pop_all()) if output is None else result
+
+
+@contextlib.contextmanager
+def _place(output: str | Path | None, resume: bool) -> Iterator[tuple[SweepFolder, contextlib.ExitStack]]:
+    """The folder of a sweep, and what has to be held for it to stay."""
+    with contextlib.ExitStack() as held:
+        if output is not None:
+            place = converted(output, Path, "the output folder")
+        elif resume:
+            raise CommandError("what is to be resumed lies in a folder; give `output`.")
+        else:
+            place = held.enter_context(temporary_folder("emla-sweep-"))
+        yield SweepFolder(place), held
+
+
+def _run(
+    design: Design,
+    folder: SweepFolder,
+    cluster: tuple[str | None, int | None],
+    resume: bool,
+    told: Progress,
+) -> None:
+    """Run what is not there yet, and write all that is."""
+    asked = Asked.of(design.plan.metrics, design.plan.where)
+    identity = design.identity(asked.identity(design.plan.signals))
+    folder.check(identity, resume)
+    key = f"emla-sweep-{digest((identity, time.time_ns()))}"
+    shipment = Shipment.of(key, [group.preparation for group in design.groups])
+    with interruption() as interrupted, farm(shipment, *cluster, told.note) as found:
+        measures, described = _measures(design, asked, found)
+        folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
+        folder.begin(_record(design, measures, described, identity), resume)
+        finished, began = folder.finished(), time.monotonic()
+        told.begin("variants", design.count)
+        told.advance(len(finished))
+
+        def keep(chunk: Chunk) -> None:
+            folder.keep(chunk, measures)
+            told.advance(len(chunk.outcomes))
+
+        each = 8 * described.rows * (2 + len(measures.signals)) if measures.signals else 0
+        try:
+            whole = found.run(design.work(finished), design.variant, measures, each, keep, interrupted)
+        finally:
+            folder.merge(_about(design, identity))
+    folder.close(whole, time.monotonic() - began)
+
+
+def _measures(design: Design, asked: Asked, found: Farm) -> tuple[Measures, Description]:
+    """What is kept, which all groups have to have; and what the first one gives."""
+    plan, all_ = design.plan, [found.describe(group) for group in range(len(design.groups))]
+    each = []
+    for described in all_:
+        names = list(described.units)
+        kept = [names[i] for i in selected(plan.signals, names)] if plan.signals else []
+        each.append(resolved(asked, described.figures, names, kept, plan.where))
+    if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
+        raise CommandError(
+            f"variants of {plan.where} do not all have the same figures and signals; name those to keep."
+        )
+    return each[0], all_[0]
+
+
+def _record(
+    design: Design, measures: Measures, described: Description, identity: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What sweep.json says from the beginning."""
+    plan = design.plan
+    own = as_arguments(plan.options)
+    base = None if own is None or not isinstance(plan.scenario, (str, Path)) else [str(plan.scenario), *own]
+    units = {f.name: f.unit for f in design.factors} | {
+        name: described.units[name] for name in measures.signals
+    }
+    return {
+        "identity": dict(identity),
+        "name": plan.name,
+        "description": plan.description,
+        "variants": design.count,
+        "sampling": design.method,
+        "runs": plan.runs,
+        "seed": plan.seed,
+        "vary": {name: str(given) for name, given in plan.vary.items()},
+        "factors": {f.name: [asdict(target) for target in f.targets] for f in design.factors},
+        "figures": list(measures.names),
+        "expressions": dict(measures.expressions),
+        "signals": list(measures.signals),
+        "units": units,
+        "shown": {name: asdict(described.shown[name]) for name in measures.names if name in described.shown},
+        "base": None if base is None else ["emla", "run", *base],
+        "systems": design.identities,
+        "version": version("emla-cosim"),
+    }
+
+
+def _about(design: Design, identity: Mapping[str, Any]) -> polars.DataFrame:
+    """What the table says of variants beside what came out of them."""
+    return design.table().with_columns(
+        polars.lit(design.plan.seed, polars.Int64).alias("seed"),
+        polars.Series("provenance", design.provenance(identity["metrics"]), polars.String),
+    )
