@@ -3,10 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import polars
 
 from ..recorders.metrics import Shown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
 """How a variant ended: whole; early, in a step; before its first step; by a figure or a requirement; with its
@@ -21,8 +25,8 @@ class SweepResult:
     """What came out of a sweep.
 
     `variants` has a row for each variant, sorted: `variant` (its number, from 0), a column for each of
-    `factors` (what varies), `status` (one of the names above), `problem` (a sentence, or null) and a column for
-    each of `figures`: numbers or truths, null or NaN where there is none. `series` has `variant`, `time`
+    `factors` (what varies), `status` (one of the names above), `problem` (a sentence, or null) and a column
+    for each of `figures`: numbers or truths, null or NaN where there is none. `series` has `variant`, `time`
     and the `signals` that were kept, a row for each row of each variant; None where none were. `units` are
     those of factors and signals, by name; `shown` says how a person sees a figure, where that is known.
     `sampling` is the name of the method and `seed` its seed.
@@ -39,3 +43,14 @@ class SweepResult:
     units: Mapping[str, str] = field(default_factory=dict)
     shown: Mapping[str, Shown] = field(default_factory=dict)
     folder: Path | None = None
+
+    def plot(self, kind: str, *names: str) -> "Figure":
+        """Draw `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.
+
+        `names` are the signals or figures to show; a map shows one figure. Raises CommandError for a name
+        that is not there, and where the sweep has nothing for the picture, such as `tornado` of another
+        sampling than one-at-a-time.
+        """
+        from .pictures import picture
+
+        return picture(self, kind, names)
