@@ -95,7 +95,7 @@ def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
         table.add_column(escape(name), justify="right")
     table.add_column("")
     for figure in shown:
-        values = (_cell(f[figure.name], figure) for f in figures.values())
+        values = (cell(f[figure.name], figure) for f in figures.values())
         table.add_row(escape(figure.label), *values, escape(figure.unit))
     return table
 
@@ -128,7 +128,7 @@ def _speed(result: "Result") -> Iterator[str]:
         )
 
 
-def _cell(value: Any, figure: "Shown") -> str:
+def cell(value: Any, figure: "Shown") -> str:
     """A figure as the table has it, in the unit of its row unless it says another one."""
     if isinstance(value, bool):
         return "yes" if value else "no"

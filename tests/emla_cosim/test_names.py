@@ -84,8 +84,8 @@ def test_tables_and_records(name: str, fmu_folder: Path, tmp_path: Path) -> None
 @pytest.mark.filterwarnings("error")
 def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[Any] = []
-    save = emla_cosim.results.plotting._save
-    monkeypatch.setattr(emla_cosim.results.plotting, "_save", lambda *a: (drawn.append(a[0]), save(*a)))
+    save = emla_cosim.results.plotting.save
+    monkeypatch.setattr(emla_cosim.results.plotting, "save", lambda *a: (drawn.append(a[0]), save(*a)))
     run = scenario(name, fmu_folder).prepare().run()
     run.save(tmp_path, plots=True)
     assert (tmp_path / "tracking.png").read_bytes().endswith(b"IEND\xaeB`\x82")

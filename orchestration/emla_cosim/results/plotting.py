@@ -1,18 +1,17 @@
 """Pictures of results: those that are registered for what a run has, and of any signals."""
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from io import BytesIO
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Vector
 from ..errors import CommandError
 from ..files import written_whole
+from .style import BLUE, COLORS, new_figure, save, tidied
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
 
     from .result import Result
 
-BLUE, ORANGE, GREY = "#2f6db3", "#d9822b", "#7a7a7a"
-_COLORS = (BLUE, ORANGE, "#3d8f5f", "#b0413e", "#7b5ea7", GREY)
 _MOST_ROWS = 20_000
 """Of longer results only every n-th row is drawn; a panel is a few hundred pixels wide."""
 
@@ -77,7 +74,7 @@ def draw(result: "Result", folder: Path, done: Callable[[str], None]) -> list[Pa
         if figure is not None:
             path = folder / f"{name}.png"
             with written_whole(path) as stream:
-                _save(figure, stream)
+                save(figure, stream)
             written.append(path)
         done(name)
     return written
@@ -106,12 +103,12 @@ def plotted(result: "Result", names: Sequence[str]) -> "Figure":
     for name in chosen:
         groups.setdefault(str(result.units.get(name) or ""), []).append(name)
     data = result.read(["time", *chosen], _MOST_ROWS)
-    figure, axes = _figure(len(groups), 1, 7.5)
+    figure, axes = new_figure(len(groups), 1, 7.5)
     for row, (unit, group) in zip(axes[:, 0], groups.items(), strict=True):
         for i, name in enumerate(group):
-            row.plot(data["time"], data[name], color=_COLORS[i % len(_COLORS)], label=name, linewidth=1.1)
+            row.plot(data["time"], data[name], color=COLORS[i % len(COLORS)], label=name, linewidth=1.1)
         row.set_ylabel(unit, parse_math=False)
-        _tidied(row, group)
+        tidied(row, group)
     axes[-1, 0].set_xlabel("time / s")
     figure.suptitle(result.name, fontsize=12, fontweight="bold", parse_math=False)
     return figure
@@ -127,7 +124,7 @@ def _drawn(picture: Picture, columns: Sequence[str], data: Mapping[str, Vector])
     shown = [c for c in columns if any(f"{c}.{curve.signal}" in data for p in panels for curve in p.curves)]
     if not shown:
         return None
-    figure, grid = _figure(len(panels), len(shown), 3.9)
+    figure, grid = new_figure(len(panels), len(shown), 3.9)
     for j, column in enumerate(shown):
         grid[0, j].set_title(column, fontsize=11, parse_math=False)
         grid[-1, j].set_xlabel("time / s")
@@ -158,39 +155,4 @@ def _draw_panel(axes: "Axes", panel: Panel, column: str, data: Mapping[str, Vect
             linewidth=1.1,
         )
         shown.append(curve.label)
-    _tidied(axes, shown if len(panel.curves) > 1 else ())
-
-
-def _figure(rows: int, columns: int, width: float) -> "tuple[Figure, np.ndarray]":
-    from matplotlib.figure import Figure
-
-    class Shown(Figure):
-        """A figure that a notebook shows as a picture, whatever it was told of matplotlib."""
-
-        def _repr_png_(self) -> bytes:
-            content = BytesIO()
-            _save(self, content)
-            return content.getvalue()
-
-    figure = Shown(figsize=(1.2 + width * columns, 0.8 + 2.1 * rows), dpi=120, layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, sharex="col")
-
-
-def _tidied(axes: "Axes", labels: Sequence[str]) -> None:
-    """With a legend of the lines, if there are labels; they appear as they are, no formula, none left out."""
-    if labels:
-        legend = axes.legend(axes.lines, ["label"] * len(labels), fontsize=8, frameon=False)
-        for text, label in zip(legend.get_texts(), labels, strict=True):
-            text.set(text=label, parse_math=False)
-    axes.grid(alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(labelsize=8)
-    axes.margins(x=0.01)
-
-
-def _save(figure: "Figure", stream: IO[bytes]) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)  # a box says so too
-        FigureCanvasAgg(figure).print_png(stream)
+    tidied(axes, shown if len(panel.curves) > 1 else ())

@@ -1,6 +1,7 @@
 """The pictures of joints."""
 
-from ..results.plotting import GREY, ORANGE, Curve, Panel, Picture
+from ..results.plotting import Curve, Panel, Picture
+from ..results.style import GREY, ORANGE
 
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": Picture(

@@ -4,13 +4,16 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars
 
 from ..errors import CommandError
 from ..recorders.metrics import Shown
 from .targets import Target, as_arguments, merged, options_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
 """How a variant ended: whole; early, in a step; before its first step; by a figure or a requirement; with its
@@ -45,6 +48,7 @@ class SweepResult:
     units: Mapping[str, str] = field(default_factory=dict)
     shown: Mapping[str, Shown] = field(default_factory=dict)
     folder: Path | None = None
+<<<<<<< HEAD
     complete: bool = True
     base: Sequence[str] | None = None
     targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
@@ -63,3 +67,16 @@ class SweepResult:
         """The command that runs a variant alone; None where its scenario or an option is of Python alone."""
         own = as_arguments(self.options(variant))
         return None if self.base is None or own is None else shlex.join([*self.base, *own])
+=======
+
+    def plot(self, kind: str, *names: str) -> "Figure":
+        """Draw `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.
+
+        `names` are the signals or figures to show; a map shows one figure. Raises CommandError for a name
+        that is not there, and where the sweep has nothing for the picture, such as `tornado` of another
+        sampling than one-at-a-time.
+        """
+        from .pictures import picture
+
+        return picture(self, kind, names)
+>>>>>>> pictures

@@ -1,0 +1,176 @@
+"""What a person sees of a sweep in the terminal: how variants ended, figures, sensitivities, the worst."""
+
+from collections.abc import Callable
+
+import numpy as np
+import polars
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from ..arrays import Vector
+from ..errors import CommandError
+from ..recorders.metrics import Shown
+from ..terminal import cell
+from .columns import (
+    NOT_CONVERGED,
+    check_figure,
+    figure_values,
+    is_done,
+    is_truth,
+    main_figure,
+    outcomes,
+    shown_as,
+)
+from .result import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT, SweepResult
+from .sensitivity import ONE_AT_A_TIME, SALTELLI, local_sensitivities, sobol_indices
+
+WORST = 5
+"""How many of the worst variants are shown unless somebody asks for more."""
+
+
+def summary(
+    result: SweepResult, command: Callable[[int], str], figure: str | None = None, count: int = WORST
+) -> RenderableType:
+    """All of this; `figure` is that of sensitivities and worst variants, None for the first that varies.
+
+    `command` gives the command that runs a variant alone. Raises CommandError for a figure that the sweep
+    does not have.
+    """
+    parts: list[RenderableType] = [status_line(result)]
+    if figure is None:
+        figure = main_figure(result)
+    if figure is not None:
+        check_figure(result, figure)
+        if is_done(result).any():
+            parts += [figures_table(result), *_sensitivities(result, figure)]
+        if len(result.variants):
+            parts.append(worst_table(result, figure, command, count))
+    return Group(*parts)
+
+
+def status_line(result: SweepResult) -> Text:
+    """How many variants there are, and how many ended in each way."""
+    statuses = [str(status) for status in result.variants[STATUS].to_list()]
+    names = dict.fromkeys([DONE, DIVERGED, REFUSED, FAILED, DIED, *statuses])
+    told = {name: f"{statuses.count(name):,} {name}" for name in names if name in statuses}
+    if wrong := int((outcomes(result) == NOT_CONVERGED).sum()):
+        told[DONE] += f" ({wrong:,} of them {NOT_CONVERGED})"
+    return Text(f"{_variants(len(statuses))}: {', '.join(told.values()) or 'none'}")
+
+
+def figures_table(result: SweepResult) -> Table:
+    """Least, median, 95 % and largest value of figures over the variants that are done; truths by count."""
+    title = f"Figures of the variants that are done ({int(is_done(result).sum()):,})"
+    table = Table(title=title, title_justify="left")
+    table.add_column("", overflow="fold")
+    for head in ("least", "median", "95 %", "largest"):
+        table.add_column(head, justify="right")
+    table.add_column("")
+    for figure in result.figures:
+        shown, values = shown_as(result, figure), figure_values(result, figure)
+        known = values[~np.isnan(values)]
+        if is_truth(result, figure):
+            cells = ["", "", "", f"{int(known.sum()):,} of {len(known):,} yes"]
+        else:
+            cells = [cell(value, shown) for value in _statistics(known)]
+        table.add_row(escape(shown.label), *cells, escape(shown.unit))
+    return table
+
+
+def _statistics(known: Vector) -> list[float]:
+    if not len(known):
+        return [np.nan] * 4
+    return [float(value) for value in np.percentile(known, [0, 50, 95, 100])]
+
+
+def _sensitivities(result: SweepResult, figure: str) -> list[RenderableType]:
+    tables = {SALTELLI: sobol_table, ONE_AT_A_TIME: local_table}
+    if result.sampling not in tables:
+        return []
+    try:
+        return [tables[result.sampling](result, figure)]
+    except CommandError as error:  # there are too few variants
+        return [Text(str(error))]
+
+
+def sobol_table(result: SweepResult, figure: str) -> Table:
+    """Sobol indices of a figure, the largest total first. Raises CommandError as `sobol_indices` does."""
+    found = sobol_indices(result, figure)
+    left_out = f", {found.left_out:,} left out" if found.left_out else ""
+    title = f"Sobol indices of {_label(result, figure)}, from {found.groups:,} base samples{left_out}"
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("", overflow="fold")
+    for head in ("first order", "total"):
+        table.add_column(head, justify="right")
+    for i in np.argsort(-found.total, kind="stable"):
+        table.add_row(
+            escape(found.factors[i]),
+            f"{found.first[i]:.2f} ± {found.first_confidence[i]:.2f}",
+            f"{found.total[i]:.2f} ± {found.total_confidence[i]:.2f}",
+        )
+    return table
+
+
+def local_table(result: SweepResult, figure: str) -> Table:
+    """A figure where each factor alone is low and high, the largest effect first.
+
+    Raises CommandError as `local_sensitivities` does.
+    """
+    shown = shown_as(result, figure)
+    unit = f" in {shown.unit}" if shown.unit else ""
+    table = Table(title=escape(f"{_label(result, figure)}{unit}, each factor alone"), title_justify="left")
+    table.add_column("", overflow="fold")
+    for head in ("low", "nominal", "high"):
+        table.add_column(head, justify="right")
+    for row in local_sensitivities(result, figure):
+        values = (row.low, row.nominal, row.high)
+        table.add_row(escape(row.factor), *(_told(result, figure, shown, value) for value in values))
+    return table
+
+
+def worst(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:
+    """The rows of the worst variants: first those that are not done, then those without the figure.
+
+    The largest numbers follow, or what is false before what is true; among equals the first variant. Raises
+    CommandError for a figure that the sweep does not have.
+    """
+    values = figure_values(result, figure)
+    badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
+    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, is_done(result)))
+    return result.variants[order[:count]]
+
+
+def worst_table(result: SweepResult, figure: str, command: Callable[[int], str], count: int = WORST) -> Table:
+    """The worst variants, see `worst`, each with its problem and the command that runs it alone."""
+    rows, shown = worst(result, figure, count), shown_as(result, figure)
+    head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
+    table = Table(title="The worst variants, and what runs each of them alone", title_justify="left")
+    table.add_column("variant", justify="right")
+    table.add_column("status")
+    table.add_column(escape(head), justify="right", overflow="fold", max_width=26)
+    table.add_column("", overflow="fold", ratio=1)
+    for row in rows.iter_rows(named=True):
+        problem = f"\n[dim]{escape(row[PROBLEM])}[/]" if row[PROBLEM] else ""
+        table.add_row(
+            str(row[VARIANT]),
+            escape(str(row[STATUS])),
+            _told(result, figure, shown, row[figure]),
+            escape(command(row[VARIANT])) + problem,
+        )
+    return table
+
+
+def _told(result: SweepResult, figure: str, shown: Shown, value: float | bool | None) -> str:
+    if value is None:
+        return "none"
+    return cell(bool(value) if is_truth(result, figure) else float(value), shown)
+
+
+def _label(result: SweepResult, figure: str) -> str:
+    return shown_as(result, figure).label
+
+
+def _variants(count: int) -> str:
+    return f"{count:,} variant{'s' if count != 1 else ''}"
