@@ -9,13 +9,17 @@ import typer
 from ..bars import BarProgress
 from ..errors import CommandError, CosimError
 from ..option import SWEEP
+from ..progress import Progress
 from ..results.output_folder import results_folder
 from ..sweep.distributions import FORMS
+from ..sweep.folder import RECORD, SERIES, TABLE
+from ..sweep.pictures import draw
 from ..sweep.plan import plan_of
-from ..sweep.result import DONE, STATUS
+from ..sweep.result import DONE, STATUS, SweepResult
 from ..sweep.sampling import SAMPLINGS
+from ..sweep.summary import commands, summary
 from ..sweep.sweeping import sweep
-from ..terminal import show_sweep
+from ..terminal import show
 
 OPTIONS = SWEEP
 """Options that the command takes."""
@@ -101,12 +105,35 @@ def command(
             progress=progress,
             **given,
         )
-        pictures = result.draw(Path(place), progress) if plots and result.variants.height else []
-    show_sweep(result, pictures)
+        pictures = _drawn(result, Path(place), progress) if plots and result.variants.height else []
+    for part in summary(result):
+        show(part)
+    for line in commands(result):
+        show(line, markup=False, highlight=False, soft_wrap=True)
+    show(
+        f"Wrote {place}/: {', '.join([TABLE, RECORD, *([SERIES] if result.series is not None else [])])}",
+        markup=False,
+        highlight=False,
+        soft_wrap=True,
+    )
+    if pictures:
+        show(f"Pictures: {', '.join(path.name for path in pictures)}", markup=False, highlight=False)
     if not result.complete:
         raise CosimError(f"interrupted; what was computed is in {place}, and --resume goes on.")
     if given.get("require") and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):
         raise CosimError(f"{failing} of {result.variants.height} variants are not as required; see above.")
+
+
+def _drawn(result: SweepResult, place: Path, progress: Progress) -> list[Path]:
+    progress.begin("drawing plots", 1)
+    try:
+        found = draw(result, place)
+    except OSError as error:
+        raise CosimError(
+            f"the output folder '{place}' cannot be written: {error.strerror or error}."
+        ) from error
+    progress.advance(1)
+    return found
 
 
 def _varied(texts: Sequence[str]) -> dict[str, str]:

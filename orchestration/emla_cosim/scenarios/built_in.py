@@ -13,6 +13,9 @@ SYSTEMS: dict[str, Callable[[str | type | None, str | type | None], System]] = {
 SCENARIOS: dict[str, Callable[[], str]] = {}
 """What reads the text of a scenario file, by the name of the scenario."""
 
+PLANS: dict[str, Callable[[], str]] = {}
+"""What reads the text of a plan of a sweep, by the name of the plan."""
+
 
 @cache
 def built_in(name: str) -> ScenarioFile:

@@ -83,6 +83,8 @@ class JointMetrics(Metrics):
     of the plants' ranges, by full name.
     """
 
+    shown = (_CONVERGED, *_SHOWN)
+
     def __init__(self, names: Sequence[str], parameters: Mapping[str, float] | None = None) -> None:
         column = {name: i + 1 for i, name in enumerate(names)}
         self._joints: dict[str, _JointAccumulator] = {}

@@ -1,11 +1,12 @@
 """What the study brings to the rooms that know nothing of it: systems, scenarios, metrics and pictures."""
 
+from collections.abc import Callable
 from functools import partial
 from importlib.resources import files
 
 from ..recorders.metrics import METRICS
 from ..results.plotting import FIGURES
-from ..scenarios.built_in import SCENARIOS, SYSTEMS
+from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS
 from . import systems
 from .figures import JOINT_FIGURES
 from .metrics import joint_metrics
@@ -14,8 +15,16 @@ from .metrics import joint_metrics
 def register() -> None:
     """Make all of it known under its names; again makes no difference."""
     SYSTEMS.update(systems.SYSTEMS)
-    folder = files("emla_cosim.study") / "scenarios"
     for name in systems.SYSTEMS:
-        SCENARIOS[name] = partial((folder / f"{name}.toml").read_text, encoding="utf-8")
+        SCENARIOS[name] = _text("scenarios", name)
+    for name in ("study-robustness",):
+        PLANS[name] = partial(
+            (files("emla_cosim.study") / "plans" / f"{name}.toml").read_text, encoding="utf-8"
+        )
     METRICS["joints"] = joint_metrics
     FIGURES.update(JOINT_FIGURES)
+
+
+def _text(folder: str, name: str) -> Callable[[], str]:
+    """What reads a file of the study."""
+    return partial((files("emla_cosim.study") / folder / f"{name}.toml").read_text, encoding="utf-8")

@@ -60,7 +60,8 @@ class SweepFolder:
             raise CommandError(f"'{self.path}' has no sweep to resume; leave out --resume.")
         if resume and (differing := _differing(found.get("identity"), identity)):
             raise CommandError(
-                f"the sweep in '{self.path}' cannot be resumed, it has other {differing}; name another folder."
+                f"the sweep in '{self.path}' cannot be resumed, as it has other {differing}; "
+                "name another folder."
             )
         if not resume and found and found.get("status") != COMPLETED:
             raise CommandError(
@@ -68,7 +69,7 @@ class SweepFolder:
             )
 
     def check_room(self, variants: int, figures: int, values_each: int) -> None:
-        """Raise CommandError where the disk will not hold the results; `values_each` are those over time."""
+        """Raise CommandError where the disk cannot hold results; `values_each` are those over time."""
         needed = 8 * variants * (figures + values_each)
         with self._writing():
             free = shutil.disk_usage(self._place).free

@@ -1,7 +1,7 @@
 """What a sweep is to do: a scenario, what varies, how it is sampled, and what is kept."""
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from ..errors import CommandError
 from ..files import read_text
 from ..option import SWEEP
 from ..options import read_option
+from ..scenarios.built_in import PLANS
 from ..scenarios.scenario import Scenario
 from ..scenarios.scenario_file import options_given
 from ..system.model import System
@@ -18,9 +19,6 @@ from .measures import Metric
 
 Source = str | Path | System | Scenario
 """What a plan can be made of: a scenario, its name or its file."""
-
-PLANS: dict[str, Callable[[], str]] = {}
-"""What reads the text of a plan, by the name of the plan, once it is registered here."""
 
 _OWN = ("scenario", "description", "vary", "sampling", "runs", "seed", "metrics", "signals")
 _LARGEST_SEED = 2**63 - 1

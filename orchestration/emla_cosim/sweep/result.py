@@ -48,7 +48,6 @@ class SweepResult:
     units: Mapping[str, str] = field(default_factory=dict)
     shown: Mapping[str, Shown] = field(default_factory=dict)
     folder: Path | None = None
-<<<<<<< HEAD
     complete: bool = True
     base: Sequence[str] | None = None
     targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
@@ -67,7 +66,6 @@ class SweepResult:
         """The command that runs a variant alone; None where its scenario or an option is of Python alone."""
         own = as_arguments(self.options(variant))
         return None if self.base is None or own is None else shlex.join([*self.base, *own])
-=======
 
     def plot(self, kind: str, *names: str) -> "Figure":
         """Draw `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.
@@ -79,4 +77,3 @@ class SweepResult:
         from .pictures import picture
 
         return picture(self, kind, names)
->>>>>>> pictures

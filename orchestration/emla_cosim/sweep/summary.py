@@ -1,10 +1,8 @@
 """What a person sees of a sweep in the terminal: how variants ended, figures, sensitivities, the worst."""
 
-from collections.abc import Callable
-
 import numpy as np
 import polars
-from rich.console import Group, RenderableType
+from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -30,13 +28,10 @@ WORST = 5
 """How many of the worst variants are shown unless somebody asks for more."""
 
 
-def summary(
-    result: SweepResult, command: Callable[[int], str], figure: str | None = None, count: int = WORST
-) -> RenderableType:
+def summary(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[RenderableType]:
     """All of this; `figure` is that of sensitivities and worst variants, None for the first that varies.
 
-    `command` gives the command that runs a variant alone. Raises CommandError for a figure that the sweep
-    does not have.
+    Raises CommandError for a figure that the sweep does not have.
     """
     parts: list[RenderableType] = [status_line(result)]
     if figure is None:
@@ -46,8 +41,8 @@ def summary(
         if is_done(result).any():
             parts += [figures_table(result), *_sensitivities(result, figure)]
         if len(result.variants):
-            parts.append(worst_table(result, figure, command, count))
-    return Group(*parts)
+            parts.append(worst_table(result, figure, count))
+    return parts
 
 
 def status_line(result: SweepResult) -> Text:
@@ -142,24 +137,32 @@ def worst(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFr
     return result.variants[order[:count]]
 
 
-def worst_table(result: SweepResult, figure: str, command: Callable[[int], str], count: int = WORST) -> Table:
-    """The worst variants, see `worst`, each with its problem and the command that runs it alone."""
+def worst_table(result: SweepResult, figure: str, count: int = WORST) -> Table:
+    """The worst variants, see `worst`, each with its problem."""
     rows, shown = worst(result, figure, count), shown_as(result, figure)
     head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
-    table = Table(title="The worst variants, and what runs each of them alone", title_justify="left")
+    table = Table(title="The worst variants", title_justify="left")
     table.add_column("variant", justify="right")
     table.add_column("status")
     table.add_column(escape(head), justify="right", overflow="fold", max_width=26)
     table.add_column("", overflow="fold", ratio=1)
     for row in rows.iter_rows(named=True):
-        problem = f"\n[dim]{escape(row[PROBLEM])}[/]" if row[PROBLEM] else ""
         table.add_row(
             str(row[VARIANT]),
             escape(str(row[STATUS])),
             _told(result, figure, shown, row[figure]),
-            escape(command(row[VARIANT])) + problem,
+            escape(row[PROBLEM] or ""),
         )
     return table
+
+
+def commands(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[str]:
+    """What runs each of the worst variants alone, line by line; `figure` as in `summary`."""
+    figure = figure or main_figure(result)
+    if figure is None:
+        return []
+    lines = [line for n in worst(result, figure, count)[VARIANT] if (line := result.command(n))]
+    return [f"What runs {'it' if len(lines) == 1 else 'each'} alone:", *lines] if lines else []
 
 
 def _told(result: SweepResult, figure: str, shown: Shown, value: float | bool | None) -> str:
