@@ -18,9 +18,7 @@ def register() -> None:
     for name in systems.SYSTEMS:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):
-        PLANS[name] = partial(
-            (files("emla_cosim.study") / "plans" / f"{name}.toml").read_text, encoding="utf-8"
-        )
+        PLANS[name] = _text("plans", name)
     METRICS["joints"] = joint_metrics
     FIGURES.update(JOINT_FIGURES)
 

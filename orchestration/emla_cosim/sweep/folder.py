@@ -75,8 +75,8 @@ class SweepFolder:
             free = shutil.disk_usage(self._place).free
         if needed > free:
             raise CommandError(
-                f"the results of {variants:,} variants take up to {needed / 2**30:.3g} GiB, and '{self.path}' "
-                f"has {free / 2**30:.3g} GiB left; keep fewer signals, or rows further apart."
+                f"the results of {variants:,} variants take up to {needed / 2**30:.3g} GiB, and "
+                f"'{self.path}' has {free / 2**30:.3g} GiB left; keep fewer signals, or rows further apart."
             )
 
     def begin(self, record: Mapping[str, Any], resume: bool) -> None:

@@ -148,7 +148,11 @@ def resolved(
     `kept` those to keep over time. Raises CommandError for a figure that is not there, and for an
     expression that cannot be computed.
     """
-    chosen = list(figures) if asked == Asked() else _matching(asked.figures, list(figures), where)
+    chosen = (
+        list(figures)
+        if not (asked.figures or asked.expressions or asked.functions)
+        else _matching(asked.figures, list(figures), where)
+    )
     for name in (*asked.expressions, *asked.functions):
         _check_name(name, chosen, where)
     quoted, used = dict[str, str](), set[str]()
