@@ -16,6 +16,7 @@ from ..scenarios.scenario_file import options_given
 from ..system.model import System
 from ..values import converted
 from .measures import Metric
+from .targets import merged
 
 Source = str | Path | System | Scenario
 """What a plan can be made of: a scenario, its name or its file."""
@@ -51,12 +52,13 @@ class Plan:
     def updated(self, given: Mapping[str, Any]) -> "Plan":
         """With what is given beside it: `vary` and `options` are merged, None changes nothing.
 
-        Raises CommandError for values of another type.
+        So are tables among the options, such as `set`. Raises CommandError for values of another type.
         """
         found = {name: value for name, value in given.items() if value is not None}
-        for name in ("vary", "options"):
-            if name in found:
-                found[name] = {**getattr(self, name), **found[name]}
+        if "vary" in found:
+            found["vary"] = {**self.vary, **found["vary"]}
+        if "options" in found:
+            found["options"] = merged([self.options, found["options"]])
         changed = replace(self, **found)
         changed.check()
         return changed
