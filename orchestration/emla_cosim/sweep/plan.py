@@ -16,6 +16,7 @@ from ..scenarios.scenario_file import options_given
 from ..system.model import System
 from ..values import converted
 from .measures import Metric
+from .sampling import SAMPLINGS
 from .targets import merged
 
 Source = str | Path | System | Scenario
@@ -52,9 +53,12 @@ class Plan:
     def updated(self, given: Mapping[str, Any]) -> "Plan":
         """With what is given beside it: `vary` and `options` are merged, None changes nothing.
 
-        So are tables among the options, such as `set`. Raises CommandError for values of another type.
+        So are tables among the options, such as `set`. A sampling that takes no runs drops those of the
+        plan. Raises CommandError for values of another type.
         """
         found = {name: value for name, value in given.items() if value is not None}
+        if (method := SAMPLINGS.get(str(found.get("sampling")))) is not None and not method.takes_runs:
+            found = {"runs": None, **found}
         if "vary" in found:
             found["vary"] = {**self.vary, **found["vary"]}
         if "options" in found:

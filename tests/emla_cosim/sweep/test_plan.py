@@ -1,5 +1,7 @@
 """Plans, and what is given beside them."""
 
+import pytest
+
 from emla_cosim.sweep.plan import Plan
 
 
@@ -9,3 +11,18 @@ def test_what_is_given_beside_a_plan_adds_to_its_tables() -> None:
     assert changed.vary == {"a.x": [1], "a.w": [2]}
     assert changed.options == {"stop_time": 2.0, "set": {"a.y": 1.0, "a.z": 3.0}}
     assert plan.options == {"stop_time": 1.0, "set": {"a.y": 1.0, "a.z": 2.0}}
+
+
+@pytest.mark.parametrize(
+    ("given", "runs"),
+    [
+        ({"sampling": "one-at-a-time"}, None),
+        ({"sampling": "grid", "runs": None}, None),
+        ({"sampling": "grid", "runs": 7}, 7),  # which is for the sampling to refuse
+        ({"sampling": "sobol"}, 2000),
+        ({"seed": 3}, 2000),
+    ],
+)
+def test_a_sampling_of_its_own_size_forgets_the_runs_of_the_plan(given: dict, runs: int | None) -> None:
+    plan = Plan("p", "lift", {"a.x": [1, 2]}, sampling="random", runs=2000)
+    assert plan.updated(given).runs == runs
