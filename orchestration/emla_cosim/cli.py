@@ -11,7 +11,7 @@ from typer.core import TyperCommand, TyperGroup
 
 COMMANDS = {
     "build": "Build FMUs.",
-    "list": "List scenarios, models and what else can be chosen.",
+    "list": "List scenarios, plans of sweeps, models and what else can be chosen.",
     "run": "Run a scenario: progress, a table of results, and an output folder with data and plots.",
     "sweep": "Run many variants of a scenario side by side: grids, Monte Carlo, sensitivities.",
     "export": "Write a scenario as an SSP package, which other tools run.",

@@ -1,10 +1,12 @@
 """`emla list`."""
 
+import tomllib
+
 from rich.table import Table
 
 from ..models import MODELS
 from ..options import table
-from ..scenarios.built_in import SCENARIOS, built_in
+from ..scenarios.built_in import PLANS, SCENARIOS, built_in
 from ..study.controllers import CONTROLLERS
 from ..study.registration import register
 from ..terminal import show
@@ -13,10 +15,13 @@ register()
 
 
 def command() -> None:
-    """Show tables of scenarios, models and choices."""
+    """Show tables of scenarios, plans of sweeps, models and choices."""
     scenarios = Table("scenario", "what it is", title="Scenarios: emla run SCENARIO", title_justify="left")
     for name in SCENARIOS:
         scenarios.add_row(f"[bold]{name}[/]", built_in(name).description)
+    plans = Table("plan", "what it is", title="Sweeps: emla sweep PLAN", title_justify="left")
+    for name, text in PLANS.items():
+        plans.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
     models = Table("model", "what it is", title="Models: emla build MODEL", title_justify="left")
     for name, block in MODELS.items():
         models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])
@@ -27,5 +32,5 @@ def command() -> None:
     choices.add_row("--controller", ", ".join(CONTROLLERS))
     for name, controller in CONTROLLERS.items():
         choices.add_row(f"--gains, for {name}", ", ".join(controller.gains))
-    for shown in (scenarios, models, choices):
+    for shown in (scenarios, plans, models, choices):
         show(shown)
