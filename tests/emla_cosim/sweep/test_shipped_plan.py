@@ -1,0 +1,104 @@
+"""The plan that is shipped: `emla sweep study-robustness`."""
+
+import math
+from pathlib import Path
+
+import polars
+import pytest
+
+from emla_cosim.progress import Progress
+from emla_cosim.sweep.design import Design, designed
+from emla_cosim.sweep.factors import Factor
+from emla_cosim.sweep.plan import plan_of
+from emla_cosim.sweep.result import DONE
+from emla_cosim.sweep.sweeping import sweep
+from emla_cosim.sweep.targets import Target
+from tests.support.commands import Emla
+
+NAME = "study-robustness"
+JOINTS = ("lift", "tilt", "telescope")
+
+
+@pytest.fixture(scope="module")
+def design(fmu_folder: Path) -> Design:
+    return designed(plan_of(NAME).updated({"options": {"fmus": fmu_folder}}), Progress())
+
+
+def ends(factor: Factor, target: Target) -> list[float]:
+    """The least and the largest start value that a target gets."""
+    scale = 1.0 if target.nominal is None else target.nominal
+    return sorted(scale * float(end) for end in factor.distribution.ends)
+
+
+def test_it_is_listed(emla: Emla) -> None:
+    result = emla("list")
+    assert result.exit_code == 0, result.output
+    (line,) = [line for line in result.stdout.splitlines() if NAME in line]
+    assert "Three joints" in line
+
+
+def test_it_has_2000_variants_of_the_study(design: Design) -> None:
+    assert (design.count, len(design.groups)) == (2000, 1)
+    assert design.scenario.name == "study"
+
+
+def test_the_same_things_vary_in_every_joint(design: Design) -> None:
+    names = [f.name.partition(".") for f in design.factors]
+    lift, tilt, telescope = ({what for of, _, what in names if of == joint} for joint in JOINTS)
+    assert lift == tilt == telescope
+    assert 3 * len(lift) == len(names)
+    expected = {"plant.motor.R_s", "disturbance.load.level[2]", "plant.sensor.sigma", "seeds", "start"}
+    assert expected <= lift
+
+
+def test_every_range_is_within_what_the_fmu_takes(design: Design) -> None:
+    preparation = design.groups[0].preparation
+    outside = []
+    for target, low, high in ((t, *ends(f, t)) for f in design.factors for t in f.targets):
+        component, name = preparation.system.split(target.name)
+        variable = preparation.interfaces[component.name].variables[name]
+        least = -math.inf if variable.min is None else float(variable.min)
+        largest = math.inf if variable.max is None else float(variable.max)
+        if not least <= low < high <= largest:
+            outside.append(target.name)
+    assert outside == []
+
+
+@pytest.mark.parametrize(
+    "name", ["motor.R_s", "motor.Phi_PM", "gearbox.eta_GB", "inverter.u_max", "start.x_L"]
+)
+def test_what_the_study_has_is_among_the_variants(design: Design, name: str) -> None:
+    system = design.groups[0].preparation.system
+    names = [f"{joint}.plant.{name}" for joint in JOINTS]
+    ranges = {t.name: ends(f, t) for f in design.factors for t in f.targets if t.name in names}
+    assert list(ranges) == names
+    for component, variable in map(system.split, names):
+        low, high = ranges[f"{component.name}.{variable}"]
+        assert low < float(component.parameters[variable]) < high
+
+
+def test_controllers_and_observers_keep_what_they_know(design: Design) -> None:
+    targets = {target.name for factor in design.factors for target in factor.targets}
+    theirs = {t for t in targets if ".controller." in t or ".observer." in t}
+    assert theirs == {f"{joint}.observer.start.x_hat" for joint in JOINTS}
+
+
+def test_an_observer_starts_where_its_encoder_says(design: Design) -> None:
+    starts = {f.name: {t.name for t in f.targets} for f in design.factors if f.name.endswith(".start")}
+    assert starts == {
+        f"{joint}.start": {f"{joint}.plant.start.x_L", f"{joint}.observer.start.x_hat"} for joint in JOINTS
+    }
+
+
+def test_it_runs(fmu_folder: Path, tmp_path: Path) -> None:
+    longer = 0.31  # than it takes to tell who converges
+    result = sweep(NAME, runs=4, stop_time=longer, fmus=fmu_folder, workers=1, output=tmp_path / "out")
+    assert result.complete
+    assert result.variants["status"].to_list() == [DONE] * 4
+    errors = result.variants.select(polars.col("^.*position_error_m$"))
+    assert errors.width == 3
+    assert all(0.0 < e < 0.02 for column in errors for e in column)  # no more than the starts are off
+    peaks = result.variants.select(polars.col("^.*speed_peak_m_s$"))
+    assert all(0.0 < v < 1.0 for column in peaks for v in column)
+    assert result.series is not None
+    assert len(result.signals) == 6
