@@ -30,6 +30,11 @@ from .simulation import Simulation as Simulation
 from .study.controllers import CONTROLLERS as CONTROLLERS
 from .study.controllers import Controller as Controller
 from .study.controllers import Gains as Gains
+from .sweep.distributions import Distribution as Distribution
+from .sweep.plan import Plan as Plan
+from .sweep.reading import read_sweep as read_sweep
+from .sweep.result import SweepResult as SweepResult
+from .sweep.sweeping import sweep as sweep
 from .system.model import Component as Component
 from .system.model import Connection as Connection
 from .system.model import Replacement as Replacement
