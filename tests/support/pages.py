@@ -84,7 +84,8 @@ class Reader:
         with contextlib.ExitStack() as kept:
             for registry in _REGISTRIES:
                 kept.enter_context(patch.dict(registry))
-            kept.enter_context(patch.dict(sys.modules, {"page": self._module}))
+            sys.modules["page"] = self._module  # alone: what a page imports stays imported
+            kept.callback(sys.modules.pop, "page")
             for fence in fences(self.page.read_text(encoding="utf-8")):
                 self._do(fence)
 
