@@ -57,14 +57,21 @@ class Farm:
     def __init__(self, client: Client, shipment: Shipment, address: str) -> None:
         self._client, self._key, self._address = client, shipment.key, address
         self._calls = itertools.count()
+        self._known, self._looked, self._seen = 0, -math.inf, time.monotonic()
         with self._answering():
             client.wait_for_workers(1, timeout=_PATIENCE)
             client.register_plugin(SweepPlugin(shipment))
 
-    @property
-    def threads(self) -> int:
-        """How many variants can run at once now."""
-        return sum(dict(cast(Any, self._client.nthreads())).values())
+    def _threads(self) -> int:
+        """How many variants can run at once now. Raises RunError where there are no workers any more."""
+        now = time.monotonic()
+        if now - self._looked >= _LOOK:
+            self._known, self._looked = _threads_of(self._client), now
+            if self._known:
+                self._seen = now
+            elif now - self._seen > _PATIENCE:
+                raise RunError(f"the scheduler at {self._address} has no workers any more.")
+        return self._known
 
     def describe(self, group: int) -> Description:
         """What the simulation of a preparation gives. Raises CosimError where it cannot be prepared."""
@@ -94,24 +101,24 @@ class Farm:
         chunks = _Chunks(work, max(_MOST_BYTES // max(bytes_each, 1), 1))
         flying: dict[Future, Work] = {}
         done = SimpleQueue[Future]()
-        alone = time.monotonic()
+
+        def give_out() -> None:
+            while chunks and len(flying) < self._threads():
+                chunk = chunks.next(self._threads())
+                variants = [variant(number) for number in chunk.variants]
+                future = self._submit(run_chunk, chunk.group, variants, measures)
+                flying[future] = chunk
+                future.add_done_callback(done.put)
+
         try:
             with self._answering():
                 while (chunks or flying) and not interrupted():
-                    threads = self.threads
-                    while chunks and len(flying) < threads:
-                        chunk = chunks.next(threads)
-                        variants = [variant(number) for number in chunk.variants]
-                        future = self._submit(run_chunk, chunk.group, variants, measures)
-                        flying[future] = chunk
-                        future.add_done_callback(done.put)
-                    if threads:
-                        alone = time.monotonic()
-                    elif time.monotonic() - alone > _PATIENCE:
-                        raise RunError(f"the scheduler at {self._address} has no workers any more.")
+                    give_out()
                     with contextlib.suppress(Empty):
                         future = done.get(timeout=_LOOK)
-                        for answer in chunks.answered(flying.pop(future), future):
+                        chunk = flying.pop(future)
+                        give_out()  # before anything is written: a worker waits
+                        for answer in chunks.answered(chunk, future):
                             keep(answer)
                 return not (chunks or flying)
         finally:
@@ -233,6 +240,10 @@ def farm(
             yield found
         finally:
             found.close()
+
+
+def _threads_of(client: Client) -> int:
+    return sum(dict(cast(Any, client.nthreads())).values())
 
 
 def _first_line(error: BaseException) -> str:

@@ -105,7 +105,7 @@ def _run(
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
         folder.begin(_record(design, measures, described, identity), resume)
         finished, began = folder.finished(), time.monotonic()
-        told.begin("variants", design.count)
+        told.begin("sweeping", design.count, "variants")
         told.advance(len(finished))
 
         def keep(chunk: Chunk) -> None:
