@@ -117,7 +117,10 @@ def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
     plan = Plan(
         name,
         scenario,
-        dict(_flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))),
+        {
+            name: _beside(given, folder)
+            for name, given in _flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))
+        },
         description=converted(content.get("description", ""), str, f"'description' of {label}"),
         metrics=content.get("metrics", ()),
         signals=converted(content.get("signals", []), Sequence[str], f"'signals' of {label}"),
@@ -125,6 +128,14 @@ def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
         where=label,
     )
     return plan.updated({key: content[key] for key in ("sampling", "runs", "seed") if key in content})
+
+
+def _beside(given: Any, folder: Path | None) -> Any:
+    """What varies, with files that lie beside the plan by their path."""
+    if isinstance(given, list):
+        return [_beside(value, folder) for value in given]
+    is_file = isinstance(given, str) and given.lower().endswith((".fmu", ".ssv"))
+    return str(folder / given) if is_file and folder is not None else given
 
 
 def _flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

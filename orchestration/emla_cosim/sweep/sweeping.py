@@ -64,6 +64,8 @@ def sweep(
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
     plan = plan_of(source).updated({**given, "signals": signals, "options": options})
+    if workers is not None and scheduler is not None:
+        raise CommandError(f"the cluster at {scheduler} has its own workers; leave out how many.")
     if workers is not None and converted(workers, int, "the number of workers") < 1:
         raise CommandError(f"the number of workers {workers} must be at least 1.")
     with _place(output, resume) as (folder, held):

@@ -88,7 +88,9 @@ class SweepPlugin(WorkerPlugin):
             )
         METRICS.update(shipment.metrics)
         ALGORITHMS.update(shipment.algorithms)
-        self._folder = tempfile.TemporaryDirectory(prefix="emla-sweep-", ignore_cleanup_errors=True)
+        self._folder = tempfile.TemporaryDirectory(
+            prefix="emla-sweep-", dir=worker.local_directory, ignore_cleanup_errors=True
+        )
         self._place = Path(self._folder.name).resolve()
         self._files = {}
         for sha, (name, content) in shipment.files.items():
