@@ -64,8 +64,9 @@ class SweepResult:
 
     def command(self, variant: int) -> str | None:
         """The command that runs a variant alone; None where its scenario or an option is of Python alone."""
-        own = as_arguments(self.options(variant))
-        return None if self.base is None or own is None else shlex.join([*self.base, *own])
+        if self.base is None or (own := as_arguments(self.options(variant))) is None:
+            return None
+        return shlex.join([*self.base, *own])
 
     def plot(self, kind: str, *names: str) -> "Figure":
         """Draw `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.
