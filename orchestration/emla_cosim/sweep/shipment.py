@@ -36,6 +36,8 @@ class Preparation:
     fmus: Mapping[str, str]
     interfaces: Mapping[str, Interface]
     files: Mapping[str, Path]
+    holds: object = None
+    """What has to live for the files to be there."""
 
     @classmethod
     def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
@@ -54,6 +56,7 @@ class Preparation:
             {name: hashes[path] for name, path in fmus.items()},
             interfaces,
             {hashes[path]: path for path in hashes},
+            scenario.holds,
         )
 
     @property

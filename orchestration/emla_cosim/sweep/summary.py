@@ -126,14 +126,15 @@ def local_table(result: SweepResult, figure: str) -> RenderableType:
 
 
 def worst(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:
-    """The rows of the worst variants: first those that are not done, then those without the figure.
+    """The rows of the worst variants: those that are not done, that did not converge, that lack the figure.
 
     The largest numbers follow, or what is false before what is true; among equals the first variant. Raises
     CommandError for a figure that the sweep does not have.
     """
     values = figure_values(result, figure)
     badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
-    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, is_done(result)))
+    converged = outcomes(result) != NOT_CONVERGED
+    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, converged, is_done(result)))
     return result.variants[order[:count]]
 
 
@@ -146,10 +147,11 @@ def worst_table(result: SweepResult, figure: str, count: int = WORST) -> Rendera
     table.add_column("status")
     table.add_column(escape(head), justify="right", overflow="fold", max_width=26)
     table.add_column("", overflow="fold", ratio=1)
+    ended = dict(zip(result.variants[VARIANT], outcomes(result), strict=True))
     for row in rows.iter_rows(named=True):
         table.add_row(
             str(row[VARIANT]),
-            escape(str(row[STATUS])),
+            escape(str(ended[row[VARIANT]])),
             _told(result, figure, shown, row[figure]),
             escape(row[PROBLEM] or ""),
         )
