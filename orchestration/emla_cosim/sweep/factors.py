@@ -16,7 +16,7 @@ from ..system.resolution import refuse_driven
 from ..values import converted
 from .distributions import Distribution, distribution
 from .reserved import RESERVED
-from .targets import FMU, OPTION, START, Target, options_of
+from .targets import FMU, OPTION, START, Target, assigned
 
 _FIXED = (*OF_THE_COMMAND, "set", "mapping", "isolate", "fmus", "require", "compiled", "signals")
 """Options that are the same for all variants."""
@@ -42,7 +42,7 @@ class Factor:
 
     def options(self, value: Value | None) -> dict[str, Any]:
         """The options that give a run a value of the table; None gives none."""
-        return options_of(self.targets, value)
+        return assigned(self.targets, value)
 
 
 def factors(
