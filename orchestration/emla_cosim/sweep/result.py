@@ -10,7 +10,7 @@ import polars
 
 from ..errors import CommandError
 from ..recorders.metrics import Shown
-from .targets import Target, as_arguments, merged, assigned
+from .targets import Target, as_arguments, assigned, merged
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
