@@ -123,7 +123,7 @@ class Measures:
         for name, function in self.functions.items():
             try:
                 found[name] = _number(function(result))
-            except Exception as error:
+            except BaseException as error:  # also SystemExit, which would end the worker's thread
                 raise MeasureError(f"the metric '{name}' raised {error!r}.") from error
         return found
 

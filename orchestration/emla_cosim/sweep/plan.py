@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import CommandError
 from ..files import read_text
 from ..option import SWEEP
-from ..options import read_option
+from ..options import read_option, table
 from ..scenarios.built_in import PLANS
 from ..scenarios.scenario import Scenario
 from ..scenarios.scenario_file import options_given
@@ -56,6 +56,8 @@ class Plan:
         found = {name: value for name, value in given.items() if value is not None}
         for name in ("vary", "options"):
             if name in found:
+                if not isinstance(found[name], Mapping):
+                    raise CommandError(f"'{name}' of {self.where} is {found[name]!r}; it must be a table.")
                 found[name] = {**getattr(self, name), **found[name]}
         changed = replace(self, **found)
         changed.check()
@@ -63,8 +65,11 @@ class Plan:
 
     def check(self) -> None:
         """Raise CommandError for what can be seen to be wrong without the scenario."""
-        for name, type_ in (("runs", int | None), ("seed", int), ("sampling", str | None)):
+        types = {"runs": int | None, "seed": int, "sampling": str | None, "signals": Sequence[str]}
+        for name, type_ in types.items():
             converted(getattr(self, name), type_, f"'{name}' of {self.where}")
+        if wrong := [name for name in self.options if name in table() and name not in table(SWEEP)]:
+            raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of {self.where}.")
         if not 0 <= self.seed <= _LARGEST_SEED:
             raise CommandError(f"the seed {self.seed} of {self.where} must be from 0 to {_LARGEST_SEED}.")
         if not self.vary:
