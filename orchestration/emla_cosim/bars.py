@@ -3,9 +3,10 @@
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as RichProgress
 from rich.table import Table
+from rich.text import Text
 
 from .progress import Progress
 from .terminal import ERR
@@ -16,6 +17,15 @@ if TYPE_CHECKING:
 _WORTH_A_LOOK = ("is left out", "keeps its start value", "is not used")
 
 
+class _Rate(ProgressColumn):
+    """Units per second of a task that has named them."""
+
+    def render(self, task: Task) -> Text:
+        """The rate so far."""
+        speed = task.finished_speed or task.speed
+        return Text(f"{speed:.3g} {task.fields['unit']}/s" if speed and task.fields.get("unit") else "")
+
+
 class BarProgress(Progress):
     """Progress as bars on the terminal, one per task."""
 
@@ -24,6 +34,7 @@ class BarProgress(Progress):
             TextColumn("{task.description:<16}"),
             BarColumn(),
             MofNCompleteColumn(),
+            _Rate(),
             TimeRemainingColumn(elapsed_when_finished=True),
             console=ERR,
         )
@@ -36,9 +47,9 @@ class BarProgress(Progress):
     def __exit__(self, *error: object) -> None:
         self._bars.stop()
 
-    def begin(self, task: str, total: int) -> None:
+    def begin(self, task: str, total: int, unit: str = "") -> None:
         """A task of `total` units begins."""
-        self._task = self._bars.add_task(escape(task), total=total)
+        self._task = self._bars.add_task(escape(task), total=total, unit=unit)
 
     def advance(self, count: int) -> None:
         """So many units more are done."""

@@ -2,12 +2,12 @@
 
 import difflib
 from collections.abc import Sequence
-from fnmatch import fnmatchcase
 
 from .errors import CommandError
 from .master.stepping.pacing import Pacing
 from .master.stepping.timing import MAXIMUM_STEPS, Timing, timing
 from .options import Options
+from .patterns import fits
 from .requirements import requirement
 from .system.model import System
 
@@ -74,7 +74,7 @@ def _matching(patterns: Sequence[str], names: Sequence[str], kind: str, otherwis
     """Positions of names that one of the patterns finds; CommandError for a pattern that finds none."""
     chosen: set[int] = set()
     for pattern in patterns:
-        found = [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
+        found = [i for i, name in enumerate(names) if fits(name, pattern)]
         if not found:
             near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.5)
             meant = f"did you mean {' or '.join(near)}?" if near else otherwise

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from functools import cache
 from typing import Any, Union, get_args, get_type_hints
 
 from .errors import CommandError, check_choice
@@ -104,6 +105,7 @@ class Option:
         return f"between {above:g} and {below:g}"
 
 
+@cache
 def options_of(kind: type) -> list[Option]:
     """The options among the fields of a class; none of one that is no dataclass."""
     if not is_dataclass(kind):

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
 class Progress:
     """Hears how a command goes on; this one keeps quiet."""
 
-    def begin(self, task: str, total: int) -> None:
-        """A task of `total` units begins."""
+    def begin(self, task: str, total: int, unit: str = "") -> None:
+        """A task of `total` units begins; `unit` is what they are called where their rate matters."""
 
     def advance(self, count: int) -> None:
         """So many units more are done."""

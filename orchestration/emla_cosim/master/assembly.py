@@ -76,6 +76,7 @@ class Assembly:
         self.network = Network(list(self.slaves.values()), links, names)
         self._order = [self.network.slaves[i].name for i in self.network.order]
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
+        self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
 
     def start(self, system: System, fresh: bool = False) -> None:
         """Bring all instances to where initialization begins, with the start values of this system.
@@ -104,13 +105,20 @@ class Assembly:
     def parameters(self) -> dict[str, float]:
         """The Real parameters of all components, by full name and as the system has them."""
         found: dict[str, float] = {}
-        for component, given in self._values.values():
-            known, values = _known(component), {v.name: x for v, x in given}
-            for variable in self.files[component.name].variables.values():
-                value = values.get(variable.name, variable.start)
-                if variable.causality == "parameter" and variable.type == "Real" and value is not None:
-                    name, alias = known.get(variable.name, (variable.name, Alias(variable.name)))
-                    found[f"{component.name}.{name}"] = alias.transformation.inverse()(float(value))
+        for name, (component, given) in self._values.items():
+            if self._parameters.get(name, (None,))[0] is not component:
+                self._parameters[name] = component, self._parameters_of(component, given)
+            found |= self._parameters[name][1]
+        return found
+
+    def _parameters_of(self, component: Component, given: Sequence[TypedValue]) -> dict[str, float]:
+        found: dict[str, float] = {}
+        known, values = _known(component), {v.name: x for v, x in given}
+        for variable in self.files[component.name].variables.values():
+            value = values.get(variable.name, variable.start)
+            if variable.causality == "parameter" and variable.type == "Real" and value is not None:
+                name, alias = known.get(variable.name, (variable.name, Alias(variable.name)))
+                found[f"{component.name}.{name}"] = alias.transformation.inverse()(float(value))
         return found
 
     def _typed(self, component: Component) -> list[TypedValue]:

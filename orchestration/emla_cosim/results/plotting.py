@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 from ..arrays import Vector
 from ..errors import CommandError
 from ..files import written_whole
+from ..patterns import fits
 from .style import BLUE, COLORS, new_figure, save, tidied
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def plotted(result: "Result", names: Sequence[str]) -> "Figure":
 
 
 def _matching(pattern: str, names: Sequence[str]) -> list[str]:
-    found = [n for n in names if n == pattern or fnmatchcase(n, pattern)]
+    found = [n for n in names if fits(n, pattern)]
     return found or [pattern]  # whose reading says what is wrong
 
 

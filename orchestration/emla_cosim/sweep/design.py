@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -96,7 +96,10 @@ class Design:
 
     def identity(self, metrics: object) -> dict[str, Any]:
         """What must be the same for a sweep to be resumed, by the names that sentences have for it."""
-        drawn = [[str(f.name), *map(str, column)] for f, column in zip(self.factors, self.drawn, strict=True)]
+        drawn = [
+            (factor.name, [asdict(target) for target in factor.targets], [str(v) for v in column])
+            for factor, column in zip(self.factors, self.drawn, strict=True)
+        ]
         return {
             "values": digest(drawn),
             "seed": self.plan.seed,

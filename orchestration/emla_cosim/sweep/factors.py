@@ -3,20 +3,20 @@
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from typing import Any
 
 from ..errors import CommandError
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from ..options import table
+from ..patterns import fits, is_pattern
 from ..simulation import OF_THE_COMMAND
-from ..system.model import Component, System, Value
+from ..system.model import System, Value
 from ..system.resolution import refuse_driven
 from ..values import converted
 from .distributions import Distribution, distribution
 from .reserved import RESERVED
-from .targets import FMU, OPTION, START, Target, options_of
+from .targets import FMU, OPTION, START, Target, assigned
 
 _FIXED = (*OF_THE_COMMAND, "set", "mapping", "isolate", "fmus", "require", "compiled", "signals")
 """Options that are the same for all variants."""
@@ -42,7 +42,7 @@ class Factor:
 
     def options(self, value: Value | None) -> dict[str, Any]:
         """The options that give a run a value of the table; None gives none."""
-        return options_of(self.targets, value)
+        return assigned(self.targets, value)
 
 
 def factors(
@@ -54,136 +54,140 @@ def factors(
     values that are no distribution.
     """
     found = list[Factor]()
-    taken = dict[str, str]()
     for name, given in vary.items():
-        label = f"'{name}' of {where}"
-        for factor in _factors(str(name), given, system, interfaces, label):
-            if factor.name in RESERVED:
-                raise CommandError(f"{label} needs another name: every table of variants has this column.")
-            for target in factor.targets:
-                if (other := taken.setdefault(target.name, factor.name)) != factor.name:
-                    raise CommandError(
-                        f"{where} varies {target.name} twice: as {other} and as {factor.name}."
-                    )
-            found.append(factor)
-    if twice := {f.name for f in found if [g.name for g in found].count(f.name) > 1}:
-        raise CommandError(f"{where} has two factors '{min(twice)}'; give one another name.")
+        varying = _Varying(str(name), f"'{name}' of {where}", system, interfaces)
+        found += varying.factors(given)
+    _check_names(found, where)
     return found
 
 
-def _factors(
-    name: str, given: Any, system: System, interfaces: Mapping[str, Interface], label: str
-) -> list[Factor]:
-    of = [name]
-    if isinstance(given, Mapping) and "of" in given:
-        given = dict(given)
-        of = converted(given.pop("of"), Sequence[str], f"'of' in {label}")
-        if not of:
-            raise CommandError(f"'of' in {label} is empty; it must be a list of names.")
-        targets = [t for pattern in of for t in _targets(pattern, system, interfaces, label)]
-        return [_factor(name, list(dict.fromkeys(targets)), given, system, interfaces, label)]
-    targets = _targets(name, system, interfaces, label)
-    return [_factor(target, [target], given, system, interfaces, label) for target in targets]
+def _check_names(found: Sequence[Factor], where: str) -> None:
+    """Raise CommandError where two factors have a name or a target in common, or a name is taken."""
+    names, targets = set[str](), dict[str, str]()
+    for factor in found:
+        if factor.name in RESERVED:
+            raise CommandError(
+                f"'{factor.name}' of {where} needs another name: every table of variants has this column."
+            )
+        for target in factor.targets:
+            if target.name in targets:
+                both = f"as {targets[target.name]} and as {factor.name}"
+                raise CommandError(f"{where} varies {target.name} twice: {both}.", name=target.name)
+        targets |= {target.name: factor.name for target in factor.targets}
+        if factor.name in names:
+            raise CommandError(f"{where} has two factors '{factor.name}'; give one another name.")
+        names.add(factor.name)
 
 
-def _factor(
-    name: str,
-    targets: Sequence[str],
-    given: Any,
-    system: System,
-    interfaces: Mapping[str, Interface],
-    label: str,
-) -> Factor:
-    distributed = distribution(given, label)
-    nominal = dict[str, float]()
-    if distributed.relative:
-        nominal = {target: _nominal(target, system, interfaces, label) for target in targets}
-    kinds = [Target(t, _kind(t, system), nominal.get(t)) for t in targets]
-    if len(kinds) > 1 and any(t.kind != START for t in kinds):
-        raise CommandError(f"{label} varies several things at once; that is for start values.")
-    units = {_unit(target, system, interfaces) for target in targets}
-    own = len(units) == 1 and not (nominal and len(targets) > 1)
-    return Factor(name, kinds, distributed, units.pop() if own else "")
+@dataclass(frozen=True)
+class _Varying:
+    """What a plan calls `name`, in a system; sentences call it `label`."""
 
+    name: str
+    label: str
+    system: System
+    interfaces: Mapping[str, Interface]
 
-def _kind(target: str, system: System) -> str:
-    if target in table():
-        return OPTION
-    return FMU if any(c.name == target for c in system.components) else START
+    def factors(self, given: Any) -> list[Factor]:
+        """A factor for each thing that the name means; a single one where `of` names them."""
+        of = None
+        if isinstance(given, Mapping) and "of" in given:
+            of = converted(given["of"], Sequence[str], f"'of' in {self.label}")
+            if not of:
+                raise CommandError(f"'of' in {self.label} is empty; it must be a list of names.")
+            given = {key: value for key, value in given.items() if key != "of"}
+        distributed = distribution(given, self.label)
+        if of is None:
+            names = self._names(self.name, distributed)
+            return [self._factor(name, [name], distributed) for name in names]
+        names = dict.fromkeys(name for pattern in of for name in self._names(pattern, distributed))
+        return [self._factor(self.name, list(names), distributed)]
 
+    def _factor(self, name: str, names: Sequence[str], distributed: Distribution) -> Factor:
+        relative = distributed.relative
+        targets = [Target(n, self._kind(n), self._nominal(n) if relative else None) for n in names]
+        if len(targets) > 1 and any(t.kind != START for t in targets):
+            raise CommandError(f"{self.label} varies several things at once; that is for start values.")
+        units = {self._unit(target) for target in targets}
+        own = len(units) == 1 and not (relative and len(targets) > 1)
+        return Factor(name, targets, distributed, units.pop() if own else "")
 
-def _targets(name: str, system: System, interfaces: Mapping[str, Interface], label: str) -> list[str]:
-    """The options, components or start values that a name or a pattern means."""
-    known = table()
-    if name in known:
-        if name in _FIXED or not known[name].about.in_file:
-            raise CommandError(f"{label}: the option {name} is the same for all variants.")
+    def _kind(self, name: str) -> str:
+        if name in table():
+            return OPTION
+        return FMU if any(c.name == name for c in self.system.components) else START
+
+    def _names(self, name: str, distributed: Distribution) -> list[str]:
+        """The option, component or start value that a name means, or start values that a pattern does."""
+        kind = self._kind(name)
+        if kind == OPTION and (name in _FIXED or not table()[name].about.in_file):
+            raise CommandError(f"{self.label}: the option {name} is the same for all variants.")
+        if kind == START and is_pattern(name) and (found := self._matching(name, distributed)):
+            return found
+        if kind == START:
+            self._check_start_value(name)
         return [name]
-    if any(c.name == name for c in system.components):
-        return [name]
-    if any(letter in name for letter in "*?[") and (found := _matching(name, system, interfaces)):
+
+    def _matching(self, pattern: str, distributed: Distribution) -> list[str]:
+        """Real start values that fit, and Integer ones if all values are whole."""
+        whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
+        types = ("Real", "Integer") if whole else ("Real",)
+        driven = {x.ends[1] for x in self.system.connections}
+        found = list[str]()
+        for component in self.system.components:
+            named = {alias.variable: name for name, alias in component.aliases.items()}
+            interface = self.interfaces[component.name]
+            for own, variable in interface.variables.items():
+                name = f"{component.name}.{named.get(own, own)}"
+                free = interface.settable(own) and (component.name, own) not in driven
+                if free and variable.type in types and fits(name, pattern):
+                    found.append(name)
         return found
-    if "." not in name:
-        everything = [*known, *(c.name for c in system.components)]
-        near = difflib.get_close_matches(name, everything, n=2, cutoff=0.6)
-        meant = f"did you mean {' or '.join(near)}?" if near else "write a start value as component.variable."
-        raise CommandError(f"{label} is no start value, no component and no option; {meant}", name=name)
-    component, variable = system.split(name)
-    interface, own = interfaces[component.name], component.alias(variable).variable
-    find_variable(component.name, interface.variables, own)
-    if not interface.settable(own):
-        near = [n for n in interface.variables if n.endswith(f".{own}") and interface.settable(n)]
-        meant = f"; did you mean {component.name}.{near[0]}?" if near else "."
-        raise CommandError(f"{label} is computed by the FMU and cannot be varied{meant}", name=name)
-    refuse_driven(_with(component, own), system.connections)
-    return [name]
 
+    def _check_start_value(self, name: str) -> None:
+        """Raise CommandError for a name that is no start value, or of one that is driven or computed."""
+        if "." not in name:
+            everything = [*table(), *(c.name for c in self.system.components)]
+            near = difflib.get_close_matches(name, everything, n=2, cutoff=0.6)
+            meant = f"did you mean {' or '.join(near)}?" if near else "write it as component.variable."
+            raise CommandError(
+                f"{self.label} is no option, no component and no start value; {meant}", name=name
+            )
+        component, variable = self.system.split(name)
+        interface, own = self.interfaces[component.name], component.alias(variable).variable
+        find_variable(component.name, interface.variables, own)
+        if not interface.settable(own):
+            near = [n for n in interface.variables if n.endswith(f".{own}") and interface.settable(n)]
+            meant = f"; did you mean {component.name}.{near[0]}?" if near else "."
+            raise CommandError(f"{self.label} is computed by the FMU and cannot be varied{meant}", name=name)
+        refuse_driven(replace(component, parameters={own: 0.0}), self.system.connections)
 
-def _matching(pattern: str, system: System, interfaces: Mapping[str, Interface]) -> list[str]:
-    """Real and Integer start values that fit."""
-    driven = {x.ends[1] for x in system.connections}
-    found = list[str]()
-    for component in system.components:
-        named = {a.variable: n for n, a in component.aliases.items()}
-        interface = interfaces[component.name]
-        for own, variable in interface.variables.items():
-            name = f"{component.name}.{named.get(own, own)}"
-            free = interface.settable(own) and (component.name, own) not in driven
-            if free and variable.type in ("Real", "Integer") and fnmatchcase(name, pattern):
-                found.append(name)
-    return found
+    def _nominal(self, name: str) -> float:
+        """The start value that the scenario has; CommandError where there is no number to multiply."""
+        number = self._start(name) if self._kind(name) == START else None
+        if number is None:
+            raise CommandError(f"{self.label} is relative, but {name} has no number that it could multiply.")
+        if number == 0.0:
+            raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
+        return number
 
+    def _start(self, name: str) -> float | None:
+        component, variable = self.system.split(name)
+        value = component.parameters.get(variable)
+        try:
+            if value is not None:
+                return float(value)
+            alias = component.alias(variable)
+            start = self.interfaces[component.name].variables[alias.variable].start
+            return None if start is None else alias.transformation.inverse()(float(start))
+        except ValueError:
+            return None
 
-def _with(component: Component, variable: str) -> Component:
-    return replace(component, parameters={variable: 0.0})
-
-
-def _nominal(target: str, system: System, interfaces: Mapping[str, Interface], label: str) -> float:
-    """The start value that the scenario has; CommandError where there is no number to multiply."""
-    problem = f"{label} is relative, but {target} has no number in the scenario that it could multiply."
-    if _kind(target, system) != START:
-        raise CommandError(problem)
-    component, variable = system.split(target)
-    value = component.parameters.get(variable)
-    if value is None:
-        alias = component.alias(variable)
-        start = interfaces[component.name].variables[alias.variable].start
-        if start is None:
-            raise CommandError(problem)
-        value = alias.transformation.inverse()(float(start))
-    try:
-        number = float(value)
-    except ValueError as error:
-        raise CommandError(problem) from error
-    if number == 0.0:
-        raise CommandError(f"{label} is relative, but {target} is 0 in the scenario; give it values.")
-    return number
-
-
-def _unit(target: str, system: System, interfaces: Mapping[str, Interface]) -> str:
-    if (kind := _kind(target, system)) != START:
-        return table()[target].about.unit if kind == OPTION else ""
-    component, variable = system.split(target)
-    alias = component.aliases.get(variable)
-    unit = alias.unit if alias is not None else interfaces[component.name].unit(variable)
-    return str(unit) if unit is not None else ""
+    def _unit(self, target: Target) -> str:
+        if target.kind != START:
+            return table()[target.name].about.unit if target.kind == OPTION else ""
+        component, variable = self.system.split(target.name)
+        alias = component.aliases.get(variable)
+        own = self.interfaces[component.name]
+        unit = alias.unit if alias is not None else own.unit(variable)
+        return str(unit) if unit is not None else ""

@@ -21,6 +21,9 @@ from .result import DIED
 from .shipment import Shipment
 from .worker import Chunk, Description, Outcome, SweepPlugin, Variant, describe, run_chunk
 
+Scheduler = str | Client | None
+"""Who gives out work: the address of a scheduler, somebody's client of one, or None for our own."""
+
 _CHUNK_S = 1.0
 """How long a chunk takes, in s: more than a hundred times what giving it out does."""
 
@@ -38,6 +41,12 @@ _TRIES = 2
 
 _PATIENCE = 60.0
 """Seconds to wait for a cluster, or for its workers to come back."""
+
+_GONE = (CommClosedError, OSError, CancelledError, TimeoutError)
+"""What is raised where no scheduler answers."""
+
+_UNFIT = (ImportError, AttributeError, RuntimeError)
+"""What is raised where workers have not what this needs."""
 
 _LOOK = 0.2
 """Seconds between two looks at whether somebody wants it to end."""
@@ -57,14 +66,21 @@ class Farm:
     def __init__(self, client: Client, shipment: Shipment, address: str) -> None:
         self._client, self._key, self._address = client, shipment.key, address
         self._calls = itertools.count()
+        self._known, self._looked, self._seen = 0, -math.inf, time.monotonic()
         with self._answering():
             client.wait_for_workers(1, timeout=_PATIENCE)
             client.register_plugin(SweepPlugin(shipment))
 
-    @property
-    def threads(self) -> int:
-        """How many variants can run at once now."""
-        return sum(dict(cast(Any, self._client.nthreads())).values())
+    def _threads(self) -> int:
+        """How many variants can run at once now. Raises RunError where there are no workers any more."""
+        now = time.monotonic()
+        if now - self._looked >= _LOOK:
+            self._known, self._looked = _threads_of(self._client), now
+            if self._known:
+                self._seen = now
+            elif now - self._seen > _PATIENCE:
+                raise RunError(f"the scheduler at {self._address} has no workers any more.")
+        return self._known
 
     def describe(self, group: int) -> Description:
         """What the simulation of a preparation gives. Raises CosimError where it cannot be prepared."""
@@ -76,6 +92,10 @@ class Farm:
                     "the process ended that was to prepare the scenario: an FMU ends it, or memory does not "
                     "suffice."
                 ) from error
+            except (CosimError, *_GONE, *_UNFIT):
+                raise
+            except Exception as error:  # of somebody's metrics
+                raise RunError(f"the scenario cannot be begun on a worker: {error!r}.") from error
 
     def run(
         self,
@@ -94,24 +114,24 @@ class Farm:
         chunks = _Chunks(work, max(_MOST_BYTES // max(bytes_each, 1), 1))
         flying: dict[Future, Work] = {}
         done = SimpleQueue[Future]()
-        alone = time.monotonic()
+
+        def give_out() -> None:
+            while chunks and len(flying) < self._threads():
+                chunk = chunks.next(self._threads())
+                variants = [variant(number) for number in chunk.variants]
+                future = self._submit(run_chunk, chunk.group, variants, measures)
+                flying[future] = chunk
+                future.add_done_callback(done.put)
+
         try:
             with self._answering():
                 while (chunks or flying) and not interrupted():
-                    threads = self.threads
-                    while chunks and len(flying) < threads:
-                        chunk = chunks.next(threads)
-                        variants = [variant(number) for number in chunk.variants]
-                        future = self._submit(run_chunk, chunk.group, variants, measures)
-                        flying[future] = chunk
-                        future.add_done_callback(done.put)
-                    if threads:
-                        alone = time.monotonic()
-                    elif time.monotonic() - alone > _PATIENCE:
-                        raise RunError(f"the scheduler at {self._address} has no workers any more.")
+                    give_out()
                     with contextlib.suppress(Empty):
                         future = done.get(timeout=_LOOK)
-                        for answer in chunks.answered(flying.pop(future), future):
+                        chunk = flying.pop(future)
+                        give_out()  # before anything is written: a worker waits
+                        for answer in chunks.answered(chunk, future):
                             keep(answer)
                 return not (chunks or flying)
         finally:
@@ -134,11 +154,11 @@ class Farm:
             yield
         except CosimError:
             raise
-        except (CommClosedError, OSError, CancelledError, TimeoutError) as error:
+        except _GONE as error:
             raise RunError(
                 f"the scheduler at {self._address} does not answer, or has no workers: {_first_line(error)}."
             ) from error
-        except (ImportError, AttributeError, RuntimeError) as error:
+        except _UNFIT as error:
             raise RunError(
                 f"the workers of {self._address} cannot run this: {_first_line(error)}; the same versions "
                 "have to be installed there."
@@ -185,54 +205,66 @@ class _Chunks:
         """
         try:
             done: Chunk = future.result()
-        except KilledWorker:
-            yield from self._lost(chunk)
+        except KilledWorker as error:
+            yield from self._lost(chunk, 1 + error.allowed_failures)
             return
         each = done.wall_s / len(chunk.variants)
         known = self._seconds.get(chunk.group, each)
         self._seconds[chunk.group] = 0.5 * (known + each)
         yield done
 
-    def _lost(self, chunk: Work) -> Iterator[Chunk]:
+    def _lost(self, chunk: Work, deaths: int) -> Iterator[Chunk]:
+        """`deaths` are more than one where the scheduler tries again by itself, as it does by default."""
         if (count := len(chunk.variants)) > 1:
             for half in (chunk.variants[: count // 2], chunk.variants[count // 2 :]):
                 self._again.append(Work(chunk.group, half))
             return
         number = chunk.variants[0]
-        self._deaths[number] += 1
+        self._deaths[number] += deaths
         if self._deaths[number] < _TRIES:
             self._again.append(chunk)
             return
-        sentence = f"its process ended {_TRIES} times: an FMU ends it, or memory does not suffice."
+        times = self._deaths[number]
+        sentence = f"its process ended {times} times: an FMU ends it, or memory does not suffice."
         yield Chunk([Outcome(number, DIED, sentence)], 0.0)
 
 
 @contextlib.contextmanager
 def farm(
-    shipment: Shipment, scheduler: str | None, workers: int | None, told: Callable[[str], None]
+    shipment: Shipment, scheduler: Scheduler, workers: int | None, told: Callable[[str], None]
 ) -> Iterator[Farm]:
-    """A cluster with these contents: at this address, or one of this machine with so many workers.
+    """A cluster with these contents: of this scheduler, or one of this machine with so many workers.
 
     `told` hears where its dashboard is. Raises RunError for one that does not answer.
     """
     with contextlib.ExitStack() as held:
-        if scheduler is None:
-            place = held.enter_context(local_cluster(workers))
-            address, security, dashboard = place
+        if isinstance(scheduler, Client):
+            if scheduler.status != "running" or scheduler.scheduler is None:
+                raise RunError(f"the client given as scheduler is {scheduler.status}; it must be running.")
+            client, address, dashboard = scheduler, str(cast(Any, scheduler.scheduler).addr), ""
         else:
-            address, security, dashboard = scheduler, None, ""
-        try:
-            client = held.enter_context(
-                Client(address, security=security, timeout=_PATIENCE / 4, set_as_default=False)
-            )
-        except (OSError, TimeoutError, ValueError, RuntimeError) as error:
-            raise RunError(f"no scheduler answers at '{address}': {_first_line(error)}.") from error
+            if scheduler is None:
+                address, security, dashboard = held.enter_context(local_cluster(workers))
+            else:
+                address, security, dashboard = scheduler, None, ""
+            client = held.enter_context(_client(address, security))
         told(f"Dask's dashboard: {dashboard or client.dashboard_link}")
         found = Farm(client, shipment, address)
         try:
             yield found
         finally:
             found.close()
+
+
+def _threads_of(client: Client) -> int:
+    return sum(dict(cast(Any, client.nthreads())).values())
+
+
+def _client(address: str, security: Any) -> Client:
+    try:
+        return Client(address, security=security, timeout=_PATIENCE / 4, set_as_default=False)
+    except (OSError, TimeoutError, ValueError, RuntimeError) as error:
+        raise RunError(f"no scheduler answers at '{address}': {_first_line(error)}.") from error
 
 
 def _first_line(error: BaseException) -> str:

@@ -8,6 +8,7 @@ on this machine can talk to it: connections are encrypted, with keys made for it
 import contextlib
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -81,13 +82,20 @@ def _usual(workers: int) -> int:
 
 def main() -> None:
     """Serve until standard input ends, or the parent is gone."""
-    end_with(os.getppid(), lambda: os._exit(1))
+    folder = tempfile.mkdtemp(prefix="emla-cluster-")
+
+    def end() -> None:
+        shutil.rmtree(folder, ignore_errors=True)
+        os._exit(1)
+
+    end_with(os.getppid(), end)
+    os.environ["TMPDIR"] = folder  # so that nothing stays of a worker that was killed
     os.environ.setdefault("POLARS_MAX_THREADS", "1")  # a worker has one core
     answer, sys.stdout = sys.stdout.buffer, sys.stderr  # nothing else may say anything there
     from dask.config import set as configure
     from distributed import LocalCluster, Security
 
-    with tempfile.TemporaryDirectory(prefix="emla-cluster-", ignore_cleanup_errors=True) as folder:
+    try:
         configure({**_CONFIG, "temporary-directory": folder})
         security = Security.temporary()
         with LocalCluster(
@@ -104,7 +112,8 @@ def main() -> None:
             pickle.dump((cluster.scheduler_address, security, cluster.dashboard_link), answer)
             answer.flush()
             sys.stdin.buffer.read()
-        sys.stderr.flush()
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 if __name__ == "__main__":

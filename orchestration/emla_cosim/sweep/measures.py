@@ -6,13 +6,13 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
 from typing import Any
 
 import polars
 from polars.exceptions import PolarsError
 
 from ..errors import CommandError, listed
+from ..patterns import fits
 from ..requirements import by_name
 from ..results.result import Result
 from .reserved import RESERVED
@@ -123,7 +123,7 @@ class Measures:
         for name, function in self.functions.items():
             try:
                 found[name] = _number(function(result))
-            except Exception as error:
+            except BaseException as error:  # also SystemExit, which would end the worker's thread
                 raise MeasureError(f"the metric '{name}' raised {error!r}.") from error
         return found
 
@@ -169,7 +169,7 @@ def resolved(
 def _matching(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:
     found = list[str]()
     for pattern in patterns:
-        matching = [name for name in figures if name == pattern or fnmatchcase(name, pattern)]
+        matching = [name for name in figures if fits(name, pattern)]
         if not matching:
             near = difflib.get_close_matches(pattern, figures, n=3, cutoff=0.5)
             there = f"there are {listed(figures[:12])}." if figures else "there is none; name an expression."

@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import CommandError
 from ..files import read_text
 from ..option import SWEEP
-from ..options import read_option
+from ..options import read_option, table
 from ..scenarios.built_in import PLANS
 from ..scenarios.scenario import Scenario
 from ..scenarios.scenario_file import options_given
@@ -59,6 +59,9 @@ class Plan:
         found = {name: value for name, value in given.items() if value is not None}
         if (method := SAMPLINGS.get(str(found.get("sampling")))) is not None and not method.takes_runs:
             found = {"runs": None, **found}
+        for name in ("vary", "options"):
+            if name in found and not isinstance(found[name], Mapping):
+                raise CommandError(f"'{name}' of {self.where} is {found[name]!r}; it must be a table.")
         if "vary" in found:
             found["vary"] = {**self.vary, **found["vary"]}
         if "options" in found:
@@ -69,8 +72,11 @@ class Plan:
 
     def check(self) -> None:
         """Raise CommandError for what can be seen to be wrong without the scenario."""
-        for name, type_ in (("runs", int | None), ("seed", int), ("sampling", str | None)):
+        types = {"runs": int | None, "seed": int, "sampling": str | None, "signals": Sequence[str]}
+        for name, type_ in types.items():
             converted(getattr(self, name), type_, f"'{name}' of {self.where}")
+        if wrong := [name for name in self.options if name in table() and name not in table(SWEEP)]:
+            raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of {self.where}.")
         if not 0 <= self.seed <= _LARGEST_SEED:
             raise CommandError(f"the seed {self.seed} of {self.where} must be from 0 to {_LARGEST_SEED}.")
         if not self.vary:
@@ -123,7 +129,10 @@ def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
     plan = Plan(
         name,
         scenario,
-        dict(_flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))),
+        {
+            name: _beside(given, folder)
+            for name, given in _flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))
+        },
         description=converted(content.get("description", ""), str, f"'description' of {label}"),
         metrics=content.get("metrics", ()),
         signals=converted(content.get("signals", []), Sequence[str], f"'signals' of {label}"),
@@ -131,6 +140,14 @@ def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
         where=label,
     )
     return plan.updated({key: content[key] for key in ("sampling", "runs", "seed") if key in content})
+
+
+def _beside(given: Any, folder: Path | None) -> Any:
+    """What varies, with files that lie beside the plan by their path."""
+    if isinstance(given, list):
+        return [_beside(value, folder) for value in given]
+    is_file = isinstance(given, str) and given.lower().endswith((".fmu", ".ssv"))
+    return str(folder / given) if is_file and folder is not None else given
 
 
 def _flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

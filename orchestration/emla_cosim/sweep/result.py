@@ -10,7 +10,7 @@ import polars
 
 from ..errors import CommandError
 from ..recorders.metrics import Shown
-from .targets import Target, as_arguments, merged, options_of
+from .targets import Target, as_arguments, assigned, merged
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,12 +60,13 @@ class SweepResult:
         if not rows.height:
             raise CommandError(f"there is no variant {variant}.", variant=variant)
         row = rows.row(0, named=True)
-        return merged(options_of(self.targets[name], row[name]) for name in self.factors)
+        return merged(assigned(self.targets[name], row[name]) for name in self.factors)
 
     def command(self, variant: int) -> str | None:
         """The command that runs a variant alone; None where its scenario or an option is of Python alone."""
-        own = as_arguments(self.options(variant))
-        return None if self.base is None or own is None else shlex.join([*self.base, *own])
+        if self.base is None or (own := as_arguments(self.options(variant))) is None:
+            return None
+        return shlex.join([*self.base, *own])
 
     def plot(self, kind: str, *names: str) -> "Figure":
         """Draw `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.

@@ -7,7 +7,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ..errors import called_as_in
+import cloudpickle
+
+from ..errors import CommandError, called_as_in
 from ..fmu.interface import Interface, read_interfaces
 from ..master.algorithms.registry import ALGORITHMS
 from ..options import Options
@@ -36,6 +38,8 @@ class Preparation:
     fmus: Mapping[str, str]
     interfaces: Mapping[str, Interface]
     files: Mapping[str, Path]
+    holds: object = None
+    """What has to live for the files to be there."""
 
     @classmethod
     def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
@@ -54,6 +58,7 @@ class Preparation:
             {name: hashes[path] for name, path in fmus.items()},
             interfaces,
             {hashes[path]: path for path in hashes},
+            scenario.holds,
         )
 
     @property
@@ -108,6 +113,15 @@ class Shipment:
             dict(ALGORITHMS),
             version("emla-cosim"),
         )
+
+
+def check_portable(kind: str, objects: Mapping[str, Any]) -> None:
+    """Raise CommandError for one of these, by name, that cannot be sent to another process."""
+    for name, one in objects.items():
+        try:
+            cloudpickle.dumps(one)
+        except Exception as error:
+            raise CommandError(f"the {kind} '{name}' cannot be sent to workers: {error}.") from error
 
 
 def _without_files(system: System) -> System:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import polars
-from rich.console import RenderableType
+from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -55,10 +55,10 @@ def status_line(result: SweepResult) -> Text:
     return Text(f"{_variants(len(statuses))}: {', '.join(told.values()) or 'none'}")
 
 
-def figures_table(result: SweepResult) -> Table:
+def figures_table(result: SweepResult) -> RenderableType:
     """Least, median, 95 % and largest value of figures over the variants that are done; truths by count."""
     title = f"Figures of the variants that are done ({int(is_done(result).sum()):,})"
-    table = Table(title=title, title_justify="left")
+    table = Table()
     table.add_column("", overflow="fold")
     for head in ("least", "median", "95 %", "largest"):
         table.add_column(head, justify="right")
@@ -71,7 +71,7 @@ def figures_table(result: SweepResult) -> Table:
         else:
             cells = [cell(value, shown) for value in _statistics(known)]
         table.add_row(escape(shown.label), *cells, escape(shown.unit))
-    return table
+    return _titled(title, table)
 
 
 def _statistics(known: Vector) -> list[float]:
@@ -90,12 +90,12 @@ def _sensitivities(result: SweepResult, figure: str) -> list[RenderableType]:
         return [Text(str(error))]
 
 
-def sobol_table(result: SweepResult, figure: str) -> Table:
+def sobol_table(result: SweepResult, figure: str) -> RenderableType:
     """Sobol indices of a figure, the largest total first. Raises CommandError as `sobol_indices` does."""
     found = sobol_indices(result, figure)
     left_out = f", {found.left_out:,} left out" if found.left_out else ""
-    title = f"Sobol indices of {_label(result, figure)}, from {found.groups:,} base samples{left_out}"
-    table = Table(title=escape(title), title_justify="left")
+    title = f"Sobol indices of {shown_as(result, figure).label}, from {found.groups:,} base samples{left_out}"
+    table = Table()
     table.add_column("", overflow="fold")
     for head in ("first order", "total"):
         table.add_column(head, justify="right")
@@ -105,55 +105,57 @@ def sobol_table(result: SweepResult, figure: str) -> Table:
             f"{found.first[i]:.2f} ± {found.first_confidence[i]:.2f}",
             f"{found.total[i]:.2f} ± {found.total_confidence[i]:.2f}",
         )
-    return table
+    return _titled(title, table)
 
 
-def local_table(result: SweepResult, figure: str) -> Table:
+def local_table(result: SweepResult, figure: str) -> RenderableType:
     """A figure where each factor alone is low and high, the largest effect first.
 
     Raises CommandError as `local_sensitivities` does.
     """
     shown = shown_as(result, figure)
     unit = f" in {shown.unit}" if shown.unit else ""
-    table = Table(title=escape(f"{_label(result, figure)}{unit}, each factor alone"), title_justify="left")
+    table = Table()
     table.add_column("", overflow="fold")
     for head in ("low", "nominal", "high"):
         table.add_column(head, justify="right")
     for row in local_sensitivities(result, figure):
         values = (row.low, row.nominal, row.high)
         table.add_row(escape(row.factor), *(_told(result, figure, shown, value) for value in values))
-    return table
+    return _titled(f"{shown.label}{unit}, each factor alone", table)
 
 
 def worst(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:
-    """The rows of the worst variants: first those that are not done, then those without the figure.
+    """The rows of the worst variants: those that are not done, that did not converge, that lack the figure.
 
     The largest numbers follow, or what is false before what is true; among equals the first variant. Raises
     CommandError for a figure that the sweep does not have.
     """
     values = figure_values(result, figure)
     badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
-    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, is_done(result)))
+    converged = outcomes(result) != NOT_CONVERGED
+    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, converged, is_done(result)))
     return result.variants[order[:count]]
 
 
-def worst_table(result: SweepResult, figure: str, count: int = WORST) -> Table:
+def worst_table(result: SweepResult, figure: str, count: int = WORST) -> RenderableType:
     """The worst variants, see `worst`, each with its problem."""
     rows, shown = worst(result, figure, count), shown_as(result, figure)
     head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
-    table = Table(title="The worst variants", title_justify="left")
+    table = Table()
     table.add_column("variant", justify="right")
     table.add_column("status")
     table.add_column(escape(head), justify="right", overflow="fold", max_width=26)
     table.add_column("", overflow="fold", ratio=1)
+    ended = dict(zip(result.variants[VARIANT], outcomes(result), strict=True))
     for row in rows.iter_rows(named=True):
         table.add_row(
             str(row[VARIANT]),
-            escape(str(row[STATUS])),
+            escape(str(ended[row[VARIANT]])),
             _told(result, figure, shown, row[figure]),
             escape(row[PROBLEM] or ""),
         )
-    return table
+    return _titled("The worst variants", table)
 
 
 def commands(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[str]:
@@ -171,8 +173,9 @@ def _told(result: SweepResult, figure: str, shown: Shown, value: float | bool | 
     return cell(bool(value) if is_truth(result, figure) else float(value), shown)
 
 
-def _label(result: SweepResult, figure: str) -> str:
-    return shown_as(result, figure).label
+def _titled(title: str, table: Table) -> RenderableType:
+    """A table below a line that may be longer than the table is wide."""
+    return Group(Text(title, style="table.title"), table)
 
 
 def _variants(count: int) -> str:

@@ -9,21 +9,24 @@ from pathlib import Path
 from typing import Any
 
 import polars
+from distributed import Client
 
 from ..errors import CommandError
 from ..experiment import selected
 from ..files import temporary_folder
 from ..interruption import interruption
+from ..master.algorithms.registry import ALGORITHMS
 from ..progress import Progress
+from ..recorders.metrics import METRICS
 from ..values import converted
 from .design import Design, designed
-from .farm import Farm, farm
+from .farm import Farm, Scheduler, farm
 from .folder import SweepFolder, digest
 from .measures import Asked, Measures, Metric, resolved
 from .plan import Plan, Source, plan_of
 from .reading import read_sweep
 from .result import SweepResult
-from .shipment import Shipment
+from .shipment import Shipment, check_portable
 from .targets import as_arguments
 from .worker import Chunk, Description
 
@@ -37,7 +40,7 @@ def sweep(
     sampling: str | None = None,
     metrics: Sequence[Metric] | Mapping[str, Metric] | None = None,
     signals: Sequence[str] | None = None,
-    scheduler: str | None = None,
+    scheduler: Scheduler = None,
     workers: int | None = None,
     output: str | Path | None = None,
     resume: bool = False,
@@ -55,8 +58,9 @@ def sweep(
     figures. `signals` are names or patterns of those to keep over time. `options` are those of
     `Options`, for all variants.
 
-    It runs on a Dask cluster: the one whose scheduler is at the address `scheduler`, or one of this
-    machine with so many `workers`, by default one for each core. What came out is in the folder `output`,
+    It runs on a Dask cluster: the one whose scheduler is at the address `scheduler`, or that of the
+    `distributed.Client` given there, which stays open; or one of this machine with so many `workers`, by
+    default one for each core. What came out is in the folder `output`,
     where `resume` goes on with a sweep that ended early; without a folder it lives as long as the result.
 
     Ctrl-C ends it early, and the result has what was there. Raises CommandError for whatever is wrong
@@ -64,6 +68,10 @@ def sweep(
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
     plan = plan_of(source).updated({**given, "signals": signals, "options": options})
+    if workers is not None and scheduler is not None:
+        raise CommandError(f"the cluster at {scheduler} has its own workers; leave out how many.")
+    if not isinstance(scheduler, Client):
+        converted(scheduler, str | None, "the scheduler")
     if workers is not None and converted(workers, int, "the number of workers") < 1:
         raise CommandError(f"the number of workers {workers} must be at least 1.")
     with _place(output, resume) as (folder, held):
@@ -90,12 +98,14 @@ def _place(output: str | Path | None, resume: bool) -> Iterator[tuple[SweepFolde
 def _run(
     design: Design,
     folder: SweepFolder,
-    cluster: tuple[str | None, int | None],
+    cluster: tuple[Scheduler, int | None],
     resume: bool,
     told: Progress,
 ) -> None:
     """Run what is not there yet, and write all that is."""
     asked = Asked.of(design.plan.metrics, design.plan.where)
+    for kind, known in (("metric", asked.functions), ("metric", METRICS), ("algorithm", ALGORITHMS)):
+        check_portable(kind, known)
     identity = design.identity(asked.identity(design.plan.signals))
     folder.check(identity, resume)
     key = f"emla-sweep-{digest((identity, time.time_ns()))}"
@@ -105,7 +115,7 @@ def _run(
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
         folder.begin(_record(design, measures, described, identity), resume)
         finished, began = folder.finished(), time.monotonic()
-        told.begin("variants", design.count)
+        told.begin("sweeping", design.count, "variants")
         told.advance(len(finished))
 
         def keep(chunk: Chunk) -> None:
@@ -132,6 +142,10 @@ def _measures(design: Design, asked: Asked, found: Farm, told: Progress) -> tupl
     if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
         raise CommandError(
             f"variants of {plan.where} do not all have the same figures and signals; name those to keep."
+        )
+    if both := {f.name for f in design.factors} & set(each[0].names):
+        raise CommandError(
+            f"'{min(both)}' of {plan.where} would be a factor and a figure of one name; rename one of them."
         )
     return each[0], all_[0]
 

@@ -22,7 +22,7 @@ class Target:
     nominal: float | None = None
 
 
-def options_of(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
+def assigned(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
     """The options that bring a value of the table of variants to these targets; none for None."""
     found: dict[str, Any] = {}
     if value is None:

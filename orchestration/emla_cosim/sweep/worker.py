@@ -86,9 +86,15 @@ class SweepPlugin(WorkerPlugin):
             raise CommandError(
                 f"the worker {worker.address} has emla-cosim {here}, not {shipment.version}; install that."
             )
+        registries: Sequence[dict[str, Any]] = (METRICS, ALGORITHMS)
+        self._before = [(known, dict(known)) for known in registries]
         METRICS.update(shipment.metrics)
         ALGORITHMS.update(shipment.algorithms)
-        self._folder = tempfile.TemporaryDirectory(prefix="emla-sweep-", ignore_cleanup_errors=True)
+        self._folder = tempfile.TemporaryDirectory(
+            prefix="emla-sweep-",
+            dir=worker.local_directory,  # which Dask removes if the worker is killed
+            ignore_cleanup_errors=True,
+        )
         self._place = Path(self._folder.name).resolve()
         self._files = {}
         for sha, (name, content) in shipment.files.items():
@@ -105,6 +111,9 @@ class SweepPlugin(WorkerPlugin):
             for simulation in self._simulations.values():
                 simulation.close()
             self._simulations.clear()
+        for known, before in self._before:  # the next sweep here may be somebody else's
+            known.clear()
+            known.update(before)
         self._folder.cleanup()
 
     def simulation(self, group: int) -> Simulation:
@@ -167,7 +176,7 @@ def _run(
     plugin: SweepPlugin, group: int, variant: Variant, measures: Measures
 ) -> tuple[Outcome, Result | None]:
     """Run one variant; whatever goes wrong is told as what came out of it."""
-    recorders = [TimeSeries()] if measures.read else []
+    recorders = [TimeSeries()] if measures.read or measures.expressions or measures.functions else []
     status, problem = DONE, None
     try:
         try:
@@ -185,7 +194,7 @@ def _run(
         return Outcome(variant.number, status, problem, result.end_s, figures), result
     except CosimError as error:
         return Outcome(variant.number, REFUSED, str(error)), None
-    except Exception as error:  # of somebody's metrics or algorithm
+    except BaseException as error:  # of somebody's metrics or algorithm; SystemExit would end the thread
         return Outcome(variant.number, FAILED, f"the run raised {error!r}."), None
 
 

@@ -33,13 +33,13 @@ def shortened(text: str, most: int) -> str:
 
 
 def wrapped(text: str, width: int, lines: int = 2) -> str:
-    """A text in lines of at most so many characters, broken after dots, underscores and spaces if it can be.
+    """A text in lines of at most so many characters, broken after dots and spaces if it can be.
 
-    What is in parentheses, a unit, stays together.
+    A unit stays whole, and with what it belongs to.
     """
     text = shortened(text, width * lines)
     found = [""]
-    for piece in re.split(r"(?<=[ ._])(?![^(]*\))", text):
+    for piece in re.split(r"(?<=[ .])(?<!/ )(?!/)(?![^(]*\))", text):
         if len(found[-1] + piece.rstrip()) <= width:
             found[-1] += piece
         else:

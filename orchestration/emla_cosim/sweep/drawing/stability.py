@@ -138,7 +138,7 @@ def _draw_points(axes: "Axes", one: Factor, other: Factor, values: Vector, told:
     for outcome in present(told):
         if outcome != DONE:
             mine = told == outcome
-            axes.scatter(x[mine], y[mine], s=size, marker="X", color=color_of(outcome), linewidths=0)
+            axes.scatter(x[mine], y[mine], s=2 * size, marker="X", color=color_of(outcome), linewidths=0)
     tidied(axes)
     axes.margins(0.03)
     put_factor(axes, axes.xaxis, one, _ROOM)

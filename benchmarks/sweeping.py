@@ -1,0 +1,58 @@
+"""Measure what a sweep makes of the cores of this machine: python -m benchmarks.sweeping.
+
+Rates are of this machine at this moment. The ratio is to as many times the rate of one prepared simulation as
+there are workers; beside it stands what processes reach that share nothing but the machine.
+"""
+
+import multiprocessing
+import os
+import time
+
+import numpy as np
+
+import emla_cosim as ec
+
+ROUNDS, VARIANTS, ALONE = 5, 1000, 100
+STOP_TIME = 1.0
+VALUES = np.linspace(0.1, 0.2, VARIANTS).tolist()
+
+
+def main() -> None:
+    """Measure and print."""
+    workers = len(os.sched_getaffinity(0))
+    rows = []
+    for _ in range(ROUNDS):
+        alone, apart = rate_of_one(ALONE), rate_of_processes(workers)
+        result = ec.sweep("lift", {"lift.plant.motor.R_s": VALUES}, stop_time=STOP_TIME, workers=workers)
+        swept = VARIANTS * steps_of_one() / result.wall_s
+        rows.append((alone, apart, swept, apart / (workers * alone), swept / (workers * alone)))
+    alone, apart, swept, possible, reached = np.median(rows, axis=0)
+    print("| | Steps/s | Ratio |\n|---|---|---|")
+    print(f"| one prepared simulation, times {workers} | {workers * alone:,.0f} | 1 |")
+    print(f"| {workers} processes with one each | {apart:,.0f} | {possible:.3g} |")
+    print(f"| sweep of {VARIANTS:,} variants | {swept:,.0f} | {reached:.3g} |")
+
+
+def rate_of_one(runs: int) -> float:
+    """Steps per second of one simulation that is prepared once, with what is between the runs."""
+    with ec.load("lift", stop_time=STOP_TIME).prepare() as lift:
+        lift.run(recorders=[])
+        began = time.perf_counter()
+        for value in VALUES[:runs]:
+            lift.run(recorders=[], set={"lift.plant.motor.R_s": value})
+        return runs * steps_of_one() / (time.perf_counter() - began)
+
+
+def rate_of_processes(count: int) -> float:
+    """The sum of the rates of so many processes, each with one simulation, at the same time."""
+    with multiprocessing.get_context("spawn").Pool(count) as pool:
+        return sum(pool.map(rate_of_one, [2 * ALONE] * count, chunksize=1))
+
+
+def steps_of_one() -> int:
+    """Steps of a run."""
+    return round(STOP_TIME / 1e-4)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""What the terminal says of a sweep."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console, RenderableType
+
+from emla_cosim.errors import CommandError
+from emla_cosim.recorders.metrics import Shown
+from emla_cosim.sweep.result import SweepResult
+from emla_cosim.sweep.summary import commands, summary, worst
+from emla_cosim.sweep.targets import Target
+from tests.support.sweep_results import swept
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+SHOWN = {
+    "lift.error_m": Shown("error_m", "error", 1e6, "µm", "m"),
+    "lift.converged": Shown("converged", "converged"),
+}
+STATUS = ["done"] * 8 + ["diverged", "done", "died"]
+
+
+def made(**others: Any) -> SweepResult:
+    return swept(
+        {"a": range(11)},
+        {
+            "lift.converged": [i != 3 for i in range(11)],
+            "lift.error_m": [1e-6, 2e-6, 7e-6, 3e-6, None, 5e-6, 4e-6, 0.02, 9.0, 5e-6, None],
+            "plain": [float(i) for i in range(11)],
+        },
+        status=STATUS,
+        shown=SHOWN,
+        **others,
+    )
+
+
+def lines(parts: Sequence[RenderableType], width: int = 100) -> list[str]:
+    """What is printed, the cells of tables parted by single spaces."""
+    console = Console(width=width, record=True, force_terminal=False)
+    with console.capture() as capture:
+        for part in parts:
+            console.print(part)
+    return [
+        " ".join(line.translate(str.maketrans("│┃", "  ")).split()) for line in capture.get().splitlines()
+    ]
+
+
+def test_variants_are_counted_by_status_and_figures_shown_in_their_units() -> None:
+    printed = lines(summary(made()))
+    assert printed[0] == "11 variants: 9 done (1 of them not converged), 1 diverged, 1 died"
+    assert printed[1] == "Figures of the variants that are done (9)"
+    assert printed[3] == "least median 95 % largest"
+    kept = np.array([1, 2, 7, 3, 5, 4, 20_000, 5])
+    high = f"{np.percentile(kept, 95) / 1e6:.4g} m"
+    assert "lift converged 8 of 9 yes" in printed
+    assert f"lift error 1 4.5 {high} 0.02 m µm" in printed
+    assert "plain 0 4 8.2 9" in printed
+
+
+def test_the_worst_are_first_those_that_failed_then_those_without_the_figure() -> None:
+    assert worst(made(), "lift.error_m", 20)["variant"].to_list() == [8, 10, 3, 4, 7, 2, 5, 9, 6, 1, 0]
+    assert worst(made(), "lift.converged", 5)["variant"].to_list() == [8, 10, 3, 0, 1]
+    assert worst(made(), "plain", 4).rows(named=True)[3] == {
+        "variant": 9,
+        "a": 9,
+        "status": "done",
+        "problem": None,
+        "lift.converged": True,
+        "lift.error_m": 5e-6,
+        "plain": 9.0,
+    }
+    assert worst(made(), "plain", 0).is_empty()
+
+
+def test_each_of_the_worst_has_its_problem() -> None:
+    printed = lines(summary(made(), "lift.error_m", 4))
+    start = printed.index("variant status lift error / µm")
+    assert printed[start + 2 :] == [
+        "8 diverged 9 m it diverged at 0.3 s.",
+        "10 died none it died at 0.3 s.",
+        "3 not converged 3",
+        "4 done none",
+        printed[-1],
+    ]
+    printed = lines(summary(made(), "lift.converged", 3))
+    assert "3 not converged no" in printed
+
+
+def test_each_of_the_worst_has_the_command_that_runs_it_alone() -> None:
+    result = replace(made(), base=["emla", "run", "my study"], targets={"a": [Target("x.y[1]")]})
+    assert commands(result, "lift.error_m", 2) == [
+        "What runs each alone:",
+        "emla run 'my study' --set 'x.y[1]=8'",
+        "emla run 'my study' --set 'x.y[1]=10'",
+    ]
+    assert commands(made(), "lift.error_m") == []
+
+
+def test_a_saltelli_sample_has_sobol_indices() -> None:
+    a, b = np.random.default_rng(0).random((2, 3000))
+    rows = np.column_stack([a, b, a, b]).ravel()  # a, then with the first factor of b, the second, b
+    values = [None, *rows[1:]]
+    printed = lines(summary(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
+    assert "Sobol indices of f, from 2,999 base samples, 1 left out" in printed
+    found = [line.split() for line in printed if line.startswith(("x[red]", "y "))]
+    assert [row[0] for row in found] == ["x[red]", "y"]
+    assert [float(x) for x in found[0][1::3] if x != "±"][:1] == [pytest.approx(1.0, abs=0.1)]
+    assert found[1][1:] == ["0.00", "±", "0.00", "0.00", "±", "0.00"]
+
+
+def test_too_few_base_samples_are_told_and_the_rest_is_shown() -> None:
+    printed = " ".join(lines(summary(swept({"x": range(3)}, {"f": range(3)}, "saltelli"))))
+    assert "1 of 1 base samples of the sweep 'made-up' have the figure 'f'" in printed
+
+
+def test_factors_that_vary_one_at_a_time_have_a_table() -> None:
+    result = swept(
+        {"x": range(5), "y[b]": range(5)},
+        {"lift.error_m": [1e-6, 2e-6, 1e-6, 4e-6, None]},
+        "one-at-a-time",
+        shown=SHOWN,
+    )
+    printed = lines(summary(result))
+    start = printed.index("lift error in µm, each factor alone")
+    assert printed[start + 2] == "low nominal high"
+    assert printed[start + 4 : start + 6] == ["y[b] 4 1 none", "x 2 1 1"]
+
+
+@pytest.mark.parametrize("sampling", ["random", "saltelli", "one-at-a-time"])
+def test_nothing_to_show_is_shown(sampling: str) -> None:
+    assert lines(summary(swept({"a": []}, {"f": []}, sampling))) == ["0 variants: none"]
+    assert lines(summary(swept({"a": [1, 2]}, {}, sampling))) == ["2 variants: 2 done"]
+    failed = lines(summary(swept({"a": [1]}, {"f": [None]}, sampling, ["refused"])))
+    assert failed[:2] == ["1 variant: 1 refused", "The worst variants"]
+
+
+def test_all_of_a_long_name_is_shown_and_markup_is_none() -> None:
+    name = "[bold]a_<$" + "long.name" * 9
+    printed = lines(summary(swept({name: [1, 2]}, {name + "!": [1.0, 2.0]}, name=name)), 60)
+    assert name + "!" in "".join(line.split(" ")[0] for line in printed[5:])
+
+
+def test_a_figure_that_is_not_there_is_a_sentence() -> None:
+    with pytest.raises(CommandError, match=r"no figure 'lift.eror_m'; did you mean lift.error_m"):
+        summary(made(), "lift.eror_m")
+    with pytest.raises(CommandError, match="no figure"):
+        worst(made(), "nothing like it")

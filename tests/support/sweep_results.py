@@ -1,0 +1,55 @@
+"""Results of sweeps made by hand."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import polars
+
+from emla_cosim.sweep.result import SweepResult
+
+Signal = Callable[[int, np.ndarray], Any]
+"""Values of a signal, from the number of a variant and times."""
+
+
+def swept(
+    factors: Mapping[str, Any],
+    figures: Mapping[str, Any],
+    sampling: str = "random",
+    status: Sequence[str] | None = None,
+    **others: Any,
+) -> SweepResult:
+    """A result with these columns; all variants are done unless `status` says otherwise."""
+    columns = {**factors, **figures}
+    count = len(status if status is not None else next(iter(columns.values())))
+    told = ["done"] * count if status is None else list(status)
+    table = polars.DataFrame(
+        {
+            "variant": range(count),
+            **factors,
+            "status": polars.Series(told, dtype=polars.String),
+            "problem": polars.Series(
+                [None if s == "done" else f"it {s} at 0.3 s." for s in told], dtype=polars.String
+            ),
+            **figures,
+        },
+        strict=False,
+    )
+    fields: dict[str, Any] = {"name": "made-up", "seed": 0, **others}
+    return SweepResult(
+        sampling=sampling, factors=list(factors), figures=list(figures), variants=table, **fields
+    )
+
+
+def series(signals: Mapping[str, Signal], times: Sequence[np.ndarray]) -> polars.LazyFrame:
+    """Signals of variants over the times of each."""
+    return polars.concat(
+        polars.DataFrame(
+            {
+                "variant": np.full(len(own), i),
+                "time": own,
+                **{name: np.broadcast_to(signal(i, own), own.shape) for name, signal in signals.items()},
+            }
+        )
+        for i, own in enumerate(times)
+    ).lazy()
