@@ -1,0 +1,161 @@
+"""Draws images/study-robustness.png and prints the tables of sweeps.md.
+
+    emla sweep study-robustness --output FOLDER
+    python docs/robustness.py FOLDER
+
+`python docs/robustness.py --tilt FOLDER` sweeps tilt alone into a folder, and prints Sobol indices of
+whether it converges.
+"""
+
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import emla_cosim as ec
+from emla_cosim.arrays import Vector
+from emla_cosim.results.style import BLUE, GREY, ORANGE, RED, save, tidied
+from emla_cosim.study.systems import STUDY
+from emla_cosim.sweep.columns import factor, figure_values, influence
+from emla_cosim.sweep.plan import plan_of
+from emla_cosim.sweep.sensitivity import sobol_indices
+from emla_fmu.parameters import EMLAS
+
+HERE = Path(__file__).parent
+
+CONVERGED, LEFT, LATE = "converged", "left its speed range, then converged", "did not converge"
+COLORS = {CONVERGED: BLUE, LEFT: ORANGE, LATE: RED}
+SHOWN = {
+    "position error / µm": ("position_error_m", 1e6),
+    "speed error / (mm/s)": ("velocity_error_m_s", 1e3),
+    "torque peak / (N m)": ("torque_peak_N_m", 1.0),
+    "convergence time / ms": ("convergence_time_s", 1e3),
+}
+BASE_SAMPLES = 512
+
+
+class Joint:
+    """One joint in all variants."""
+
+    def __init__(self, result: ec.SweepResult, name: str) -> None:
+        self._result, self.name = result, name
+        within = ~np.isnan(self.figure("convergence_time_s"))
+        ended = np.where(within, LEFT, LATE)
+        self.outcomes = np.where(self.figure("converged") == 1.0, CONVERGED, ended)
+        study = STUDY[name]
+        away = np.sign(study.x_start - study.q_S)
+        self.start_mm = 1e3 * away * (factor(result, f"{name}.start").values - study.q_S)
+        self.speed = self.figure("speed_peak_m_s") / EMLAS[name].v_max
+
+    def figure(self, name: str) -> Vector:
+        """One of its figures for each variant."""
+        return figure_values(self._result, f"{self.name}.{name}")
+
+    def of_converged(self, name: str) -> Vector:
+        """The same, NaN where it did not converge."""
+        return np.where(self.outcomes == CONVERGED, self.figure(name), np.nan)
+
+    def followed(self, values: Vector, count: int) -> list[tuple[str, float]]:
+        """The factors with the largest rank correlation with values."""
+        names = [n for n in self._result.factors if n.startswith(f"{self.name}.")]
+        found = [(n.partition(".")[2], influence(factor(self._result, n), values)) for n in names]
+        return sorted(found, key=lambda one: -one[1])[:count]
+
+
+def draw(joints: Sequence[Joint], path: Path) -> None:
+    """How fast each joint approached by its start, and what its position error follows."""
+    figure = Figure(figsize=(10.5, 5.8), dpi=100, layout="constrained")
+    grid = figure.subplots(2, 3)
+    for joint, (above, below) in zip(joints, grid.T, strict=True):
+        draw_approach(joint, above)
+        draw_followed(joint, below)
+    grid[0, 0].set_ylabel("largest speed / its limit", fontsize=9)
+    grid[1, 1].set_xlabel("rank correlation with the position error, where it converged", fontsize=9)
+    handles, labels = max((axes.get_legend_handles_labels() for axes in grid[0]), key=lambda x: len(x[1]))
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    with path.open("wb") as stream:
+        save(figure, stream)
+
+
+def draw_approach(joint: Joint, axes: Axes) -> None:
+    """The largest speed against the distance at the start."""
+    for outcome, color in COLORS.items():
+        mine = joint.outcomes == outcome
+        if mine.any():
+            axes.scatter(
+                joint.start_mm[mine], joint.speed[mine], s=4, color=color, linewidths=0, label=outcome
+            )
+    axes.axhline(1.0, color=GREY, linewidth=0.8)
+    axes.set_title(f"{joint.name}: {(joint.outcomes == CONVERGED).mean():.1%} converge", fontsize=10)
+    axes.set_xlabel("start behind the reference / mm", fontsize=9)
+    tidied(axes)
+    axes.set_ylim(bottom=0.0)
+
+
+def draw_followed(joint: Joint, axes: Axes) -> None:
+    """The factors that the position error follows, of variants that converged."""
+    found = joint.followed(joint.of_converged("position_error_m"), 6)[::-1]
+    axes.barh([name for name, _ in found], [value for _, value in found], color=BLUE)
+    axes.set_xlim(0.0, 1.0)
+    tidied(axes)
+
+
+def told(joints: Sequence[Joint]) -> Iterable[str]:
+    """The tables."""
+    yield "| | " + " | ".join(joint.name for joint in joints) + " |"
+    yield "|---|" + "---|" * len(joints)
+    for outcome in COLORS:
+        yield f"| {outcome} | " + " | ".join(f"{(j.outcomes == outcome).sum():,}" for j in joints) + " |"
+    for label, (name, scale) in SHOWN.items():
+        cells = []
+        for joint in joints:
+            values = scale * joint.of_converged(name)
+            cells.append(" / ".join(f"{v:.3g}" for v in np.nanpercentile(values, [50, 95, 100])))
+        yield f"| {label} | " + " | ".join(cells) + " |"
+    for name in ("converged", "position_error_m", "velocity_error_m_s", "torque_peak_N_m"):
+        for joint in joints:
+            values = joint.figure(name) if name == "converged" else joint.of_converged(name)
+            yield f"{joint.name} {name}: " + ", ".join(f"{n} {v:.2f}" for n, v in joint.followed(values, 4))
+
+
+def sweep_tilt(folder: Path) -> None:
+    """Run the factors of tilt alone as a Saltelli sample."""
+    plan = plan_of("study-robustness")
+    vary = {n: d for n, d in plan.vary.items() if n.startswith(("*.", "tilt."))}
+    set_ = {n: v for n, v in plan.options["set"].items() if n.startswith("tilt.")}
+    alone = replace(
+        plan,
+        scenario="tilt",
+        vary=vary,
+        sampling="saltelli",
+        runs=BASE_SAMPLES,
+        metrics=["tilt.converged", "tilt.position_error_m"],
+        signals=[],
+        options={**plan.options, "set": set_},
+    )
+    ec.sweep(alone, output=folder, progress=ec.BarProgress())
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Draw and tell, or with `--tilt FOLDER` run the sweep of tilt."""
+    if arguments[0] == "--tilt":
+        sweep_tilt(Path(arguments[1]))
+        found = sobol_indices(ec.read_sweep(arguments[1]), "tilt.converged")
+        for i in np.argsort(-found.total):
+            print(
+                f"| {found.factors[i]} | {found.first[i]:.2f} ± {found.first_confidence[i]:.2f} "
+                f"| {found.total[i]:.2f} ± {found.total_confidence[i]:.2f} |"
+            )
+        return
+    result = ec.read_sweep(arguments[0])
+    joints = [Joint(result, name) for name in STUDY]
+    draw(joints, HERE / "images/study-robustness.png")
+    print("\n".join(told(joints)))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
