@@ -9,6 +9,7 @@ import pytest
 
 from emla_cosim.errors import CommandError
 from emla_cosim.recorders.metrics import Shown
+from emla_cosim.sweep.drawing import bands as bands_module
 from emla_cosim.sweep.drawing.bands import PERCENTILES, bands
 from emla_cosim.sweep.drawing.labels import shortened, with_unit, wrapped
 from emla_cosim.sweep.pictures import draw
@@ -131,7 +132,7 @@ def test_bands_of_many_rows_are_the_same_in_parts(monkeypatch: pytest.MonkeyPatc
     kept = series({"s": lambda i, own: np.sin(own + i)}, [t] * 50)
     result = swept({"a": range(50)}, {}, signals=["s"], series=kept.reverse())  # parts come in any order
     whole = bands(result, "s")
-    monkeypatch.setattr("emla_cosim.sweep.drawing.bands._ROWS_AT_ONCE", 3500)
+    monkeypatch.setattr(bands_module, "_ROWS_AT_ONCE", 3500)
     parts = bands(result, "s")
     assert len(whole.times) == 400
     assert whole.times[[0, -1]].tolist() == [0.0, 1.0]
