@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..option import SWEEP
+from ..option import SWEEP, Option
 from ..options import table
 from ..system.model import Replacement, Value
 
@@ -49,27 +49,35 @@ def merged(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 def as_arguments(options: Mapping[str, Any]) -> list[str] | None:
     """Options as `emla run` takes them; None where one is an object that only Python has."""
-    found = list[str]()
-    known = table(SWEEP)
+    known, found = table(SWEEP), list[str]()
     for name, value in options.items():
-        option = known[name]
-        if isinstance(value, bool):
-            found.append(option.flag if value else f"--no-{option.flag.removeprefix('--')}")
-        elif isinstance(value, Mapping):
-            for key, inner in value.items():
-                if isinstance(inner, Replacement):
-                    found += [option.flag, f"{key}={inner.fmu}"]
-                    found += [] if inner.mapping is None else ["--mapping", f"{key}={inner.mapping}"]
-                else:
-                    found += [option.flag, f"{key}={_text(inner)}"]
-        elif isinstance(value, (list, tuple)):
-            for inner in value:
-                found += [option.flag, _text(inner)]
-        elif isinstance(value, (str, int, float, Path)):
-            found += [option.flag, _text(value)]
-        elif value is not None:
+        arguments = _arguments(known[name], value)
+        if arguments is None:
             return None
+        found += arguments
     return found
+
+
+def _arguments(option: Option, value: Any) -> list[str] | None:
+    flag = option.flag
+    if value is None or (value is False and option.type is not bool):
+        return []
+    if isinstance(value, bool):
+        return [flag if value else f"--no-{flag.removeprefix('--')}"]
+    if isinstance(value, Mapping):
+        return [text for name, inner in value.items() for text in _entry(flag, name, inner)]
+    if isinstance(value, (list, tuple)):
+        if option.about.parse is not None:
+            return [flag, ",".join(map(_text, value))]
+        return [text for inner in value for text in (flag, _text(inner))]
+    return [flag, _text(value)] if isinstance(value, (str, int, float, Path)) else None
+
+
+def _entry(flag: str, name: str, value: Any) -> list[str]:
+    if not isinstance(value, Replacement):
+        return [flag, f"{name}={_text(value)}"]
+    mapping = [] if value.mapping is None else ["--mapping", f"{name}={value.mapping}"]
+    return [flag, f"{name}={value.fmu}", *mapping]
 
 
 def _text(value: Any) -> str:

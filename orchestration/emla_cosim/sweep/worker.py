@@ -86,8 +86,7 @@ class SweepPlugin(WorkerPlugin):
             raise CommandError(
                 f"the worker {worker.address} has emla-cosim {here}, not {shipment.version}; install that."
             )
-        registries: Sequence[dict[str, Any]] = (METRICS, ALGORITHMS)
-        self._before = [(known, dict(known)) for known in registries]
+        self._before = METRICS.copy(), ALGORITHMS.copy()
         METRICS.update(shipment.metrics)
         ALGORITHMS.update(shipment.algorithms)
         self._folder = tempfile.TemporaryDirectory(
@@ -111,9 +110,10 @@ class SweepPlugin(WorkerPlugin):
             for simulation in self._simulations.values():
                 simulation.close()
             self._simulations.clear()
-        for known, before in self._before:  # the next sweep here may be somebody else's
-            known.clear()
-            known.update(before)
+        METRICS.clear()  # the next sweep here may be somebody else's
+        ALGORITHMS.clear()
+        METRICS.update(self._before[0])
+        ALGORITHMS.update(self._before[1])
         self._folder.cleanup()
 
     def simulation(self, group: int) -> Simulation:
