@@ -8,11 +8,12 @@ import typer
 
 from ..bars import BarProgress
 from ..errors import CommandError, CosimError
+from ..files import written_whole
 from ..option import SWEEP
 from ..progress import Progress
 from ..results.output_folder import results_folder
 from ..sweep.distributions import FORMS
-from ..sweep.folder import RECORD, SERIES, TABLE
+from ..sweep.folder import RECORD, SERIES, TABLE, WORST
 from ..sweep.pictures import draw
 from ..sweep.plan import plan_of
 from ..sweep.result import DONE, STATUS, SweepResult
@@ -23,6 +24,9 @@ from ..terminal import show
 
 OPTIONS = SWEEP
 """Options that the command takes."""
+
+_MOST_LETTERS = 1600
+"""Of commands that are shown."""
 
 _SOURCE = "Plan (.toml, or its name), or scenario as `emla run` takes it."
 _VARIES, _RUNS = "What varies", "Where it runs"
@@ -108,7 +112,7 @@ def command(
         pictures = _drawn(result, Path(place), progress) if plots and result.variants.height else []
     for part in summary(result):
         show(part)
-    for line in commands(result):
+    for line in _short(commands(result), Path(place)):
         show(line, markup=False, highlight=False, soft_wrap=True)
     show(
         f"Wrote {place}/: {', '.join([TABLE, RECORD, *([SERIES] if result.series is not None else [])])}",
@@ -122,6 +126,18 @@ def command(
         raise CosimError(f"interrupted; what was computed is in {place}, and --resume goes on.")
     if given.get("require") and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):
         raise CosimError(f"{failing} of {result.variants.height} variants are not as required; see above.")
+
+
+def _short(lines: Sequence[str], place: Path) -> Sequence[str]:
+    """Lines to show: commands as they are, or where the file is that has those that fill a screen."""
+    if sum(map(len, lines)) <= _MOST_LETTERS:
+        return lines
+    try:
+        with written_whole(place / WORST) as stream:
+            stream.write("\n".join([f"# {lines[0]}", *lines[1:], ""]).encode())
+    except OSError as error:
+        raise CosimError(f"'{place / WORST}' cannot be written: {error.strerror or error}.") from error
+    return [f"What runs each alone is in {place / WORST}."]
 
 
 def _drawn(result: SweepResult, place: Path, progress: Progress) -> list[Path]:

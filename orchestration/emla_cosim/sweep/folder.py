@@ -15,10 +15,12 @@ from ..errors import CommandError, RunError
 from ..files import UNFINISHED, read_text, written_whole
 from ..locking import alone
 from .measures import Measures
+from .pictures import PICTURES
 from .result import PROBLEM, STATUS, VARIANT
 from .worker import Chunk
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
+WORST = "worst.txt"
 COMPLETED, UNFINISHED_SWEEP = "completed", "unfinished"
 
 _ENDS = {
@@ -113,8 +115,8 @@ class SweepFolder:
 
     def clear(self) -> None:
         """Remove what an earlier sweep left. May raise OSError."""
-        (self._place / RECORD).unlink(missing_ok=True)
-        (self._place / TABLE).unlink(missing_ok=True)
+        for name in (RECORD, TABLE, WORST, *(f"{kind}.png" for kind in PICTURES)):
+            (self._place / name).unlink(missing_ok=True)
         for name in (PARTS, SERIES):
             place = self._place / name
             if place.is_dir() and not place.is_symlink():

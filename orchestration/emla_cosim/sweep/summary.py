@@ -24,6 +24,9 @@ from .columns import (
 from .result import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT, SweepResult
 from .sensitivity import ONE_AT_A_TIME, SALTELLI, local_sensitivities, sobol_indices
 
+_MOST_FACTORS = 12
+"""So many factors are in a table of sensitivities."""
+
 WORST = 5
 """How many of the worst variants are shown unless somebody asks for more."""
 
@@ -99,12 +102,14 @@ def sobol_table(result: SweepResult, figure: str) -> RenderableType:
     table.add_column("", overflow="fold")
     for head in ("first order", "total"):
         table.add_column(head, justify="right")
-    for i in np.argsort(-found.total, kind="stable"):
+    strongest = np.argsort(-found.total, kind="stable")
+    for i in strongest[:_MOST_FACTORS]:
         table.add_row(
             escape(found.factors[i]),
             f"{found.first[i]:.2f} ± {found.first_confidence[i]:.2f}",
             f"{found.total[i]:.2f} ± {found.total_confidence[i]:.2f}",
         )
+    _tell_rest(table, len(strongest))
     return _titled(title, table)
 
 
@@ -119,10 +124,18 @@ def local_table(result: SweepResult, figure: str) -> RenderableType:
     table.add_column("", overflow="fold")
     for head in ("low", "nominal", "high"):
         table.add_column(head, justify="right")
-    for row in local_sensitivities(result, figure):
+    rows = local_sensitivities(result, figure)
+    for row in rows[:_MOST_FACTORS]:
         values = (row.low, row.nominal, row.high)
         table.add_row(escape(row.factor), *(_told(result, figure, shown, value) for value in values))
+    _tell_rest(table, len(rows))
     return _titled(f"{shown.label}{unit}, each factor alone", table)
+
+
+def _tell_rest(table: Table, factors: int) -> None:
+    """A last row that says how many factors with less effect are left out."""
+    if (rest := factors - _MOST_FACTORS) > 0:
+        table.add_row(f"and {rest} with less effect", style="dim")
 
 
 def worst(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:

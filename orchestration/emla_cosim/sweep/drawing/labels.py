@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DECADES = 2.0
-"""Positive numbers that span more than this are on a logarithmic axis."""
+"""Positive numbers of which nine in ten span more than this are on a logarithmic axis."""
 
 _MOST_LEVELS = 12
 """Of more levels only every n-th has its name on an axis."""
@@ -68,9 +68,12 @@ def figure_label(result: SweepResult, name: str) -> str:
 
 
 def is_wide(values: Vector) -> bool:
-    """Whether values need a logarithmic axis: all are positive and span more than two decades."""
+    """Whether values need a logarithmic axis: all are positive, and most of them span many decades."""
     known = values[~np.isnan(values)]
-    return bool(len(known)) and known.min() > 0.0 and np.log10(known.max() / known.min()) > _DECADES
+    if not len(known) or known.min() <= 0.0:
+        return False
+    low, high = np.quantile(known, [0.05, 0.95])
+    return bool(np.log10(high / low) > _DECADES)
 
 
 def scale(axes: "Axes", axis: "Axis", values: Vector) -> None:

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_FIGURES, _MOST_FACTORS = 4, 6
+_NAMED = 6
+"""So many factors that are left out are named; of more it is said how many there are."""
+
 _ROOM = 30
 """Characters that fit below a panel."""
 
@@ -119,7 +122,8 @@ def _draw_panel(
 def _notes(result: SweepResult, factors: Sequence[Factor], figures_left: int) -> Iterator[str]:
     if len(factors) > _MOST_FACTORS:
         rest = [one.name for one in factors[_MOST_FACTORS:]]
-        yield f"Left out: {len(rest)} factors of smaller rank correlation, {listed(rest)}."
+        named = listed(rest) if len(rest) <= _NAMED else f"{len(rest)} factors"
+        yield f"Left out for smaller rank correlations: {named}."
     if (same := len(result.factors) - len(factors)) > 0:
         yield f"Factors that are the same everywhere: {same}."
     if figures_left > 0:
