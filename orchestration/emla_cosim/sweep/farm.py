@@ -1,6 +1,7 @@
 """Variants given out to Dask's workers in chunks, until every one of them has come back."""
 
 import contextlib
+import gc
 import itertools
 import math
 import time
@@ -22,7 +23,7 @@ from .shipment import Shipment
 from .worker import Chunk, Description, Outcome, SweepPlugin, Variant, describe, run_chunk
 
 Scheduler = str | Client | None
-"""Who gives out work: the address of a scheduler, somebody's client of one, or None for a cluster of our own."""
+"""Who gives out work: a scheduler at this address or of this client, or for None one of our own."""
 
 _CHUNK_S = 1.0
 """How long a chunk takes, in s: more than a hundred times what giving it out does."""
@@ -68,7 +69,13 @@ class Farm:
         self._calls = itertools.count()
         with self._answering():
             client.wait_for_workers(1, timeout=_PATIENCE)
-            client.register_plugin(SweepPlugin(shipment))
+            try:
+                client.register_plugin(SweepPlugin(shipment))
+            except BaseException as error:
+                self.close()  # or it would go to every worker that is yet to come
+                if type(error) is Exception:  # what Dask makes of a worker that cannot even read it
+                    raise RuntimeError(_first_line(error)) from error
+                raise
 
     @property
     def threads(self) -> int:
@@ -153,7 +160,7 @@ class Farm:
             ) from error
         except _UNFIT as error:
             raise RunError(
-                f"the workers of {self._address} cannot run this: {_first_line(error)}; the same versions "
+                f"the workers of {self._address} cannot run this: {_first_line(error.__cause__ or error)}; the same versions "
                 "have to be installed there."
             ) from error
 
@@ -252,8 +259,10 @@ def farm(
 def _client(address: str, security: Any) -> Client:
     try:
         return Client(address, security=security, timeout=_PATIENCE / 4, set_as_default=False)
-    except (OSError, TimeoutError, ValueError, RuntimeError) as error:
-        raise RunError(f"no scheduler answers at '{address}': {_first_line(error)}.") from error
+    except Exception as error:  # of any kind, for an address that is none
+        reason = _first_line(error)
+    gc.collect()  # a client half made waits forever where it is collected while another one is made
+    raise RunError(f"no scheduler answers at '{address}': {reason}.")
 
 
 def _first_line(error: BaseException) -> str:

@@ -5,14 +5,18 @@ processes are started, and so that all of it ends when that program does, howeve
 on this machine can talk to it: connections are encrypted, with keys made for it alone.
 """
 
+import atexit
 import contextlib
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from typing import Any, NamedTuple, cast
+
+import psutil
 
 from ..errors import RunError
 from ..processes import end_with
@@ -81,30 +85,41 @@ def _usual(workers: int) -> int:
 
 def main() -> None:
     """Serve until standard input ends, or the parent is gone."""
-    end_with(os.getppid(), lambda: os._exit(1))
+    folder = tempfile.mkdtemp(prefix="emla-cluster-")
+    end_with(os.getppid(), lambda: _gone(folder))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ["TMPDIR"] = tempfile.tempdir = folder  # of the workers too, which can be killed
     os.environ.setdefault("POLARS_MAX_THREADS", "1")  # a worker has one core
     answer, sys.stdout = sys.stdout.buffer, sys.stderr  # nothing else may say anything there
     from dask.config import set as configure
     from distributed import LocalCluster, Security
 
-    with tempfile.TemporaryDirectory(prefix="emla-cluster-", ignore_cleanup_errors=True) as folder:
-        configure({**_CONFIG, "temporary-directory": folder})
-        security = Security.temporary()
-        with LocalCluster(
-            n_workers=_usual(int(sys.argv[1])),
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            security=security,
-            silence_logs=50,
-            local_directory=folder,
-        ) as made:
-            cluster = cast(Any, made)
-            pickle.dump((cluster.scheduler_address, security, cluster.dashboard_link), answer)
-            answer.flush()
-            sys.stdin.buffer.read()
-        sys.stderr.flush()
+    configure({**_CONFIG, "temporary-directory": folder})
+    security = Security.temporary()
+    with LocalCluster(
+        n_workers=_usual(int(sys.argv[1])),
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        security=security,
+        silence_logs=50,
+        local_directory=folder,
+    ) as made:
+        cluster = cast(Any, made)
+        pickle.dump((cluster.scheduler_address, security, cluster.dashboard_link), answer)
+        answer.flush()
+        sys.stdin.buffer.read()
+    sys.stderr.flush()
+
+
+def _gone(folder: str) -> None:
+    """The parent was killed: nobody needs this process, its workers and their files any more."""
+    for worker in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.Error):
+            worker.kill()
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
 
 
 if __name__ == "__main__":

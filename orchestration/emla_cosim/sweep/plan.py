@@ -93,18 +93,18 @@ def plan_of(source: Source | Plan) -> Plan:
     path = Path(source)
     if path.suffix.lower() == ".toml":
         text = read_text(path, "the plan")
-        if _has_plan(text):
+        if _has_plan(text, path):
             return _parsed(text, path.stem, f"the plan '{path}'", path.parent)
     name = path.stem if path.suffix else path.name
     return Plan(name, source, {}, where=f"the sweep of '{source}'")
 
 
-def _has_plan(text: str) -> bool:
-    """Whether a file varies something; a scenario file, or what is no TOML, is for others to read."""
+def _has_plan(text: str, path: Path) -> bool:
+    """Whether a file varies something, or is a scenario file; CommandError for what is not TOML."""
     try:
         return "vary" in tomllib.loads(text)
-    except (ValueError, RecursionError):
-        return False
+    except (ValueError, RecursionError) as error:  # also numbers and nestings too long to be meant
+        raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
 
 
 def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
