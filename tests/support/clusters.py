@@ -34,7 +34,7 @@ def shared_cluster(workers: int = 2) -> Iterator[Client]:
 
 @dataclass
 class Outside:
-    """A scheduler and workers as processes of their own, each with its own folder, home and temporary files."""
+    """A scheduler and workers as processes, each with its own folder, home and temporary files."""
 
     folder: Path
     address: str = ""
@@ -82,7 +82,7 @@ def outside_cluster(folder: Path, workers: int = 2) -> Iterator[Outside]:
                     "--no-dashboard",
                     "--host",
                     "127.0.0.1",
-                )  # fmt: skip
+                )
             )
         with Client(found.address, set_as_default=False) as client:
             client.wait_for_workers(workers, timeout=60)

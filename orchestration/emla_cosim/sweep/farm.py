@@ -159,9 +159,10 @@ class Farm:
                 f"the scheduler at {self._address} does not answer, or has no workers: {_first_line(error)}."
             ) from error
         except _UNFIT as error:
+            reason = _first_line(error.__cause__ or error)
             raise RunError(
-                f"the workers of {self._address} cannot run this: {_first_line(error.__cause__ or error)}; the same versions "
-                "have to be installed there."
+                f"the workers of {self._address} cannot run this: {reason}; the same versions have to be "
+                "installed there."
             ) from error
 
 
@@ -241,7 +242,7 @@ def farm(
         if isinstance(scheduler, Client):
             if scheduler.status != "running" or scheduler.scheduler is None:
                 raise RunError(f"the client given as scheduler is {scheduler.status}; it must be running.")
-            client, address, dashboard = scheduler, scheduler.scheduler.addr, ""
+            client, address, dashboard = scheduler, str(scheduler.scheduler.addr), ""
         else:
             if scheduler is None:
                 address, security, dashboard = held.enter_context(local_cluster(workers))

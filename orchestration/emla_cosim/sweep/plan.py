@@ -122,7 +122,10 @@ def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
     plan = Plan(
         name,
         scenario,
-        dict(_flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))),
+        {
+            varied: _with_fmus_of(folder, given)
+            for varied, given in _flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))
+        },
         description=converted(content.get("description", ""), str, f"'description' of {label}"),
         metrics=content.get("metrics", ()),
         signals=converted(content.get("signals", []), Sequence[str], f"'signals' of {label}"),
@@ -130,6 +133,19 @@ def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
         where=label,
     )
     return plan.updated({key: content[key] for key in ("sampling", "runs", "seed") if key in content})
+
+
+def _with_fmus_of(folder: Path | None, given: Any) -> Any:
+    """What one thing varies over, with FMU files relative to the folder of the plan, as all paths in it."""
+    if folder is None:
+        return given
+    if isinstance(given, str):
+        return str(folder / given) if given.lower().endswith(".fmu") and "," not in given else given
+    if isinstance(given, Mapping):
+        return {
+            key: _with_fmus_of(folder, value) if key == "values" else value for key, value in given.items()
+        }
+    return [_with_fmus_of(folder, one) for one in given] if isinstance(given, list) else given
 
 
 def _flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -80,7 +80,7 @@ def test_a_variant_that_ends_its_process_is_told_so_and_costs_no_other(
 
 def command(fmus: Path, *more: str) -> list[str]:
     return [
-        sys.executable, "-m", "emla_cosim", "sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1:0.2:150",
+        sys.executable, "-m", "emla_cosim", "sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1:0.2:100",
         "--metric", "lift.torque_peak_N_m", "--signals", "lift.plant.x_L", "--stop-time", "0.1",
         "--fmus", str(fmus), "--no-plots", "--output", "out", *more,
     ]  # fmt: skip
@@ -97,7 +97,7 @@ def lift(cluster: Client, fmus: Path, output: Path, **more: Any) -> Any:
     """The sweep of `command`."""
     return sweep(
         "lift",
-        {"lift.plant.motor.R_s": "0.1:0.2:150"},
+        {"lift.plant.motor.R_s": "0.1:0.2:100"},
         metrics=["lift.torque_peak_N_m"],
         signals=["lift.plant.x_L"],
         scheduler=cluster,
@@ -136,12 +136,12 @@ def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
         assert process.returncode == 1
         assert "Error: interrupted; what was computed is in out, and --resume goes on." in errors
         partial = read_sweep(out)
-        assert 3 <= partial.variants.height < 150 and not partial.complete
+        assert 3 <= partial.variants.height < 100 and not partial.complete
     if way != "everything":
         assert not list(temporary.iterdir())
 
     done = lift(cluster, fmu_folder, out, resume=True)
-    assert done.complete and numbers(done) == list(range(150))
+    assert done.complete and numbers(done) == list(range(100))
     assert (out / "variants.parquet").read_bytes() == (undisturbed / "variants.parquet").read_bytes()
     assert done.series is not None and (before := read_sweep(undisturbed).series) is not None
     assert done.series.collect().equals(before.collect())
@@ -214,7 +214,7 @@ def test_a_worker_of_another_version(
         patched.setattr(shipment, "version", lambda _: "0.0.1")
         sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
     assert re.search(r"has emla-cosim [\w.+-]+, not 0\.0\.1; install that", str(caught.value))
-    left = cluster.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.worker_plugins))
+    left: Any = cluster.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.worker_plugins))
     assert not [name for name in left if "emla" in name], "new workers would be refused as well"
     assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).variants["status"].to_list() == [
         "done"
@@ -229,10 +229,10 @@ def test_what_workers_do_not_have_is_told(
     module = types.ModuleType("only_here")
     exec("def metric(result):\n    return 1.0", module.__dict__)
     monkeypatch.setitem(sys.modules, "only_here", module)
-    with pytest.raises(RunError, match="cannot run this: .*only_here.*; the same versions have to be"):
+    with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; the same versions have to be"):
         sweep(system, {"j.bad.b": [0.1]}, metrics=[module.metric], scheduler=cluster, **RUN)
     with monkeypatch.context() as patched:
         patched.setitem(METRICS, "mine", module.metric)
-        with pytest.raises(RunError, match="cannot run this: .*only_here.*; the same versions have to be"):
+        with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; the same versions have to be"):
             sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
     assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).complete
