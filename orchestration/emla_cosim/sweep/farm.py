@@ -1,6 +1,7 @@
 """Variants given out to Dask's workers in chunks, until every one of them has come back."""
 
 import contextlib
+import gc
 import itertools
 import math
 import time
@@ -69,7 +70,13 @@ class Farm:
         self._known, self._looked, self._seen = 0, -math.inf, time.monotonic()
         with self._answering():
             client.wait_for_workers(1, timeout=_PATIENCE)
-            client.register_plugin(SweepPlugin(shipment))
+            try:
+                client.register_plugin(SweepPlugin(shipment))
+            except BaseException as error:
+                self.close()  # or it would go to every worker that is yet to come
+                if type(error) is Exception:  # what Dask makes of a worker that cannot even read it
+                    raise RuntimeError(_first_line(error)) from error
+                raise
 
     def _threads(self) -> int:
         """How many variants can run at once now. Raises RunError where there are no workers any more."""
@@ -159,9 +166,10 @@ class Farm:
                 f"the scheduler at {self._address} does not answer, or has no workers: {_first_line(error)}."
             ) from error
         except _UNFIT as error:
+            reason = _first_line(error.__cause__ or error)
             raise RunError(
-                f"the workers of {self._address} cannot run this: {_first_line(error)}; the same versions "
-                "have to be installed there."
+                f"the workers of {self._address} cannot run this: {reason}; the same versions have to be "
+                "installed there."
             ) from error
 
 
@@ -263,8 +271,10 @@ def _threads_of(client: Client) -> int:
 def _client(address: str, security: Any) -> Client:
     try:
         return Client(address, security=security, timeout=_PATIENCE / 4, set_as_default=False)
-    except (OSError, TimeoutError, ValueError, RuntimeError) as error:
-        raise RunError(f"no scheduler answers at '{address}': {_first_line(error)}.") from error
+    except Exception as error:  # of any kind, for an address that is none
+        reason = _first_line(error)
+    gc.collect()  # a client half made waits forever where it is collected while another one is made
+    raise RunError(f"no scheduler answers at '{address}': {reason}.")
 
 
 def _first_line(error: BaseException) -> str:

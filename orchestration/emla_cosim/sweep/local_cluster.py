@@ -5,6 +5,7 @@ processes are started, and so that all of it ends when that program does, howeve
 on this machine can talk to it: connections are encrypted, with keys made for it alone.
 """
 
+import atexit
 import contextlib
 import os
 import pickle
@@ -14,6 +15,8 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from typing import Any, NamedTuple, cast
+
+import psutil
 
 from ..errors import RunError
 from ..processes import end_with
@@ -83,37 +86,40 @@ def _usual(workers: int) -> int:
 def main() -> None:
     """Serve until standard input ends, or the parent is gone."""
     folder = tempfile.mkdtemp(prefix="emla-cluster-")
-
-    def end() -> None:
-        shutil.rmtree(folder, ignore_errors=True)
-        os._exit(1)
-
-    end_with(os.getppid(), end)
-    os.environ["TMPDIR"] = folder  # so that nothing stays of a worker that was killed
+    end_with(os.getppid(), lambda: _gone(folder))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ["TMPDIR"] = tempfile.tempdir = folder  # of the workers too, which can be killed
     os.environ.setdefault("POLARS_MAX_THREADS", "1")  # a worker has one core
     answer, sys.stdout = sys.stdout.buffer, sys.stderr  # nothing else may say anything there
     from dask.config import set as configure
     from distributed import LocalCluster, Security
 
-    try:
-        configure({**_CONFIG, "temporary-directory": folder})
-        security = Security.temporary()
-        with LocalCluster(
-            n_workers=_usual(int(sys.argv[1])),
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            security=security,
-            silence_logs=50,
-            local_directory=folder,
-        ) as made:
-            cluster = cast(Any, made)
-            pickle.dump((cluster.scheduler_address, security, cluster.dashboard_link), answer)
-            answer.flush()
-            sys.stdin.buffer.read()
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    configure({**_CONFIG, "temporary-directory": folder})
+    security = Security.temporary()
+    with LocalCluster(
+        n_workers=_usual(int(sys.argv[1])),
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        security=security,
+        silence_logs=50,
+        local_directory=folder,
+    ) as made:
+        cluster = cast(Any, made)
+        pickle.dump((cluster.scheduler_address, security, cluster.dashboard_link), answer)
+        answer.flush()
+        sys.stdin.buffer.read()
+    sys.stderr.flush()
+
+
+def _gone(folder: str) -> None:
+    """The parent was killed: nobody needs this process, its workers and their files any more."""
+    for worker in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.Error):
+            worker.kill()
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
 
 
 if __name__ == "__main__":

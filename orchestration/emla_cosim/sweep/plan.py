@@ -100,18 +100,18 @@ def plan_of(source: Source | Plan) -> Plan:
     path = Path(source)
     if path.suffix.lower() == ".toml":
         text = read_text(path, "the plan")
-        if _has_plan(text):
+        if _has_plan(text, path):
             return _parsed(text, path.stem, f"the plan '{path}'", path.parent)
     name = path.stem if path.suffix else path.name
     return Plan(name, source, {}, where=f"the sweep of '{source}'")
 
 
-def _has_plan(text: str) -> bool:
-    """Whether a file varies something; a scenario file, or what is no TOML, is for others to read."""
+def _has_plan(text: str, path: Path) -> bool:
+    """Whether a file varies something, or is a scenario file; CommandError for what is not TOML."""
     try:
         return "vary" in tomllib.loads(text)
-    except (ValueError, RecursionError):
-        return False
+    except (ValueError, RecursionError) as error:  # also numbers and nestings too long to be meant
+        raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
 
 
 def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
@@ -130,8 +130,8 @@ def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
         name,
         scenario,
         {
-            name: _beside(given, folder)
-            for name, given in _flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))
+            varied: _with_files_of(folder, given)
+            for varied, given in _flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))
         },
         description=converted(content.get("description", ""), str, f"'description' of {label}"),
         metrics=content.get("metrics", ()),
@@ -142,12 +142,17 @@ def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
     return plan.updated({key: content[key] for key in ("sampling", "runs", "seed") if key in content})
 
 
-def _beside(given: Any, folder: Path | None) -> Any:
-    """What varies, with files that lie beside the plan by their path."""
-    if isinstance(given, list):
-        return [_beside(value, folder) for value in given]
-    is_file = isinstance(given, str) and given.lower().endswith((".fmu", ".ssv"))
-    return str(folder / given) if is_file and folder is not None else given
+def _with_files_of(folder: Path | None, given: Any) -> Any:
+    """What one thing varies over, with files relative to the folder of the plan, as all paths in it."""
+    if folder is None:
+        return given
+    if isinstance(given, str):
+        return str(folder / given) if given.lower().endswith((".fmu", ".ssv")) and "," not in given else given
+    if isinstance(given, Mapping):
+        return {
+            key: _with_files_of(folder, value) if key == "values" else value for key, value in given.items()
+        }
+    return [_with_files_of(folder, one) for one in given] if isinstance(given, list) else given
 
 
 def _flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -8,7 +8,7 @@ from ..errors import CommandError
 from ..recorders.metrics import Shown
 from ..values import converted
 from .folder import COMPLETED, SERIES, TABLE, SweepFolder
-from .result import SweepResult
+from .result import VARIANT, SweepResult
 from .targets import Target
 
 
@@ -19,7 +19,9 @@ def read_sweep(folder: str | Path) -> SweepResult:
     try:
         variants = polars.read_parquet(place / TABLE)
         parts = place / SERIES
-        series = polars.scan_parquet(parts / "*.parquet") if any(parts.glob("*.parquet")) else None
+        series = None
+        if any(parts.glob("*.parquet")):  # each has its variants in order, but what was lost comes late
+            series = polars.scan_parquet(parts / "*.parquet").sort(VARIANT, maintain_order=True)
         return SweepResult(
             name=record["name"],
             sampling=record["sampling"],

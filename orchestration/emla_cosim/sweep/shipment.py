@@ -1,10 +1,14 @@
 """What travels to the workers, once: FMUs by their content, and the systems that are made of them."""
 
+import copyreg
 import hashlib
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import cloudpickle
@@ -23,6 +27,14 @@ from ..system.model import System
 
 _OF_ONE_RUN = ("real_time", "checkpoint", "resume", "signals", "output", "plots")
 """Options of a scenario that mean nothing for many runs."""
+
+
+def _by_name(module: ModuleType) -> tuple[Any, tuple[str]]:
+    return import_module, (module.__name__,)
+
+
+if (_kind := type(sys.modules[__name__.partition(".")[0]])) is not ModuleType:
+    copyreg.pickle(_kind, _by_name)  # of lazy_loader; else no function that uses the package could travel
 
 
 @dataclass(frozen=True)

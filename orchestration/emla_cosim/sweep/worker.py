@@ -86,7 +86,8 @@ class SweepPlugin(WorkerPlugin):
             raise CommandError(
                 f"the worker {worker.address} has emla-cosim {here}, not {shipment.version}; install that."
             )
-        self._before = METRICS.copy(), ALGORITHMS.copy()
+        self._new_metrics = shipment.metrics.keys() - METRICS.keys()
+        self._new_algorithms = shipment.algorithms.keys() - ALGORITHMS.keys()
         METRICS.update(shipment.metrics)
         ALGORITHMS.update(shipment.algorithms)
         self._folder = tempfile.TemporaryDirectory(
@@ -110,10 +111,10 @@ class SweepPlugin(WorkerPlugin):
             for simulation in self._simulations.values():
                 simulation.close()
             self._simulations.clear()
-        METRICS.clear()  # the next sweep here may be somebody else's
-        ALGORITHMS.clear()
-        METRICS.update(self._before[0])
-        ALGORITHMS.update(self._before[1])
+        for name in self._new_metrics:  # the next sweep here may be somebody else's
+            METRICS.pop(name, None)
+        for name in self._new_algorithms:
+            ALGORITHMS.pop(name, None)
         self._folder.cleanup()
 
     def simulation(self, group: int) -> Simulation:

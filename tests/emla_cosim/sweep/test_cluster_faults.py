@@ -1,0 +1,238 @@
+"""Whatever ends in a cluster, every variant is there exactly once in the end."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from distributed import Client, LocalCluster
+
+import emla_cosim.sweep.farm as farm
+import emla_cosim.sweep.shipment as shipment
+from emla_cosim.errors import CommandError, RunError
+from emla_cosim.recorders.metrics import METRICS
+from emla_cosim.sweep.reading import read_sweep
+from emla_cosim.sweep.sweeping import sweep
+from tests.support.clusters import At, family, outside_cluster, shared_cluster, wait_for
+from tests.support.faulty_fmu import Fault
+from tests.support.faulty_systems import line_with_a_fault
+
+RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "compiled": False}
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Client]:
+    with shared_cluster() as client:
+        yield client
+
+
+def killing(flag: Path, value: float) -> Any:
+    """A metric, y in the end, that ends its process where y is this value, if it did not so before."""
+
+    def kills(result: Any) -> float:
+        import contextlib
+        import os
+        import signal
+        import time
+
+        time.sleep(0.02)  # so that a chunk does not hold them all
+        last = float(result["j.bad.y"][-1])
+        with contextlib.suppress(FileExistsError):
+            if abs(last - value) < 1e-9:
+                flag.touch(exist_ok=False)
+                os.kill(os.getpid(), signal.SIGKILL)
+        return last
+
+    return kills
+
+
+def numbers(result: Any) -> list[int]:
+    return result.variants["variant"].to_list()
+
+
+def test_a_variant_that_ends_its_process_is_told_so_and_costs_no_other(
+    cluster: Client, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    """One variant's FMU ends every process that it comes to; another's process is killed once."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    faults = [Fault.NONE] * 4 + [Fault.SEGFAULT] + [Fault.NONE] * 3
+    result = sweep(
+        system,
+        {"run": {"of": ["j.bad.fault"], "distribution": "values", "values": [int(f) for f in faults]}},
+        metrics={"y": killing(tmp_path / "flag", 3.0)},
+        scheduler=cluster,
+        **RUN,
+    )
+    assert (tmp_path / "flag").exists()
+    assert numbers(result) == list(range(8)) and result.complete
+    assert result.variants["status"].to_list() == ["done"] * 4 + ["died"] + ["done"] * 3
+    assert "its process ended 2 times: an FMU ends it" in result.variants["problem"][4]
+    assert result.variants["y"].to_list() == pytest.approx([3.0] * 4 + [None] + [3.0] * 3)
+
+
+def command(fmus: Path, *more: str) -> list[str]:
+    return [
+        sys.executable, "-m", "emla_cosim", "sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1:0.2:100",
+        "--metric", "lift.torque_peak_N_m", "--signals", "lift.plant.x_L", "--stop-time", "0.1",
+        "--fmus", str(fmus), "--no-plots", "--output", "out", *more,
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def undisturbed(cluster: Client, fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("undisturbed")
+    lift(cluster, fmu_folder, folder / "out")
+    return folder / "out"
+
+
+def lift(cluster: Client, fmus: Path, output: Path, **more: Any) -> Any:
+    """The sweep of `command`."""
+    return sweep(
+        "lift",
+        {"lift.plant.motor.R_s": "0.1:0.2:100"},
+        metrics=["lift.torque_peak_N_m"],
+        signals=["lift.plant.x_L"],
+        scheduler=cluster,
+        stop_time=0.1,
+        fmus=fmus,
+        output=output,
+        **more,
+    )
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="signals are those of POSIX")
+@pytest.mark.parametrize("way", ["Ctrl-C", "caller", "everything"])
+def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
+    way: str, cluster: Client, fmu_folder: Path, undisturbed: Path, tmp_path: Path
+) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    process = subprocess.Popen(
+        command(fmu_folder, "--workers", "2"),
+        cwd=tmp_path, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    )  # fmt: skip
+    out = tmp_path / "out"
+    try:
+        wait_for(lambda: len(list(out.glob("parts/*.parquet"))) >= 3 or process.poll() is not None)
+        everybody = family(process)
+    finally:
+        if way == "Ctrl-C":
+            process.send_signal(signal.SIGINT)
+        else:
+            for one in family(process)[: 1 if way == "caller" else None]:
+                one.kill()
+    errors = process.communicate(timeout=60)[1]
+    assert not psutil.wait_procs(everybody, timeout=15)[1], "a process survives"
+    if way == "Ctrl-C":
+        assert process.returncode == 1
+        assert "Error: interrupted; what was computed is in out, and --resume goes on." in errors
+        partial = read_sweep(out)
+        assert 3 <= partial.variants.height < 100 and not partial.complete
+    if way != "everything":
+        assert not list(temporary.iterdir())
+
+    done = lift(cluster, fmu_folder, out, resume=True)
+    assert done.complete and numbers(done) == list(range(100))
+    assert (out / "variants.parquet").read_bytes() == (undisturbed / "variants.parquet").read_bytes()
+    assert done.series is not None and (before := read_sweep(undisturbed).series) is not None
+    assert done.series.collect().equals(before.collect())
+    assert not list(out.glob("parts")) and not list(out.rglob(".*"))
+
+
+def test_processes_elsewhere_that_share_nothing(
+    faulty_fmu: Path, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker of it is killed, then the scheduler; the local cluster goes on with what there is."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    plan: dict[str, Any] = {
+        "vary": {"j.bad.b": "0.1:0.5:40"},
+        "metrics": {"y": killing(tmp_path / "flag", 2.0 + 2.0 * (0.1 + 0.4 * 20 / 39))},
+        **RUN,
+    }
+    there = sweep(system, **plan, scheduler=cluster, output=tmp_path / "there")
+    (tmp_path / "flag").unlink()
+    with outside_cluster(tmp_path) as outside:
+        here = sweep(system, **plan, scheduler=outside.address, output=tmp_path / "here")
+        assert [w.poll() is None for w in outside.workers].count(True) == 1, "no worker was killed"
+        assert here.variants.equals(there.variants) and numbers(here) == list(range(40))
+        monkeypatch.setattr(farm, "_PATIENCE", 4.0)
+        with pytest.raises(RunError, match=r"^the scheduler at tcp://127\.0\.0\.1:\d+ .*\.$") as caught:
+            sweep(
+                system, **plan, scheduler=outside.address, output=tmp_path / "early",
+                progress=At(10, outside.kill_scheduler),
+            )  # fmt: skip
+        assert "\n" not in str(caught.value)
+    early = read_sweep(tmp_path / "early")
+    assert 10 <= early.variants.height < 40
+    done = sweep(system, **plan, scheduler=cluster, output=tmp_path / "early", resume=True)
+    assert done.variants.equals(there.variants)
+    one, other = ((tmp_path / n / "variants.parquet").read_bytes() for n in ("early", "there"))
+    assert one == other
+
+
+def test_no_scheduler_answers(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    monkeypatch.setattr(farm, "_PATIENCE", 2.0)
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        port = closed.getsockname()[1]
+    for address in (f"tcp://127.0.0.1:{port}", "nonsense://x", "", "tcp://", "tcp://[::1"):
+        with pytest.raises(RunError, match=re.escape(f"no scheduler answers at '{address}': ")):
+            sweep(system, {"j.bad.b": [0.1]}, scheduler=address, output=tmp_path / "out", **RUN)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scheduler_without_workers(
+    faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    monkeypatch.setattr(farm, "_PATIENCE", 0.5)
+    with (
+        LocalCluster(n_workers=0, processes=False, dashboard_address="127.0.0.1:0") as empty,
+        Client(empty, set_as_default=False) as client,
+        pytest.raises(RunError, match=r"does not answer, or has no workers: .*\.$"),
+    ):
+        sweep(system, {"j.bad.b": [0.1]}, scheduler=client, output=tmp_path / "out", **RUN)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_worker_of_another_version(
+    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is refused, and the cluster remains as good as it was."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    with monkeypatch.context() as patched, pytest.raises(CommandError) as caught:
+        patched.setattr(shipment, "version", lambda _: "0.0.1")
+        sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
+    assert re.search(r"has emla-cosim [\w.+-]+, not 0\.0\.1; install that", str(caught.value))
+    left: Any = cluster.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.worker_plugins))
+    assert not [name for name in left if "emla" in name], "new workers would be refused as well"
+    assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).variants["status"].to_list() == [
+        "done"
+    ]
+
+
+def test_what_workers_do_not_have_is_told(
+    cluster: Client, faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A metric of a module that only the caller has."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    module = types.ModuleType("only_here")
+    exec("def metric(result):\n    return 1.0", module.__dict__)
+    monkeypatch.setitem(sys.modules, "only_here", module)
+    with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; the same versions have to be"):
+        sweep(system, {"j.bad.b": [0.1]}, metrics=[module.metric], scheduler=cluster, **RUN)
+    with monkeypatch.context() as patched:
+        patched.setitem(METRICS, "mine", module.metric)
+        with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; the same versions have to be"):
+            sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
+    assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).complete

@@ -1,0 +1,301 @@
+"""What is wrong with a plan is said in one sentence before anything runs, and leaves nothing behind."""
+
+import json
+import math
+import shutil
+from collections import namedtuple
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import polars
+import pytest
+from distributed import Client
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from emla_cosim.errors import CommandError, CosimError, RunError
+from emla_cosim.locking import alone
+from emla_cosim.sweep.folder import SweepFolder
+from emla_cosim.sweep.measures import Measures
+from emla_cosim.sweep.plan import Plan, plan_of
+from emla_cosim.sweep.sweeping import sweep
+from emla_cosim.sweep.worker import Chunk, Outcome
+from emla_cosim.system.model import Component, System
+from tests.support.clusters import shared_cluster
+from tests.support.commands import Emla, sentence
+from tests.support.full_disk import files_of_at_most
+from tests.support.odd_files import ODD
+
+R_S = "lift.plant.motor.R_s"
+ONE: dict[str, Any] = {R_S: [0.1, 0.2]}
+RUN: dict[str, Any] = {"stop_time": 0.002}
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Client]:
+    with shared_cluster(1) as client:
+        yield client
+
+
+def of(name: str = R_S, **table: Any) -> dict[str, Any]:
+    return {name: table}
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "unknown parameter": ({"vary": {"lift.plant.motor.R_z": [1.0]}}, r"lift\.plant.*motor\.R_[sz]"),
+    "unknown component": ({"vary": {"lift.plant2.motor.R_s": [1.0]}}, "lift.plant"),
+    "no name": ({"vary": {"stop_tim": [1.0]}}, "did you mean stop_time?"),
+    "pattern of nothing": ({"vary": {"lift.nothing.*": "±10%"}}, "lift.nothing"),
+    "computed": ({"vary": {"lift.plant.x_L": [0.1]}}, "computed by the FMU .* did you mean .*start.x_L"),
+    "driven": ({"vary": {"lift.plant.u_q": [0.1]}}, "driven by lift.controller.u_q"),
+    "empty range": ({"vary": {R_S: "0.3:0.1:5"}}, "0.3 to 0.1 is an empty range"),
+    "no values": ({"vary": {R_S: []}}, "it is empty"),
+    "unknown distribution": ({"vary": {R_S: "norml(0.1, 0.2)"}}, "did you mean 'normal'?"),
+    "no bounds": ({"vary": of(distribution="uniform")}, "needs low and high"),
+    "no deviation": ({"vary": {R_S: "normal(0.1)"}}, "needs mean and deviation"),
+    "no levels": ({"vary": {R_S: "normal(0.1, 0.01)"}}, f"'{R_S}' of .* a grid needs levels"),
+    "varied twice": ({"vary": {**ONE, "r": {**of(distribution="values", values=[1.0])[R_S], "of": [R_S]}}},
+                     f"varies {R_S} twice"),
+    "pattern again": ({"vary": {**ONE, "lift.plant.motor.R*": [1.0]}}, "two factors"),
+    "a column's name": ({"vary": {"status": {"of": [R_S], "distribution": "values", "values": [1.0]}}},
+                        "every table of variants has this column"),
+    "fixed option": ({"vary": {"isolate": [True]}}, "isolate is the same for all variants"),
+    "relative to nothing": ({"vary": {"gains": "90%,110%"}}, "no number in the scenario"),
+    "nothing varies": ({"vary": {}}, "varies nothing"),
+    "no table": ({"vary": ["a"]}, "must be a table"),
+    "signals as text": ({"signals": "lift.plant.x_L"}, "must be a list"),
+    "metrics as text": ({"metrics": "lift.converged"}, "must be a list or a table"),
+    "no metric": ({"metrics": [3]}, "a metric of .* is 3"),
+    "metric twice": ({"metrics": ["a = max(time)", "a = min(time)"]}, "two columns 'a'"),
+    "metric of a factor's name": ({"metrics": [f"{R_S} = max(time)"]}, "a factor and a figure"),
+    "metric of a column's name": ({"metrics": ["status = max(time)"]}, "two columns 'status'"),
+    "unknown metric": ({"metrics": ["lift.torque_peak"]}, "did you mean lift.torque_peak_N_m"),
+    "syntax": ({"metrics": ["a = max(abs(lift.plant.i_q"]}, "'a = max.* cannot be computed"),
+    "unknown in expression": ({"metrics": ["a = max(lift.plant.i_qq)"]}, "Did you mean lift.plant.i_q"),
+    "value per row": ({"metrics": ["a = lift.plant.i_q"]}, "a value for each row"),
+    "unknown signal": ({"signals": ["lift.plant.x_LL"]}, "did you mean lift.plant.x_L"),
+    "seed": ({"seed": -1}, "the seed -1"),
+    "runs": ({"runs": 0, "sampling": "random"}, "number of runs is 0"),
+    "runs of a grid": ({"runs": 3, "sampling": "grid"}, "takes no number of runs"),
+    "sampling": ({"sampling": "sobel"}, "there is no sampling 'sobel'"),
+    "workers": ({"workers": 0}, "at least 1"),
+    "scheduler": ({"scheduler": 3}, "the scheduler is 3"),
+    "many levels": ({"vary": {R_S: "0.1:0.2:1000000000000"}}, "1,000,000,000,000 variants, for which"),
+    "large grid": ({"vary": {f"lift.plant.motor.{n}": "0.1:0.2:10000" for n in ("R_s", "L_d", "L_q")}},
+                   "1,000,000,000,000 variants, for which"),
+    "option of one run": ({"real_time": 1.0}, "real_time is for a single run"),
+    "unknown option": ({"step_sise": 1.0}, "did you mean 'step_size'?"),
+    "resume without a folder": ({"resume": True, "output": None}, "give `output`"),
+    "resume of nothing": ({"resume": True}, "has no sweep to resume"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_plan(name: str, cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
+    arguments, expected = WRONG[name]
+    plan = {"vary": ONE, "scheduler": cluster, "output": tmp_path / "a/out", **RUN, **arguments}
+    with pytest.raises(CommandError, match=expected) as caught:
+        sweep("lift", fmus=fmu_folder, **plan)
+    text = str(caught.value)
+    assert "\n" not in text and text[-1] in ".?"
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_the_disk_cannot_hold(
+    cluster: Client, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = namedtuple("usage", "total used free")(2**30, 2**30, 5000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    arguments: dict[str, Any] = {"scheduler": cluster, "fmus": fmu_folder, "output": tmp_path / "out", **RUN}
+    with pytest.raises(CommandError, match=r"the results of 50 variants take up to .* keep fewer signals"):
+        sweep("lift", {R_S: "0.1:0.2:50"}, signals=["*"], **arguments)
+    assert not (tmp_path / "out").exists()
+
+
+PLAN = f'scenario = "lift"\nstop_time = 0.002\n[vary]\n"{R_S}" = [0.1]\n'
+FILES: dict[str, tuple[bytes, str]] = {
+    "no TOML": (b"vary = [", "the plan 'p.toml' is not TOML: "),
+    "unknown key": (b'sead = 3\n' + PLAN.encode(), "did you mean 'seed'?"),
+    "no scenario": (PLAN.replace("scenario", "description").encode(), "has no scenario"),
+    "key of one run": (b"real_time = 1.0\n" + PLAN.encode(), "has the key 'real_time'"),
+    "vary is no table": (b'scenario = "lift"\nvary = 3\n', "'vary' of the plan"),
+    "brackets": (b"vary = " + b"[" * 100_000, "is not TOML"),
+    "empty": (b"", "."),
+    "no text": (b"\xff\xfe\x00", "not a text in UTF-8"),
+    "NUL": (PLAN.encode() + b"\0", "."),
+    "runs": (b'runs = "many"\n' + PLAN.encode(), "'runs' of the plan"),
+    "metrics": (b"metrics = 3\n" + PLAN.encode(), "must be a list or a table"),
+    "lone surrogate": (b'description = "\\ud800"\n' + PLAN.encode(), "."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_wrong_plan_file(name: str, emla: Emla, fmu_folder: Path) -> None:
+    content, expected = FILES[name]
+    Path("p.toml").write_bytes(content)
+    result = emla("sweep", "p.toml", "--fmus", str(fmu_folder))
+    assert expected in sentence(result, 2)
+    assert [p.name for p in Path().iterdir()] == ["p.toml"]
+
+
+@pytest.mark.parametrize("path", ["/dev/null", "gone.toml", ".", "nul\0.toml"])
+def test_what_is_no_plan_file(path: str, emla: Emla) -> None:
+    sentence(emla("sweep", path, "--vary", f"{R_S}=0.1"), 2)
+    assert not list(Path().iterdir())
+
+
+@pytest.mark.parametrize("text", [R_S, f"{R_S}=", "=3", ""])
+def test_a_vary_that_says_nothing(text: str, emla: Emla) -> None:
+    assert "lacks a name or values" in sentence(emla("sweep", "lift", "--vary", text), 2)
+
+
+def test_a_mark_of_byte_order_is_no_matter(tmp_path: Path) -> None:
+    (tmp_path / "p.toml").write_bytes(b"\xef\xbb\xbf" + PLAN.encode())
+    assert plan_of(tmp_path / "p.toml").vary == {R_S: [0.1]}
+
+
+names = st.from_regex(r"[a-z]{1,5}(\.[a-z]{1,4}){0,2}", fullmatch=True)
+numbers = st.floats(allow_nan=False, allow_infinity=False) | st.integers(-(2**53), 2**53)
+values = st.lists(numbers | st.booleans() | st.text(st.characters(codec="utf-8")), min_size=1, max_size=4)
+
+
+@given(st.dictionaries(names, values, min_size=1, max_size=4), st.integers(0, 2**63 - 1))
+def test_a_plan_is_read_as_it_was_written(
+    tmp_path_factory: pytest.TempPathFactory, vary: dict[str, list[Any]], seed: int
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "written.toml"
+    lines = [f"{json.dumps(name)} = {_toml(given)}" for name, given in vary.items()]
+    path.write_text("\n".join(['scenario = "lift"', f"seed = {seed}", "[vary]", *lines]), "utf-8")
+    plan = plan_of(path)
+    assert (dict(plan.vary), plan.seed) == (vary, seed)
+
+
+def _toml(given: Any) -> str:
+    if isinstance(given, list):
+        return f"[{', '.join(map(_toml, given))}]"
+    if isinstance(given, str):
+        return json.dumps(given).replace("\x7f", "\\u007f") if given.isascii() else _basic(given)
+    return str(given).lower() if isinstance(given, bool) else repr(given)
+
+
+def _basic(text: str) -> str:
+    return '"' + "".join(f"\\U{ord(letter):08x}" for letter in text) + '"'
+
+
+def folder_with(parts: list[list[int]], path: Path) -> SweepFolder:
+    """A folder with these variants in parts."""
+    folder = SweepFolder(path)
+    path.mkdir(parents=True)
+    folder.begin({"identity": {}}, resume=False)
+    for part in parts:
+        outcomes = [Outcome(n, "done", None, 1.0, {"y": math.sqrt(n)}) for n in part]
+        folder.keep(Chunk(outcomes, 0.1), Measures(figures=["y"]))
+    return folder
+
+
+@settings(max_examples=20)
+@given(data=st.data())
+def test_a_table_does_not_depend_on_its_parts(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    order = data.draw(st.permutations(range(12)))
+    cuts = sorted(data.draw(st.sets(st.integers(1, 11))))
+    parts = [order[i:j] for i, j in zip([0, *cuts], [*cuts, 12], strict=True)]
+    about = polars.DataFrame({"variant": range(12), "x": [float(n) for n in range(12)]})
+    base = tmp_path_factory.mktemp("parts")
+    for name, split in (("one", [list(range(12))]), ("many", parts)):
+        folder = folder_with(split, base / name)
+        assert folder.finished() == set(range(12))
+        folder.merge(about)
+    one, many = ((base / name / "variants.parquet").read_bytes() for name in ("one", "many"))
+    assert one == many
+
+
+def test_what_a_folder_has_decides_what_can_begin_in_it(
+    cluster: Client, fmu_folder: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    plan: dict[str, Any] = {
+        "vary": {R_S: [0.9, 1.1]}, "metrics": ["lift.torque_peak_N_m"], "scheduler": cluster,
+        "fmus": fmu_folder, "output": out, **RUN,
+    }  # fmt: skip
+    first = sweep("lift", **plan)
+    before = (out / "variants.parquet").read_bytes()
+    others: dict[str, dict[str, Any]] = {
+        "values": {"vary": {R_S: [0.9, 1.2]}},
+        "seed": {"seed": 1},
+        "metrics": {"metrics": ["lift.converged"]},
+        "FMUs or settings": {"gains": "published"},
+        "sampling": {"sampling": "one-at-a-time", "vary": {R_S: "0.9:1.1"}},
+    }
+    same_numbers = [{R_S: "90%,110%"}, {"k": {"of": [R_S], "distribution": "values", "values": [0.9, 1.1]}}]
+    for named, changed in [*others.items(), *[("values", {"vary": vary}) for vary in same_numbers]]:
+        with pytest.raises(CommandError, match=f"cannot be resumed, as it has other .*{named}"):
+            sweep("lift", **{**plan, **changed}, resume=True)
+    assert sweep("lift", **plan, resume=True).variants.equals(first.variants)
+    assert (out / "variants.parquet").read_bytes() == before
+
+    record = json.loads((out / "sweep.json").read_text())
+    (out / "sweep.json").write_text(json.dumps({**record, "status": "unfinished"}))
+    with pytest.raises(CommandError, match="has an unfinished sweep; --resume continues it"):
+        sweep("lift", **plan)
+    (out / "parts").mkdir()
+    (out / "parts/000000000.parquet").write_bytes(b"PAR1 no more")
+    with pytest.raises(CommandError, match=r"parts/000000000.parquet' cannot be read; remove it"):
+        sweep("lift", **plan, resume=True)
+    (out / "parts/000000000.parquet").unlink()
+    assert sweep("lift", **plan, resume=True).complete
+    assert (out / "variants.parquet").read_bytes() == before
+    with alone(out), pytest.raises(CommandError, match="another run writes to"):
+        sweep("lift", **plan)
+    (out / "sweep.json").write_text("[]")
+    with pytest.raises(CommandError, match="is not the record of a sweep"):
+        sweep("lift", **plan)
+
+
+def test_output_that_cannot_be_written(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
+    plan: dict[str, Any] = {"vary": ONE, "scheduler": cluster, "fmus": fmu_folder, **RUN}
+    (tmp_path / "file").write_text("")
+    for place in (tmp_path / "file", tmp_path / "file/below", "nul\0", "x" * 300):
+        with pytest.raises(CommandError, match=r"the output folder .* cannot be written: .*"):
+            sweep("lift", **plan, output=place)
+    with files_of_at_most(1000), pytest.raises(CosimError, match=r"cannot be written: .*") as caught:
+        sweep("lift", **plan, output=tmp_path / "full")
+    assert isinstance(caught.value, RunError) and "\n" not in str(caught.value)
+    done = sweep("lift", **plan, output=tmp_path / "other")
+    assert done.variants.height == 2
+
+
+def test_names_that_have_something_to_say_to_every_format(
+    cluster: Client, faulty_fmu: Path, tmp_path: Path
+) -> None:
+    name = f"j.{ODD}"
+    system = System((Component(name, "Faulty", {"b": 0.5}, faulty_fmu),), ())
+    result = sweep(
+        system, {f"{name}.b": [0.1, 0.2]}, metrics={ODD: f"max({name}.y)"}, signals=[f"{name}.y"],
+        stop_time=0.2, step_size=0.1, scheduler=cluster, output=tmp_path / "out",
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["done", "done"]
+    assert result.factors == [f"{name}.b"]
+    assert result.variants[f"{name}.b"].to_list() == [0.1, 0.2]
+    assert json.loads((tmp_path / "out/sweep.json").read_text())["signals"] == [f"{name}.y"]
+    assert result.series is not None and f"{name}.y" in result.series.collect().columns
+
+
+def test_a_plan_is_checked_wherever_it_comes_from() -> None:
+    with pytest.raises(CommandError, match="the seed -3"):
+        sweep(Plan("p", "lift", ONE, seed=-3))
+
+
+def test_paths_in_a_plan_are_relative_to_its_folder(tmp_path: Path) -> None:
+    away = tmp_path / "away"
+    away.mkdir()
+    text = 'scenario = "lift"\n[vary]\n"lift.plant" = ["a.fmu", "/b.fmu"]\n"lift.observer" = "c.fmu"\n'
+    table = '"lift.reference" = { distribution = "values", values = ["d.fmu"] }\n'
+    (away / "p.toml").write_text(text + table)
+    assert plan_of(away / "p.toml").vary == {
+        "lift.plant": [str(away / "a.fmu"), "/b.fmu"],
+        "lift.observer": str(away / "c.fmu"),
+        "lift.reference": {"distribution": "values", "values": [str(away / "d.fmu")]},
+    }

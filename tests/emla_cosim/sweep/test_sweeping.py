@@ -1,0 +1,290 @@
+"""A sweep gives what running its variants one by one gives, however it is given out."""
+
+import itertools
+import json
+import math
+import shlex
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from distributed import Client
+
+import emla_cosim as ec
+import emla_cosim.sweep.farm as farm
+from emla_cosim.sweep.sensitivity import sobol_indices
+from emla_cosim.sweep.sweeping import sweep
+from emla_cosim.system.model import Component, Replacement, System
+from fmublock import Block, Output, Parameter, build, sin
+from tests.support.clusters import shared_cluster
+from tests.support.commands import Emla
+from tests.support.faulty_fmu import Fault
+from tests.support.faulty_systems import line_with_a_fault
+from tests.support.paths import FOREIGN_MAPPING
+from tests.support.toy_fmu import PRODUCER
+
+R_S, SIGNAL = "lift.plant.motor.R_s", "lift.plant.i_q"
+TABLE: dict[str, Any] = {"stop_time": 0.02}
+
+
+class Ishigami(Block):
+    """Ishigami's function of three parameters."""
+
+    x_1 = Parameter(0.0)
+    x_2 = Parameter(0.0)
+    x_3 = Parameter(0.0)
+    f = Output()
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {
+            "f": sin(v.x_1) + 7.0 * sin(v.x_2) * sin(v.x_2) + 0.1 * v.x_3 * v.x_3 * v.x_3 * v.x_3 * sin(v.x_1)
+        }
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Client]:
+    with shared_cluster(3) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def ishigami(tmp_path_factory: pytest.TempPathFactory) -> System:
+    path = tmp_path_factory.mktemp("ishigami") / "Ishigami.fmu"
+    build(Ishigami, path, producer=PRODUCER)
+    return System((Component("s.f", "Ishigami", {}, path),), ())
+
+
+def figures(row: dict[str, Any], result: Any) -> bool:
+    """Whether a row has the figures of a result, to the bit."""
+    own = {name: row[f"lift.{name}"] for name in result.metrics["joints"]["lift"] if f"lift.{name}" in row}
+    assert own
+    return all(
+        ours == theirs or (_none(ours) and _none(theirs))
+        for ours, theirs in ((own[n], result.metrics["joints"]["lift"][n]) for n in own)
+    )
+
+
+def _none(value: Any) -> bool:
+    return value is None or (isinstance(value, float) and math.isnan(value))
+
+
+def test_it_gives_what_single_runs_give(
+    cluster: Client, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan: dict[str, Any] = {
+        "vary": {R_S: "0.05:0.3:7", "step_size": [5e-5, 1e-4], "gains": ["robust", "published"]},
+        "signals": [SIGNAL], "scheduler": cluster, "fmus": fmu_folder, **TABLE,
+    }  # fmt: skip
+    result = sweep("lift", **plan, output=tmp_path / "a")
+    assert result.complete and result.variants["variant"].to_list() == list(range(28))
+    expected = list(itertools.product(np.linspace(0.05, 0.3, 7), [5e-5, 1e-4], ["robust", "published"]))
+    rows = result.variants.select(R_S, "step_size", "gains").rows()
+    assert [r[1:] for r in rows] == [e[1:] for e in expected]
+    assert [r[0] for r in rows] == pytest.approx([e[0] for e in expected], rel=1e-15)
+    assert result.series is not None
+    series = result.series.collect().partition_by("variant", as_dict=True)
+    for gains in ("robust", "published"):
+        with ec.load("lift", gains=gains, fmus=fmu_folder).prepare() as simulation:
+            for row in result.variants.filter(polars.col("gains") == gains).to_dicts():
+                run = simulation.run(set={R_S: row[R_S]}, step_size=row["step_size"], **TABLE)
+                assert figures(row, run)
+                own = series[row["variant"],]
+                assert np.array_equal(own[SIGNAL].to_numpy(), run[SIGNAL])
+                assert np.array_equal(own["time"].to_numpy(), run["time"])
+
+    monkeypatch.setattr(farm, "_CHUNK_S", 1e-9)
+    monkeypatch.setattr(farm, "_CHUNK_S_PER_THREAD", 0.0)
+    names = list(cluster.scheduler_info()["workers"])
+    with monkeypatch.context() as patched:  # on one of the workers alone, in chunks of one
+        submit = cluster.submit
+        patched.setattr(cluster, "submit", lambda *a, **k: submit(*a, **k, workers=names[:1]))
+        again = sweep("lift", **plan, output=tmp_path / "b")
+    one, other = ((tmp_path / name / "variants.parquet").read_bytes() for name in "ab")
+    assert one == other
+    assert again.series is not None and again.series.collect().equals(result.series.collect())
+
+
+def test_the_command_of_a_variant_gives_its_figures(cluster: Client, emla: Emla, fmu_folder: Path) -> None:
+    result = sweep(
+        "lift",
+        {"lift.plant.motor.[RL]_[sd]": "±7%", "algorithm": ["jacobi", "gauss-seidel"]},
+        runs=3, scheduler=cluster, fmus=fmu_folder, **TABLE,
+    )  # fmt: skip
+    assert result.factors == ["lift.plant.motor.R_s", "lift.plant.motor.L_d", "algorithm"]
+    for row in result.variants.to_dicts():
+        text = result.command(row["variant"])
+        assert text is not None
+        done = emla(*shlex.split(text)[1:], "--no-plots", "--output", f"v{row['variant']}")
+        assert done.exit_code == 0, done.output
+        found = json.loads(Path(f"v{row['variant']}/metrics.json").read_text())
+        own = found["joints"]["lift"]
+        assert own.keys() == {n.removeprefix("lift.") for n in result.figures} | {"left_limits"}
+        assert all(row[n] == own[n[5:]] or (_none(row[n]) and own[n[5:]] is None) for n in result.figures)
+
+
+def test_the_fmu_of_a_component_varies(cluster: Client, fmu_folder: Path, foreign_plant: Path) -> None:
+    """Another plant in the place of ours, which a mapping fits, beside the same one under another name."""
+    copy = foreign_plant.with_name("Copy.fmu")
+    copy.write_bytes(foreign_plant.read_bytes())
+    options: dict[str, Any] = {
+        "replace": {"lift.plant": Replacement(foreign_plant)}, "mapping": {"lift.plant": FOREIGN_MAPPING},
+        "fmus": fmu_folder, **TABLE,
+    }  # fmt: skip
+    vary = {"lift.plant": [str(foreign_plant), str(copy)], "lift.reference.move.start[1]": [0.0, 0.001]}
+    result = sweep("lift", vary, scheduler=cluster, **options)
+    assert result.variants["status"].to_list() == ["done"] * 4
+    peaks = result.variants["lift.torque_peak_N_m"].to_list()
+    assert peaks[:2] == peaks[2:]
+    with ec.load("lift", **options).prepare() as simulation:
+        run = simulation.run(set={"lift.reference.move.start[1]": 0.001})
+    assert figures(result.variants.row(1, named=True), run)
+
+
+def test_one_factor_multiplies_several_values(cluster: Client, fmu_folder: Path) -> None:
+    both = [R_S, "lift.plant.motor.Phi_PM"]
+    with ec.load("lift", fmus=fmu_folder, **TABLE).prepare() as simulation:
+        before = [simulation[name] for name in both]
+        simulation.finish()
+        result = sweep(
+            "lift", {"k": {"of": both, "distribution": "values", "values": [0.9, 1.1], "relative": True}},
+            scheduler=cluster, fmus=fmu_folder, **TABLE,
+        )  # fmt: skip
+        for row in result.variants.to_dicts():
+            values = {name: x * row["k"] for name, x in zip(both, before, strict=True)}
+            assert result.options(row["variant"]) == {"set": values}
+            assert figures(row, simulation.run(set=values))
+
+
+def test_metrics_of_every_kind(cluster: Client, fmu_folder: Path) -> None:
+    def last(result: Any) -> float:
+        return float(result[SIGNAL][-1])
+
+    metrics = [
+        "lift.torque_peak_N_m",
+        f"largest = max(abs({SIGNAL}))",
+        f"high = max({SIGNAL}) > 0",
+        "n = 1",
+        last,
+    ]
+    result = sweep("lift", {R_S: [0.1, 0.2]}, metrics=metrics, scheduler=cluster, fmus=fmu_folder, **TABLE)
+    assert list(result.figures) == ["lift.torque_peak_N_m", "largest", "high", "n", "last"]
+    with ec.load("lift", fmus=fmu_folder, **TABLE).prepare() as simulation:
+        for row in result.variants.to_dicts():
+            run = simulation.run(set={R_S: row[R_S]})
+            i_q = run[SIGNAL]
+            assert row["largest"] == np.max(np.abs(i_q)) and row["high"] is bool(np.max(i_q) > 0)
+            assert (row["n"], row["last"]) == (1.0, i_q[-1])
+            assert figures(row, run)
+
+
+def test_what_users_register_reaches_workers_and_leaves_them(
+    cluster: Client, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def rows(outline: ec.Outline) -> Any:
+        from typing import Any  # which this takes along, as it does `ec`
+
+        class Rows(ec.Metrics):
+            count = 0
+
+            def write(self, rows: Any) -> None:
+                self.count += len(rows)
+
+            def figures(self) -> dict[str, dict[str, float]]:
+                return {"table": {"rows": self.count}}
+
+            def memory(self) -> Any:
+                return self.count
+
+            def remember(self, memory: Any) -> None:
+                self.count = memory
+
+        return Rows()
+
+    plan: dict[str, Any] = {"vary": {R_S: [0.1]}, "scheduler": cluster, "fmus": fmu_folder, **TABLE}
+    with monkeypatch.context() as patched:
+        patched.setitem(ec.METRICS, "rows", rows)
+        assert sweep("lift", **plan).variants["table.rows"].to_list() == [201.0]
+    assert "table.rows" not in sweep("lift", **plan).figures
+
+
+def test_every_way_to_end(cluster: Client, faulty_fmu: Path) -> None:
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    faults = [Fault.NONE, Fault.DISCARD, Fault.ERROR, Fault.EXIT_INITIALIZATION, Fault.NAN_Y, 99]
+
+    def picky(result: Any) -> float:
+        if result.end_s > 0.99 and result["j.bad.y"][-1] > 1e9:
+            raise ValueError
+        return 1.0
+
+    result = sweep(
+        system, {"j.bad.fault": [int(f) for f in faults]}, metrics=[picky], scheduler=cluster,
+        stop_time=1.0, step_size=0.1,
+    )  # fmt: skip
+    found = dict(zip(faults, result.variants.select("status", "problem", "end_s").rows(), strict=True))
+    assert found[Fault.NONE] == ("done", None, 1.0)
+    assert found[Fault.DISCARD][0] == "diverged" and 0.3 < found[Fault.DISCARD][2] < 0.5
+    assert found[Fault.ERROR][0] == "failed" and "j.bad" in found[Fault.ERROR][1]
+    assert found[Fault.EXIT_INITIALIZATION][0] == "refused" and found[Fault.EXIT_INITIALIZATION][1]
+
+
+@pytest.mark.parametrize(
+    "raised", ["sys.exit(3)", "1 / 0", "(_ for _ in ()).throw(KeyboardInterrupt)", "'x'"]
+)
+def test_a_metric_that_raises(raised: str, cluster: Client, faulty_fmu: Path) -> None:
+    """Even what would end the thread of a worker is what came out of a variant."""
+    system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
+    metric = eval(f"lambda result: {raised}", {"sys": sys})
+    result = sweep(
+        system,
+        {"j.bad.b": [0.1, 0.2]},
+        metrics={"m": metric},
+        scheduler=cluster,
+        stop_time=1.0,
+        step_size=0.1,
+    )
+    assert result.variants["status"].to_list() == ["failed"] * 2
+    assert all(text.startswith("the metric 'm' raised ") for text in result.variants["problem"])
+
+
+def test_a_metric_that_cannot_be_sent(cluster: Client, faulty_fmu: Path) -> None:
+    lock = threading.Lock()
+    with pytest.raises(ec.CommandError, match="the metric 'm' cannot be sent to workers"):
+        sweep(
+            line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.b": [0.1]},
+            metrics={"m": lambda _: lock}, scheduler=cluster, stop_time=1.0, step_size=0.1,
+        )  # fmt: skip
+
+
+def test_what_is_required(cluster: Client, fmu_folder: Path) -> None:
+    result = sweep(
+        "lift", {R_S: [0.1, 5.0]}, require=["lift.torque_peak_N_m > 180"], scheduler=cluster,
+        fmus=fmu_folder, **TABLE,
+    )  # fmt: skip
+    peaks = result.variants["lift.torque_peak_N_m"].to_list()
+    assert result.variants["status"].to_list() == ["done" if p > 180 else "failed" for p in peaks]
+    assert set(result.variants["status"]) == {"done", "failed"}
+    assert "not as required: lift.torque_peak_N_m > 180, but it is" in result.variants["problem"][1]
+
+
+def test_sobol_indices_of_ishigami(ishigami: System, cluster: Client) -> None:
+    bounds = f"{-math.pi}:{math.pi}"
+    result = sweep(
+        ishigami, {f"s.f.x_{i}": bounds for i in (1, 2, 3)}, sampling="saltelli", runs=256,
+        metrics=["f = max(s.f.f)"], scheduler=cluster, stop_time=1.0, step_size=1.0, output_interval=1.0,
+    )  # fmt: skip
+    x, f = (result.variants.select(n).to_numpy() for n in ([f"s.f.x_{i}" for i in (1, 2, 3)], ["f"]))
+    expected = np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+    assert np.allclose(f[:, 0], expected, rtol=1e-12, atol=1e-12)
+    v_1, v_2, v_13 = 0.5 * (1 + 0.1 * math.pi**4 / 5) ** 2, 49 / 8, 0.01 * math.pi**8 * (1 / 18 - 1 / 50)
+    whole = v_1 + v_2 + v_13
+    found = sobol_indices(result, "f")
+    first, total = [v_1 / whole, v_2 / whole, 0.0], [(v_1 + v_13) / whole, v_2 / whole, v_13 / whole]
+    # intervals hold 95 % of all samples; those of this one are wide enough, and not too wide to say anything
+    assert np.all(np.abs(found.first - first) <= found.first_confidence)
+    assert np.all(np.abs(found.total - total) <= found.total_confidence)
+    assert np.all(found.first_confidence < 0.25) and np.all(found.total_confidence < 0.25)
