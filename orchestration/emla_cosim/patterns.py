@@ -10,4 +10,4 @@ def fits(name: str, pattern: str) -> bool:
 
 def is_pattern(text: str) -> bool:
     """Whether a text may mean several names."""
-    return any(letter in text for letter in "*?")
+    return any(letter in text for letter in "*?[")

@@ -119,7 +119,7 @@ class At(Progress):
     there: int = 0
     counting: bool = False
 
-    def begin(self, task: str, total: int) -> None:
+    def begin(self, task: str, total: int, unit: str = "") -> None:
         self.there = 0
         self.counting = task == "variants"
 

@@ -69,14 +69,14 @@ def _check_names(found: Sequence[Factor], where: str) -> None:
             raise CommandError(
                 f"'{factor.name}' of {where} needs another name: every table of variants has this column."
             )
+        if factor.name in names:
+            raise CommandError(f"{where} has two factors '{factor.name}'; give one another name.")
+        names.add(factor.name)
         for target in factor.targets:
             if target.name in targets:
                 both = f"as {targets[target.name]} and as {factor.name}"
                 raise CommandError(f"{where} varies {target.name} twice: {both}.", name=target.name)
         targets |= {target.name: factor.name for target in factor.targets}
-        if factor.name in names:
-            raise CommandError(f"{where} has two factors '{factor.name}'; give one another name.")
-        names.add(factor.name)
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class _Varying:
         """The start value that the scenario has; CommandError where there is no number to multiply."""
         number = self._start(name) if self._kind(name) == START else None
         if number is None:
-            raise CommandError(f"{self.label} is relative, but {name} has no number that it could multiply.")
+            raise CommandError(f"{self.label} is relative, but {name} has no number in the scenario.")
         if number == 0.0:
             raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
         return number

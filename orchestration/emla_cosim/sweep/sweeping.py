@@ -60,26 +60,33 @@ def sweep(
 
     It runs on a Dask cluster: the one whose scheduler is at the address `scheduler`, or that of the
     `distributed.Client` given there, which stays open; or one of this machine with so many `workers`, by
-    default one for each core. What came out is in the folder `output`,
-    where `resume` goes on with a sweep that ended early; without a folder it lives as long as the result.
+    default one for each core. What came out is in the folder `output`, where `resume` goes on with a sweep
+    that ended early; without a folder it lives as long as the result.
 
     Ctrl-C ends it early, and the result has what was there. Raises CommandError for whatever is wrong
     with the plan, before anything is run; RunError where the cluster is gone or files cannot be written.
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
     plan = plan_of(source).updated({**given, "signals": signals, "options": options})
-    if workers is not None and scheduler is not None:
-        raise CommandError(f"the cluster at {scheduler} has its own workers; leave out how many.")
-    if not isinstance(scheduler, Client):
-        converted(scheduler, str | None, "the scheduler")
-    if workers is not None and converted(workers, int, "the number of workers") < 1:
-        raise CommandError(f"the number of workers {workers} must be at least 1.")
+    _check_cluster(scheduler, workers)
     with _place(output, resume) as (folder, held):
         design = designed(plan, progress or Progress())
         with folder.alone():
             _run(design, folder, (scheduler, workers), resume, progress or Progress())
         result = read_sweep(folder.path)
         return replace(result, folder=None, holds=held.pop_all()) if output is None else result
+
+
+def _check_cluster(scheduler: Scheduler, workers: int | None) -> None:
+    """Raise CommandError for what cannot be a cluster."""
+    if not isinstance(scheduler, Client):
+        converted(scheduler, str | None, "the scheduler")
+    if workers is None:
+        return
+    if converted(workers, int, "the number of workers") < 1:
+        raise CommandError(f"the number of workers {workers} must be at least 1.")
+    if scheduler is not None:
+        raise CommandError("the cluster of that scheduler has workers of its own; leave out how many.")
 
 
 @contextlib.contextmanager

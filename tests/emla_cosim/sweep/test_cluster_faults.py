@@ -15,10 +15,9 @@ import psutil
 import pytest
 from distributed import Client, LocalCluster
 
-import emla_cosim.sweep.farm as farm
-import emla_cosim.sweep.shipment as shipment
 from emla_cosim.errors import CommandError, RunError
 from emla_cosim.recorders.metrics import METRICS
+from emla_cosim.sweep import farm, shipment
 from emla_cosim.sweep.reading import read_sweep
 from emla_cosim.sweep.sweeping import sweep
 from tests.support.clusters import At, family, outside_cluster, shared_cluster, wait_for

@@ -16,7 +16,7 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-import emla_cosim.sweep.farm as farm
+from emla_cosim.sweep import farm
 from emla_cosim.sweep.sensitivity import sobol_indices
 from emla_cosim.sweep.sweeping import sweep
 from emla_cosim.system.model import Component, Replacement, System
