@@ -121,7 +121,7 @@ class At(Progress):
 
     def begin(self, task: str, total: int, unit: str = "") -> None:
         self.there = 0
-        self.counting = task == "variants"
+        self.counting = unit == "variants"
 
     def advance(self, count: int) -> None:
         self.there += count
