@@ -85,10 +85,15 @@ class SweepFolder:
                 f"the sweep in '{self.path}' cannot be resumed, as it has other {differing}; "
                 "name another folder."
             )
-        if not resume and found and found.get("status") != COMPLETED:
+        if not resume and found and not self.is_complete:
             raise CommandError(
                 f"'{self.path}' has an unfinished sweep; --resume continues it, or name another folder."
             )
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether a sweep is there of which nothing is missing."""
+        return self.record().get("status") == COMPLETED
 
     def check_room(self, variants: int, figures: int, values_each: int) -> None:
         """Raise CommandError where the disk cannot hold results; `values_each` are those over time."""
@@ -108,8 +113,6 @@ class SweepFolder:
                 self.clear()
             for name in (PARTS, SERIES):
                 (self._place / name).mkdir(exist_ok=True)
-            if resume and self.record().get("status") == COMPLETED:
-                return
             self.write_record({**record, "status": UNFINISHED_SWEEP})
             self._forget_orphans()
 
@@ -154,15 +157,11 @@ class SweepFolder:
 
     def finished(self) -> set[int]:
         """Numbers of the variants that are there. Raises CommandError for a part that cannot be read."""
-        if self.record().get("status") == COMPLETED:
-            return set(polars.read_parquet(self._place / TABLE, columns=[VARIANT])[VARIANT])
         parts = self._parts()
         return set() if parts is None else set(parts[VARIANT])
 
     def merge(self, about: polars.DataFrame) -> None:
         """Write variants.parquet: `about` (columns by variant) beside what came out. Raises RunError."""
-        if self.record().get("status") == COMPLETED:
-            return
         parts = self._parts()
         found = about.head(0) if parts is None else about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
         with self._writing(), written_whole(self._place / TABLE) as stream:

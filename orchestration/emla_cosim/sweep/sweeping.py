@@ -115,13 +115,15 @@ def _run(
         check_portable(kind, known)
     identity = design.identity(asked.identity(design.plan.signals))
     folder.check(identity, resume)
+    if resume and folder.is_complete:
+        return
     key = f"emla-sweep-{digest((identity, time.time_ns()))}"
     shipment = Shipment.of(key, [group.preparation for group in design.groups])
     with interruption() as interrupted, farm(shipment, *cluster, told.note) as found:
         measures, described = _measures(design, asked, found, told)
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
         folder.begin(_record(design, measures, described, identity), resume)
-        finished, began = folder.finished(), time.monotonic()
+        finished = folder.finished()
         told.begin("sweeping", design.count, "variants")
         told.advance(len(finished))
 
@@ -130,11 +132,13 @@ def _run(
             told.advance(len(chunk.outcomes))
 
         each = 8 * described.rows * (2 + len(measures.signals)) if measures.signals else 0
+        began = time.monotonic()
         try:
             whole = found.run(design.work(finished), design.variant, measures, each, keep, interrupted)
         finally:
+            wall_s = time.monotonic() - began
             folder.merge(_about(design, identity))
-    folder.close(whole, time.monotonic() - began)
+    folder.close(whole, wall_s)
 
 
 def _measures(design: Design, asked: Asked, found: Farm, told: Progress) -> tuple[Measures, Description]:
