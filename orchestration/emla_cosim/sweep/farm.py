@@ -130,17 +130,23 @@ class Farm:
                 flying[future] = chunk
                 future.add_done_callback(done.put)
 
+        def come_back() -> list[Chunk]:
+            try:
+                future = done.get(timeout=_LOOK)
+            except Empty:
+                return []
+            chunk = flying.pop(future)
+            give_out()  # before anything is read and written: a worker waits
+            return list(chunks.answered(chunk, future))
+
         try:
-            with self._answering():
-                while (chunks or flying) and not interrupted():
+            while (chunks or flying) and not interrupted():
+                with self._answering():
                     give_out()
-                    with contextlib.suppress(Empty):
-                        future = done.get(timeout=_LOOK)
-                        chunk = flying.pop(future)
-                        give_out()  # before anything is written: a worker waits
-                        for answer in chunks.answered(chunk, future):
-                            keep(answer)
-                return not (chunks or flying)
+                    answers = come_back()
+                for answer in answers:
+                    keep(answer)
+            return not (chunks or flying)
         finally:
             with contextlib.suppress(Exception):
                 self._client.cancel(list(flying), force=True)

@@ -56,11 +56,12 @@ class Preparation:
     @classmethod
     def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
         """Build what is missing, and read what is there; raises as `Scenario.prepare`."""
-        options = scenario.options
+        options, told = scenario.options, progress or Progress()
         with called_as_in(scenario.unpacked):
-            system, fmus = prepared(scenario.system, options, progress or Progress())
+            system, fmus = prepared(scenario.system, options, told)
             hashes = {path: _sha256(path) for path in dict.fromkeys(fmus.values())}
             interfaces = read_interfaces(fmus)
+        told.advance(1)
         usual = Options()
         done = {name: getattr(usual, name) for name in (*PREPARED, "set", *_OF_ONE_RUN) if name != "isolate"}
         return cls(

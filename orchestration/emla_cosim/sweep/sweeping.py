@@ -120,7 +120,7 @@ def _run(
     key = f"emla-sweep-{digest((identity, time.time_ns()))}"
     shipment = Shipment.of(key, [group.preparation for group in design.groups])
     with interruption() as interrupted, farm(shipment, *cluster, told.note) as found:
-        measures, described = _measures(design, asked, found, told)
+        measures, described = _measures(design, asked, found)
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
         folder.begin(_record(design, measures, described, identity), resume)
         finished = folder.finished()
@@ -141,7 +141,7 @@ def _run(
     folder.close(whole, wall_s)
 
 
-def _measures(design: Design, asked: Asked, found: Farm, told: Progress) -> tuple[Measures, Description]:
+def _measures(design: Design, asked: Asked, found: Farm) -> tuple[Measures, Description]:
     """What is kept, which all groups have to have; and what the first one gives."""
     plan, all_ = design.plan, [found.describe(group) for group in range(len(design.groups))]
     each = []
@@ -149,7 +149,6 @@ def _measures(design: Design, asked: Asked, found: Farm, told: Progress) -> tupl
         names = list(described.units)
         kept = [names[i] for i in selected(plan.signals, names)] if plan.signals else []
         each.append(resolved(asked, described.figures, names, kept, plan.where))
-    told.advance(1)
     if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
         raise CommandError(
             f"variants of {plan.where} do not all have the same figures and signals; name those to keep."

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_origin
 
 from ..option import SWEEP, Option
 from ..options import table
@@ -32,7 +32,8 @@ def assigned(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
         if target.nominal is not None and len(targets) > 1:
             given = target.nominal * float(value)
         if target.kind == OPTION:
-            found[target.name] = given
+            takes_several = get_origin(table()[target.name].type) is Sequence
+            found[target.name] = [given] if takes_several else given
         else:
             found.setdefault(target.kind, {})[target.name] = given
     return found

@@ -15,7 +15,7 @@ import polars
 from distributed import WorkerPlugin, get_worker
 
 from ..errors import CommandError, CosimError, RunError
-from ..loading import load as _  # noqa: F401  # which registers what names of figures mean
+from ..loading import register
 from ..master.algorithms.registry import ALGORITHMS
 from ..master.slaves.slave import StepDiscardedError
 from ..recorders.metrics import METRICS, MetricsRecorder, Shown
@@ -86,6 +86,7 @@ class SweepPlugin(WorkerPlugin):
             raise CommandError(
                 f"the worker {worker.address} has emla-cosim {here}, not {shipment.version}; install that."
             )
+        register()
         self._new_metrics = shipment.metrics.keys() - METRICS.keys()
         self._new_algorithms = shipment.algorithms.keys() - ALGORITHMS.keys()
         METRICS.update(shipment.metrics)

@@ -15,6 +15,7 @@ from emla_cosim.system.model import Replacement
 
 def test_values_go_to_options_components_and_start_values() -> None:
     assert assigned([Target("gains", OPTION)], "robust") == {"gains": "robust"}
+    assert assigned([Target("parameters", OPTION)], "a.ssv") == {"parameters": ["a.ssv"]}
     assert assigned([Target("j.plant", FMU)], "a.fmu") == {"replace": {"j.plant": "a.fmu"}}
     assert assigned([Target("j.plant.R")], 2.0) == {"set": {"j.plant.R": 2.0}}
     assert assigned([Target("j.plant.R"), Target("k.plant.R")], None) == {}
