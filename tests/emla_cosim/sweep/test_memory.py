@@ -1,0 +1,52 @@
+"""Memory stays as it is, however many variants there are; EMLA_SWEEP_VARIANTS=10000 is the long form."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from emla_cosim.progress import Progress
+from emla_cosim.sweep.sweeping import sweep
+from tests.support.clusters import shared_cluster
+
+VARIANTS = int(os.environ.get("EMLA_SWEEP_VARIANTS", "500"))
+MOST = 8 * 2**20
+"""Bytes by which a process may grow after the first fifth."""
+
+
+class Watching(Progress):
+    """Looks at the memory of processes whenever something has come back."""
+
+    def __init__(self, processes: list[int]) -> None:
+        self._processes = [psutil.Process(number) for number in processes]
+        self._done = 0
+        self.sizes: list[tuple[int, list[int]]] = []
+
+    def advance(self, count: int) -> None:
+        self._done += count
+        self.sizes.append((self._done, [process.memory_info().rss for process in self._processes]))
+
+
+def test_many_variants_need_no_more_memory_than_a_few(fmu_folder: Path) -> None:
+    with shared_cluster(1) as cluster:
+        watching = Watching([os.getpid(), *cluster.run(os.getpid).values()])
+        values = np.linspace(0.1, 0.2, VARIANTS).tolist()
+        result = sweep(
+            "lift",
+            {"lift.plant.motor.R_s": values},
+            metrics=["lift.torque_peak_N_m", "last = last(lift.plant.x_L)"],
+            signals=["lift.plant.x_L"],
+            stop_time=0.002,
+            fmus=fmu_folder,
+            scheduler=cluster,
+            progress=watching,
+        )
+    assert result.variants.height == VARIANTS
+    early = np.array([sizes for done, sizes in watching.sizes if done <= VARIANTS // 5][-1])
+    late = np.array(watching.sizes[-1][1])
+    grown = late - early
+    print(
+        f"{VARIANTS} variants: the caller grew by {grown[0] / 2**20:.1f} MiB, a worker by {grown[1] / 2**20:.1f}"
+    )
+    assert grown.max() < MOST
