@@ -8,7 +8,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 from typing import Any, cast
 
@@ -34,6 +34,9 @@ _CHUNK_S_PER_THREAD = 0.02
 _SHARE = 3
 """Of what is left a thread gets at most this part at a time, so that all end at about the same time."""
 
+_SHORTEST_S = 0.1
+"""How long a chunk takes at least, in s, also near the end."""
+
 _MOST_BYTES = 64 * 2**20
 """Size of the signals of a chunk, at most."""
 
@@ -55,10 +58,11 @@ _LOOK = 0.2
 
 @dataclass(frozen=True)
 class Work:
-    """Variants that one prepared simulation can run, by number."""
+    """Variants that one prepared simulation can run, by number; suspect if they took a worker with them."""
 
     group: int
     variants: Sequence[int]
+    suspect: bool = False
 
 
 class Farm:
@@ -123,7 +127,7 @@ class Farm:
         done = SimpleQueue[Future]()
 
         def give_out() -> None:
-            while chunks and len(flying) < self._threads():
+            while chunks and len(flying) < chunks.ahead(self._threads()):
                 chunk = chunks.next(self._threads())
                 variants = [variant(number) for number in chunk.variants]
                 future = self._submit(run_chunk, chunk.group, variants, measures)
@@ -189,13 +193,26 @@ class _Chunks:
         self._most = most
         self._seconds: dict[int, float] = {}
         self._deaths = Counter[int]()
+        self._suspects = 0
 
     def __bool__(self) -> bool:
         return bool(self._waiting or self._again)
 
+    def ahead(self, threads: int) -> int:
+        """How many chunks may be given out at once: two for each thread, so that none waits for the next one.
+
+        It is one near the end, and while it is being found out which variant took a worker with it: another
+        one that waits there would be blamed too.
+        """
+        if self._again or self._suspects:
+            return threads
+        whole = self._waiting and self._is_whole(self._waiting[0].group, threads)
+        return 2 * threads if whole else threads
+
     def next(self, threads: int) -> Work:
         """Variants to run next: those first whose chunk was lost."""
         if self._again:
+            self._suspects += 1
             return self._again.popleft()
         first = self._waiting.popleft()
         count = self._count(first.group, threads)
@@ -208,15 +225,28 @@ class _Chunks:
         """How many variants make a chunk; one while nobody knows how long it takes."""
         if group not in self._seconds:
             return 1
-        wanted = max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / max(self._seconds[group], 1e-6)
-        fair = math.ceil(self._left / (_SHARE * threads))
-        return max(min(int(wanted), fair, self._most), 1)
+        fair = max(self._fair(threads), int(_SHORTEST_S / self._each(group)))
+        return max(min(self._wanted(group, threads), fair, self._most), 1)
+
+    def _is_whole(self, group: int, threads: int) -> bool:
+        """Whether a chunk is as long as it should be, and not shorter because little is left."""
+        return group in self._seconds and self._wanted(group, threads) <= self._fair(threads)
+
+    def _wanted(self, group: int, threads: int) -> int:
+        return int(max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / self._each(group))
+
+    def _fair(self, threads: int) -> int:
+        return math.ceil(self._left / (_SHARE * threads))
+
+    def _each(self, group: int) -> float:
+        return max(self._seconds[group], 1e-6)
 
     def answered(self, chunk: Work, future: Future) -> Iterator[Chunk]:
         """What a chunk gave; one that took its worker with it is tried again in two halves.
 
         A variant that did so alone is tried once more, and then that is what came out of it.
         """
+        self._suspects -= chunk.suspect
         try:
             done: Chunk = future.result()
         except KilledWorker as error:
@@ -231,12 +261,12 @@ class _Chunks:
         """`deaths` are more than one where the scheduler tries again by itself, as it does by default."""
         if (count := len(chunk.variants)) > 1:
             for half in (chunk.variants[: count // 2], chunk.variants[count // 2 :]):
-                self._again.append(Work(chunk.group, half))
+                self._again.append(Work(chunk.group, half, suspect=True))
             return
         number = chunk.variants[0]
-        self._deaths[number] += deaths
+        self._deaths[number] += deaths if chunk.suspect else 1  # which may have been its neighbour's fault
         if self._deaths[number] < _TRIES:
-            self._again.append(chunk)
+            self._again.append(replace(chunk, suspect=True))
             return
         times = self._deaths[number]
         sentence = f"its process ended {times} times: an FMU ends it, or memory does not suffice."

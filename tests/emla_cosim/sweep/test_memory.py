@@ -46,7 +46,6 @@ def test_many_variants_need_no_more_memory_than_a_few(fmu_folder: Path) -> None:
     early = np.array([sizes for done, sizes in watching.sizes if done <= VARIANTS // 5][-1])
     late = np.array(watching.sizes[-1][1])
     grown = late - early
-    print(
-        f"{VARIANTS} variants: the caller grew by {grown[0] / 2**20:.1f} MiB, a worker by {grown[1] / 2**20:.1f}"
-    )
+    caller, worker = grown / 2**20
+    print(f"{VARIANTS} variants: the caller grew by {caller:.1f} MiB, a worker by {worker:.1f} MiB")
     assert grown.max() < MOST
