@@ -110,22 +110,23 @@ def command(
             **given,
         )
         pictures = _drawn(result, Path(place), progress) if plots and result.variants.height else []
-    for part in summary(result):
-        show(part)
-    for line in _short(commands(result), Path(place)):
-        show(line, markup=False, highlight=False, soft_wrap=True)
-    show(
-        f"Wrote {place}/: {', '.join([TABLE, RECORD, *([SERIES] if result.series is not None else [])])}",
-        markup=False,
-        highlight=False,
-        soft_wrap=True,
-    )
-    if pictures:
-        show(f"Pictures: {', '.join(path.name for path in pictures)}", markup=False, highlight=False)
+    _show(result, Path(place), pictures)
     if not result.complete:
         raise CosimError(f"interrupted; what was computed is in {place}, and --resume goes on.")
-    if given.get("require") and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):
+    if result.required and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):
         raise CosimError(f"{failing} of {result.variants.height} variants are not as required; see above.")
+
+
+def _show(result: SweepResult, place: Path, pictures: Sequence[Path]) -> None:
+    """Tables, what runs the worst variants alone, and where everything is."""
+    for part in summary(result):
+        show(part)
+    files = [TABLE, RECORD, *([SERIES] if result.series is not None else [])]
+    lines = [*_short(commands(result), place), f"Wrote {place}/: {', '.join(files)}"]
+    if pictures:
+        lines.append(f"Pictures: {', '.join(path.name for path in pictures)}")
+    for line in lines:
+        show(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def _short(lines: Sequence[str], place: Path) -> Sequence[str]:

@@ -31,7 +31,7 @@ class Place(NamedTuple):
 
 
 _CONFIG = {
-    "distributed.scheduler.allowed-failures": 0,  # who retries a chunk is `farming`
+    "distributed.scheduler.allowed-failures": 0,  # it is `farm` that tries again
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.worker.profile.enabled": False,  # which looks at every frame all the time
     "distributed.worker.memory.target": False,  # nothing is worth spilling

@@ -35,6 +35,7 @@ def read_sweep(folder: str | Path) -> SweepResult:
             shown={name: Shown(**shown) for name, shown in record["shown"].items()},
             folder=place,
             complete=record["status"] == COMPLETED,
+            required=record["required"],
             base=record["base"],
             targets={name: [Target(**t) for t in targets] for name, targets in record["factors"].items()},
             wall_s=record.get("wall_s", 0.0),

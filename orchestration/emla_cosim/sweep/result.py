@@ -33,8 +33,9 @@ class SweepResult:
     and the `signals` that were kept, a row for each row of each variant; None where none were. `units` are
     those of factors and signals, by name; `shown` says how a person sees a figure, where that is known.
     `sampling` is the name of the method and `seed` its seed. `complete` says whether all variants are
-    there; `base` is the command that runs the scenario as all variants have it, None where there is none,
-    and `targets` where values of each factor go.
+    there, `required` what each had to fulfil, `wall_s` how long they took. `base` is the command that runs
+    the scenario as all variants have it, None where there is none, and `targets` where values of each
+    factor go. `folder` is None where it goes with the result.
     """
 
     name: str
@@ -49,6 +50,7 @@ class SweepResult:
     shown: Mapping[str, Shown] = field(default_factory=dict)
     folder: Path | None = None
     complete: bool = True
+    required: Sequence[str] = ()
     base: Sequence[str] | None = None
     targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
     wall_s: float = 0.0

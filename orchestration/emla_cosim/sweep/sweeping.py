@@ -185,6 +185,7 @@ def _record(
         "signals": list(measures.signals),
         "units": units,
         "shown": {name: asdict(described.shown[name]) for name in measures.names if name in described.shown},
+        "required": list(design.groups[0].preparation.options.require),
         "base": None if base is None else ["emla", "run", *base],
         "systems": design.identities,
         "version": version("emla-cosim"),

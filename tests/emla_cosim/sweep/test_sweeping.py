@@ -17,6 +17,7 @@ from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.sweep import farm
+from emla_cosim.sweep.reading import read_sweep
 from emla_cosim.sweep.sensitivity import sobol_indices
 from emla_cosim.sweep.sweeping import sweep
 from emla_cosim.system.model import Component, Replacement, System
@@ -269,6 +270,19 @@ def test_what_is_required(cluster: Client, fmu_folder: Path) -> None:
     assert result.variants["status"].to_list() == ["done" if p > 180 else "failed" for p in peaks]
     assert set(result.variants["status"]) == {"done", "failed"}
     assert "not as required: lift.torque_peak_N_m > 180, but it is" in result.variants["problem"][1]
+
+
+def test_what_a_plan_requires_ends_the_command(emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "plan.toml").write_text(
+        'scenario = "lift"\nstop_time = 0.02\nrequire = ["lift.torque_peak_N_m > 180"]\n'
+        f'[vary]\n"{R_S}" = [0.1, 5.0]\n'
+    )
+    done = emla("sweep", "plan.toml", "--output", "out", "--workers", "1", "--no-plots")
+    assert done.exit_code == 1
+    assert "Error: 1 of 2 variants are not as required; see above." in done.stderr
+    assert ", 1 failed" in done.stdout.splitlines()[0]
+    assert "--require 'lift.torque_peak_N_m > 180'" in done.stdout
+    assert read_sweep(tmp_path / "out").required == ["lift.torque_peak_N_m > 180"]
 
 
 def test_sobol_indices_of_ishigami(ishigami: System, cluster: Client) -> None:
