@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import json
+import re
 import shutil
 from collections.abc import Iterator, Mapping
 from io import BytesIO
@@ -12,7 +13,7 @@ from typing import Any
 import polars
 
 from ..errors import CommandError, RunError
-from ..files import UNFINISHED, read_text, written_whole
+from ..files import UNFINISHED, place_of, read_text, written_whole
 from ..locking import alone
 from .measures import Measures
 from .pictures import PICTURES
@@ -22,6 +23,10 @@ from .worker import Chunk
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
 WORST = "worst.txt"
 COMPLETED, UNFINISHED_SWEEP = "completed", "unfinished"
+
+_FILES = (TABLE, WORST, *(f"{kind}.png" for kind in PICTURES), RECORD)
+_OURS = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(UNFINISHED)}.*")
+"""Names of parts, and of those that are being written."""
 
 _ENDS = {
     VARIANT: polars.Int64,
@@ -78,6 +83,7 @@ class SweepFolder:
         is that should be.
         """
         found = self.record()
+        self._check_places(begun=bool(found))
         if resume and not found:
             raise CommandError(f"'{self.path}' has no sweep to resume; leave out --resume.")
         if resume and (differing := _differing(found.get("identity"), identity)):
@@ -89,6 +95,18 @@ class SweepFolder:
             raise CommandError(
                 f"'{self.path}' has an unfinished sweep; --resume continues it, or name another folder."
             )
+
+    def _check_places(self, begun: bool) -> None:
+        """Raise CommandError where a file cannot be written, or what is in its place is no sweep's."""
+        for name in _FILES:
+            place_of(self.path / name, "the file of the sweep")
+        for name in (PARTS, SERIES):
+            place = self._place / name
+            with self._writing():
+                there = list(place.iterdir()) if place.is_dir() else []
+            strange = [file for file in there if not begun or not _OURS.fullmatch(file.name)]
+            if strange or place.is_symlink() or (place.exists() and not place.is_dir()):
+                raise CommandError(f"'{self.path / name}' is no sweep's; move it, or name another folder.")
 
     @property
     def is_complete(self) -> bool:
@@ -117,13 +135,20 @@ class SweepFolder:
             self._forget_orphans()
 
     def clear(self) -> None:
-        """Remove what an earlier sweep left. May raise OSError."""
-        for name in (RECORD, TABLE, WORST, *(f"{kind}.png" for kind in PICTURES)):
-            (self._place / name).unlink(missing_ok=True)
+        """Remove what an earlier sweep left under the same names, but no links. May raise OSError."""
         for name in (PARTS, SERIES):
-            place = self._place / name
-            if place.is_dir() and not place.is_symlink():
-                shutil.rmtree(place)
+            self._remove(name)
+        for name in _FILES:  # the record last: without it nobody knows whose the others are
+            if not (self._place / name).is_symlink():
+                (self._place / name).unlink(missing_ok=True)
+
+    def _remove(self, name: str) -> None:
+        """Remove a folder of parts, but for whatever else is in it. May raise OSError."""
+        for file in (self._place / name).glob("*.parquet"):
+            if _OURS.fullmatch(file.name):
+                file.unlink()
+        with contextlib.suppress(OSError):
+            (self._place / name).rmdir()
 
     def record(self) -> dict[str, Any]:
         """What sweep.json says; nothing where there is none. CommandError where it is none of ours."""
@@ -173,7 +198,8 @@ class SweepFolder:
         spent = earlier.get("wall_s", 0.0) + wall_s
         self.write_record({"wall_s": spent, "status": COMPLETED if whole else UNFINISHED_SWEEP})
         if whole:
-            shutil.rmtree(self._place / PARTS, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                self._remove(PARTS)
             with contextlib.suppress(OSError):
                 (self._place / SERIES).rmdir()  # where there are none
 

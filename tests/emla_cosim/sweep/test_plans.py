@@ -254,6 +254,35 @@ def test_what_a_folder_has_decides_what_can_begin_in_it(
         sweep("lift", **plan)
 
 
+@pytest.mark.parametrize("what", ["series", "parts", "link", "strange", "folder", "device"])
+def test_what_is_somebody_elses_stays(what: str, cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
+    """A folder of results may have files of the names that a sweep gives to its own."""
+    out, other = tmp_path / "out", tmp_path / "other"
+    for folder in (out, other):
+        folder.mkdir()
+    mine = {"series": "series/000000000.parquet", "parts": "parts/mine.csv", "strange": "series/mine.csv"}
+    if what in mine:
+        (out / mine[what]).parent.mkdir()
+        (out / mine[what]).write_text("years of work")
+    if what == "strange":
+        (out / "sweep.json").write_text('{"status": "completed"}')
+    elif what == "link":
+        (other / "000000000.parquet").write_text("years of work")
+        (out / "series").symlink_to(other)
+    elif what == "folder":
+        (out / "variants.parquet").mkdir()
+    elif what == "device":
+        (out / "worst.txt").symlink_to("/dev/null")
+    before = sorted(out.rglob("*"))
+    with pytest.raises(
+        CommandError, match=r"is no sweep's; move it|the file of the sweep .* cannot be written"
+    ):
+        sweep("lift", ONE, output=out, scheduler=cluster, fmus=fmu_folder, **RUN)
+    assert sorted(out.rglob("*")) == before
+    assert all(f.read_text() == "years of work" for f in tmp_path.rglob("0*.parquet"))
+    assert all(f.read_text() == "years of work" for f in tmp_path.rglob("mine.csv"))
+
+
 def test_output_that_cannot_be_written(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
     plan: dict[str, Any] = {"vary": ONE, "scheduler": cluster, "fmus": fmu_folder, **RUN}
     (tmp_path / "file").write_text("")
