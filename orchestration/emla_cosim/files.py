@@ -13,7 +13,7 @@ from pathlib import Path
 from fmublock.cache import CacheError, cache_folder
 from fmublock.files import UNFINISHED, NoFileError, real_place, written_whole
 
-from .errors import CommandError
+from .errors import CommandError, RunError
 
 __all__ = [
     "HERE",
@@ -29,6 +29,7 @@ __all__ = [
     "read_text",
     "real_place",
     "temporary_folder",
+    "writing_to",
     "written_whole",
 ]
 
@@ -117,6 +118,16 @@ def place_of(path: Path, what: str, folder: Path = HERE) -> Path:
     except OSError as error:
         raise CommandError(f"{what} '{path}' cannot be written: {error.strerror or error}.") from error
     return place
+
+
+@contextmanager
+def writing_to(folder: Path) -> Iterator[None]:
+    """Turn an OSError of what is written to an output folder into a RunError that names it."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or error
+        raise RunError(f"the output folder '{folder}' cannot be written: {reason}.") from error
 
 
 def check_places(written: Mapping[Path, str], used: Mapping[Path, str]) -> None:

@@ -8,7 +8,7 @@ import typer
 
 from ..bars import BarProgress
 from ..errors import CommandError, CosimError
-from ..files import written_whole
+from ..files import writing_to, written_whole
 from ..option import SWEEP
 from ..progress import Progress
 from ..results.output_folder import results_folder
@@ -133,22 +133,15 @@ def _short(lines: Sequence[str], place: Path) -> Sequence[str]:
     """Lines to show: commands as they are, or where the file is that has those that fill a screen."""
     if sum(map(len, lines)) <= _MOST_LETTERS:
         return lines
-    try:
-        with written_whole(place / WORST) as stream:
-            stream.write("\n".join([f"# {lines[0]}", *lines[1:], ""]).encode())
-    except OSError as error:
-        raise CosimError(f"'{place / WORST}' cannot be written: {error.strerror or error}.") from error
+    with writing_to(place), written_whole(place / WORST) as stream:
+        stream.write("\n".join([f"# {lines[0]}", *lines[1:], ""]).encode())
     return [f"What runs each alone is in {place / WORST}."]
 
 
 def _drawn(result: SweepResult, place: Path, progress: Progress) -> list[Path]:
     progress.begin("drawing plots", 1)
-    try:
+    with writing_to(place):
         found = draw(result, place)
-    except OSError as error:
-        raise CosimError(
-            f"the output folder '{place}' cannot be written: {error.strerror or error}."
-        ) from error
     progress.advance(1)
     return found
 

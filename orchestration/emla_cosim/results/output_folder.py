@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Vector
 from ..errors import CommandError, RunError
-from ..files import UNFINISHED, place_of, written_whole
+from ..files import UNFINISHED, place_of, writing_to, written_whole
 from ..locking import alone
 from ..progress import Progress
 from ..recorders.recorder import Outline, Recorder, recording
@@ -109,7 +109,7 @@ class OutputFolder:
     def write(self, result: Result, plots: bool, progress: Progress | None = None) -> list[Path]:
         """Write metrics.json, run.json and, if wanted, pictures, which are returned. Raises RunError."""
         told = progress or Progress()
-        with self._written():
+        with writing_to(self.path):
             self._write_json(METRICS, {**_without_nan(result.metrics), "run": _run_metrics(result)})
             self._write_json(RECORD, result.record)
             if not plots or result.steps == 0 or result.table is None:
@@ -119,12 +119,12 @@ class OutputFolder:
 
     def change_record(self, **entries: Any) -> None:
         """Write run.json with these entries, and those that it has. Raises RunError."""
-        with self._written():
+        with writing_to(self.path):
             self._write_json(RECORD, self._record() | entries)
 
     def status(self) -> str:
         """What run.json says of how the run ended; empty where there is none."""
-        with self._written():
+        with writing_to(self.path):
             return str(self._record().get("status", ""))
 
     def _record(self) -> dict[str, Any]:
@@ -139,15 +139,6 @@ class OutputFolder:
     def _write_json(self, name: str, content: object) -> None:
         with written_whole(self._place / name) as stream:
             stream.write((json.dumps(content, indent=2) + "\n").encode())
-
-    @contextlib.contextmanager
-    def _written(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise RunError(
-                f"the output folder '{self.path}' cannot be written: {error.strerror or error}."
-            ) from error
 
 
 def _names() -> list[str]:

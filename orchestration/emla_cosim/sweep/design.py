@@ -49,7 +49,6 @@ class Design:
     groups: Sequence[Group]
     drawn: Sequence[Sequence[Value | None]]
     group_of: Sequence[int]
-    scenario: Scenario
 
     @property
     def count(self) -> int:
@@ -120,8 +119,7 @@ def designed(plan: Plan, progress: Progress) -> Design:
     Raises CommandError for whatever is wrong with it, RunError where FMUs cannot be built.
     """
     plan.check()
-    scenario = _scenario(plan, {})
-    first = Preparation.of(scenario, progress)
+    first = Preparation.of(_scenario(plan, {}), progress)
     found = factors(plan.vary, first.system, first.interfaces, plan.where)
     method = plan.sampling or ("grid" if plan.runs is None else "random")
     distributions = [f.distribution for f in found]
@@ -137,7 +135,7 @@ def designed(plan: Plan, progress: Progress) -> Design:
             keys[key] = len(groups)
             groups.append(_group(plan, options, first if not options else None, found, progress))
         group_of.append(keys[key])
-    return Design(plan, method, groups, drawn, group_of, scenario)
+    return Design(plan, method, groups, drawn, group_of)
 
 
 def _is_prepared(target: Target) -> bool:

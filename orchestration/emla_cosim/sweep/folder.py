@@ -6,19 +6,18 @@ import json
 import re
 import shutil
 from collections.abc import Iterator, Mapping
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import polars
 
-from ..errors import CommandError, RunError
-from ..files import UNFINISHED, place_of, read_text, written_whole
+from ..errors import CommandError
+from ..files import UNFINISHED, place_of, read_text, writing_to, written_whole
 from ..locking import alone
 from .measures import Measures
 from .pictures import PICTURES
 from .result import PROBLEM, STATUS, VARIANT
-from .worker import Chunk
+from .worker import Chunk, parquet
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
 WORST = "worst.txt"
@@ -102,7 +101,7 @@ class SweepFolder:
             place_of(self.path / name, "the file of the sweep")
         for name in (PARTS, SERIES):
             place = self._place / name
-            with self._writing():
+            with writing_to(self.path):
                 there = list(place.iterdir()) if place.is_dir() else []
             strange = [file for file in there if not begun or not _OURS.fullmatch(file.name)]
             if strange or place.is_symlink() or (place.exists() and not place.is_dir()):
@@ -116,7 +115,7 @@ class SweepFolder:
     def check_room(self, variants: int, figures: int, values_each: int) -> None:
         """Raise CommandError where the disk cannot hold results; `values_each` are those over time."""
         needed = 8 * variants * (figures + values_each)
-        with self._writing():
+        with writing_to(self.path):
             free = shutil.disk_usage(self._place).free
         if needed > free:
             raise CommandError(
@@ -126,7 +125,7 @@ class SweepFolder:
 
     def begin(self, record: Mapping[str, Any], resume: bool) -> None:
         """Begin a sweep with this record, or go on with it; see `check`. Raises RunError."""
-        with self._writing():
+        with writing_to(self.path):
             if not resume:
                 self.clear()
             for name in (PARTS, SERIES):
@@ -167,18 +166,18 @@ class SweepFolder:
 
     def write_record(self, entries: Mapping[str, Any]) -> None:
         """Write sweep.json with these entries and those that it has. Raises RunError."""
-        with self._writing(), written_whole(self._place / RECORD) as stream:
+        with writing_to(self.path), written_whole(self._place / RECORD) as stream:
             stream.write((json.dumps({**self.record(), **entries}, indent=2) + "\n").encode())
 
     def keep(self, chunk: Chunk, measures: Measures) -> None:
         """Write what the variants of a chunk gave; it is there whole or not at all. Raises RunError."""
         name = f"{chunk.outcomes[0].number:09d}.parquet"
-        with self._writing():
+        with writing_to(self.path):
             if chunk.series is not None:  # before the part, without which it does not count
                 with written_whole(self._place / SERIES / name) as stream:
                     stream.write(chunk.series)
             with written_whole(self._place / PARTS / name) as stream:
-                stream.write(_parquet(_frame(chunk, measures)))
+                stream.write(parquet(_frame(chunk, measures)))
 
     def finished(self) -> set[int]:
         """Numbers of the variants that are there. Raises CommandError for a part that cannot be read."""
@@ -189,8 +188,8 @@ class SweepFolder:
         """Write variants.parquet: `about` (columns by variant) beside what came out. Raises RunError."""
         parts = self._parts()
         found = about.head(0) if parts is None else about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
-        with self._writing(), written_whole(self._place / TABLE) as stream:
-            stream.write(_parquet(found))
+        with writing_to(self.path), written_whole(self._place / TABLE) as stream:
+            stream.write(parquet(found))
 
     def close(self, whole: bool, wall_s: float) -> None:
         """Say how long it took in s, and whether all variants are there: no parts are needed then."""
@@ -222,15 +221,6 @@ class SweepFolder:
             if not (self._place / PARTS / file.name).exists():
                 file.unlink()
 
-    @contextlib.contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise RunError(
-                f"the output folder '{self.path}' cannot be written: {error.strerror or error}."
-            ) from error
-
 
 def digest(content: object) -> str:
     """A short hash of plain data."""
@@ -251,12 +241,6 @@ def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
         for name in measures.names
     ]
     return ends.with_columns(columns)
-
-
-def _parquet(frame: polars.DataFrame) -> bytes:
-    stream = BytesIO()
-    frame.write_parquet(stream)
-    return stream.getvalue()
 
 
 def _differing(before: Any, now: Mapping[str, Any]) -> str:

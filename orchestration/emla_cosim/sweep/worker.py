@@ -171,7 +171,8 @@ def run_chunk(key: str, group: int, variants: Sequence[Variant], measures: Measu
         if measures.signals and result is not None and result.table is not None:
             number = polars.lit(variant.number, polars.Int64).alias(VARIANT)
             series.append(measures.series(result).select(number, polars.all()))
-    return Chunk(outcomes, time.perf_counter() - began, _parquet(series))
+    kept = parquet(polars.concat(series)) if series else None
+    return Chunk(outcomes, time.perf_counter() - began, kept)
 
 
 def _run(
@@ -211,11 +212,10 @@ def _plugin(key: str) -> SweepPlugin:
     return cast(SweepPlugin, get_worker().plugins[key])
 
 
-def _parquet(tables: Sequence[polars.DataFrame]) -> bytes | None:
-    if not tables:
-        return None
+def parquet(table: polars.DataFrame) -> bytes:
+    """A table as a Parquet file."""
     stream = BytesIO()
-    polars.concat(tables).write_parquet(stream)
+    table.write_parquet(stream)
     return stream.getvalue()
 
 
