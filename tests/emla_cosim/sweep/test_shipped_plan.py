@@ -39,7 +39,7 @@ def test_it_is_listed(emla: Emla) -> None:
 
 def test_it_has_2000_variants_of_the_study(design: Design) -> None:
     assert (design.count, len(design.groups)) == (2000, 1)
-    assert design.scenario.name == "study"
+    assert design.groups[0].preparation.name == "study"
 
 
 def test_the_same_things_vary_in_every_joint(design: Design) -> None:
