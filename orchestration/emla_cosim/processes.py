@@ -2,9 +2,12 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 _LOOK = 0.2
 """Seconds between two looks at whether the parent is still there."""
@@ -26,3 +29,19 @@ def end_with(parent: int, end: Callable[[], None]) -> None:
         end()
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def started(module: str, *arguments: str) -> subprocess.Popen[bytes]:
+    """A process that runs a module and talks through its standard input and output, see `channel`.
+
+    It finds what this one finds, and Ctrl-C in a terminal does not reach it. Raises OSError.
+    """
+    found = os.pathsep.join(folder or str(Path.cwd()) for folder in sys.path)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", module, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        bufsize=0,
+        env={**os.environ, "PYTHONPATH": found},
+        start_new_session=True,
+    )

@@ -3,7 +3,6 @@
 import contextlib
 import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -14,13 +13,14 @@ from fmpy.model_description import ModelVariable
 
 from ...arrays import Vector
 from ...black_box import Present
+from ...channel import Channel, SilenceError
 from ...errors import CommandError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.variables import TypedValue
-from ...processes import how_it_ended
+from ...processes import how_it_ended, started
 from .calls import decoded
-from .channel import Channel, Request, SilenceError
 from .described_slave import DescribedSlave
+from .request import Request
 from .slave import SlaveError
 
 _PATIENCE = 10.0
@@ -50,7 +50,7 @@ class IsolatedSlave(DescribedSlave):
         try:
             self._calls = _CallFile()
             with self._calls.kept():
-                self._process = _start(self._calls.path)
+                self._process = started(f"{__package__}.worker", str(self._calls.path))
         except OSError as error:
             raise CommandError(f"{name} cannot have a process of its own: {error.strerror}.") from error
         self._owner = os.getpid()
@@ -212,16 +212,3 @@ class _CallFile:
     def close(self) -> None:
         """Remove it."""
         self.path.unlink(missing_ok=True)
-
-
-def _start(calls: Path) -> subprocess.Popen[bytes]:
-    """The process, which finds what this one finds, and which Ctrl-C in a terminal does not reach."""
-    found = os.pathsep.join(folder or str(Path.cwd()) for folder in sys.path)
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", f"{__package__}.worker", str(calls)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        bufsize=0,
-        env={**os.environ, "PYTHONPATH": found},
-        start_new_session=True,
-    )

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from ... import black_box
+from ...channel import own_channel
 from ...errors import CosimError, RunError
 from ...fmu.file import FmuFile
 from ...interruption import ask_no_more
 from ...processes import end_with
-from .channel import Channel, Request
 from .fmu_log import FmuLog
 from .fmu_slave import FmuSlave
+from .request import Request
 
 
 class Worker:
@@ -73,7 +74,7 @@ def main() -> None:
     """Serve the parent at the other end of standard input and output."""
     ask_no_more()  # it is the parent who ends a run
     end_with(os.getppid(), lambda: os._exit(0))  # also where an FMU does not return
-    channel = _channel()
+    channel = own_channel()
     with Path(sys.argv[1]).open("r+b") as stream:
         black_box.share(mmap.mmap(stream.fileno(), 0))
     worker = None
@@ -100,14 +101,6 @@ def main() -> None:
 
 def _started(name: str, file: FmuFile, inputs: list[str], outputs: list[str]) -> Worker:
     return Worker(FmuSlave(name, file, inputs, outputs, FmuLog()))
-
-
-def _channel() -> Channel:
-    """The pipes to the parent; what an FMU prints goes where errors go."""
-    incoming, outgoing = os.dup(0), os.dup(1)
-    os.dup2(2, 1)
-    os.close(0)
-    return Channel(os.fdopen(incoming, "rb", buffering=0), os.fdopen(outgoing, "wb", buffering=0))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,12 @@
 """Requests and answers between two processes, through a pipe each way."""
 
+import os
 import pickle
 import select
 import struct
 import time
 from collections.abc import Callable
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
 _HEAD = struct.Struct("=8sQ")
 _MARK = b"\x93emla\r\n\x1a"
@@ -16,15 +17,6 @@ _LOOK = 0.5
 
 class SilenceError(Exception):
     """The other end has not answered in time."""
-
-
-class Request(NamedTuple):
-    """What an isolated slave is asked to do: first to set inputs and their slopes, then a call by name."""
-
-    call: str
-    arguments: tuple[Any, ...]
-    inputs: bytes | None = None
-    slopes: bytes | None = None
 
 
 class Channel:
@@ -96,3 +88,14 @@ class Channel:
                 raise EOFError
             if until is not None and time.monotonic() > until:
                 raise SilenceError
+
+
+def own_channel() -> Channel:
+    """The channel to the parent, of a process that has it as its standard input and output.
+
+    What others print goes where errors go from now on.
+    """
+    incoming, outgoing = os.dup(0), os.dup(1)
+    os.dup2(2, 1)
+    os.close(0)
+    return Channel(os.fdopen(incoming, "rb", buffering=0), os.fdopen(outgoing, "wb", buffering=0))

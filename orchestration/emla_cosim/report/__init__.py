@@ -1,0 +1,1 @@
+"""Self-contained HTML pages: what several kinds of reports have in common."""

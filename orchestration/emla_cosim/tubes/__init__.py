@@ -1,0 +1,1 @@
+"""Signals compared with references: tubes in time and value around them."""

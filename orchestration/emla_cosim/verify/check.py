@@ -1,0 +1,46 @@
+"""A check: its stable name, what it rests on, what it needs, and the function that does it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .verdict import Clause, Outcome
+
+if TYPE_CHECKING:
+    from .subject import Subject
+
+Examine = Callable[["Subject"], Outcome]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One question to an FMU, asked in a process of its own.
+
+    `name` is stable, `group.what`; `title` is what a report calls it. `clause` is the sentence of the
+    standard that a failure breaks. `needs` are names of checks that have to pass, or warn, before it
+    makes sense. `hint` says what to do about a failure. `patience` multiplies the time it may take.
+    """
+
+    name: str
+    title: str
+    clause: Clause
+    hint: str
+    examine: Examine
+    needs: tuple[str, ...] = ()
+    patience: float = 1.0
+
+    @property
+    def group(self) -> str:
+        """The first part of the name."""
+        return self.name.partition(".")[0]
+
+
+def check(
+    name: str, title: str, clause: Clause, hint: str, needs: tuple[str, ...] = (), patience: float = 1.0
+) -> Callable[[Examine], Check]:
+    """Make a check of a function; see `Check` for what is said of it."""
+
+    def made(examine: Examine) -> Check:
+        return Check(name, title, clause, hint, examine, needs, patience)
+
+    return made

@@ -1,0 +1,48 @@
+"""The process that examines FMUs: reads what to examine, and answers with progress and findings.
+
+It is a process of its own, so that checks can divide from one that has no threads and has loaded
+little, whatever the caller did before.
+"""
+
+import os
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from ..channel import Channel, own_channel
+from ..interruption import ask_no_more
+from ..processes import end_with
+from .examination import examined
+from .report import Examined
+from .settings import Settings
+from .subject import Subject
+
+
+class Job(NamedTuple):
+    """An FMU to examine."""
+
+    path: Path
+    settings: Settings
+
+
+def main() -> None:
+    """Serve the parent at the other end of standard input and output."""
+    ask_no_more()  # it is the parent who ends an examination
+    end_with(os.getppid(), lambda: os._exit(0))
+    channel = own_channel()
+    while True:
+        try:
+            job: Job = channel.receive()
+        except EOFError:
+            os._exit(0)
+        channel.send(_done(job, channel))
+
+
+def _done(job: Job, channel: Channel) -> Examined | Any:
+    with TemporaryDirectory(prefix="emla-verify-") as folder:
+        subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
+        return examined(subject, channel.send)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Calls of an FMU under examination, each noted before it is made."""

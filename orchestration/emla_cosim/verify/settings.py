@@ -1,0 +1,24 @@
+"""What a user may say about an examination."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..tubes.tolerance import Tolerance
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is checked, against what, and what an FMU may use meanwhile.
+
+    `only` and `skip` are names of checks or patterns of them. `reference` is a folder of reference
+    files; without one those beside the FMU are taken. `tolerance` says how wide tubes are. `seconds`
+    is the time that one check may take, `memory` the bytes it may have.
+    """
+
+    only: Sequence[str] = ()
+    skip: Sequence[str] = ()
+    reference: Path | None = None
+    tolerance: Mapping[str, Tolerance] = field(default_factory=dict)
+    seconds: float = 10.0
+    memory: int = 2 * 2**30
