@@ -66,7 +66,7 @@ class Subject:
         return description.coSimulation if kind == "CoSimulation" else description.modelExchange
 
     def can(self, capability: str, kind: str | None = None) -> bool:
-        """Whether the FMU claims a capability, such as `canGetAndSetFMUstate`; for its first kind by default."""
+        """Whether the FMU claims a capability, such as `canGetAndSetFMUstate`, for its first kind unless told."""
         return bool(getattr(self.means(kind or self.kinds[0]), capability, False))
 
     def library(self, kind: str | None = None) -> Path | None:
