@@ -1,22 +1,14 @@
 """Write the reference solutions that an FMU can be checked against: `python -m fmus.make_references`.
 
 Per model, in the form of the FMI cross-check rules: <Model>_in.csv (where it has inputs),
-<Model>_ref.csv and <Model>_ref.opt. The solutions come from `tests/support/reference_model.py`, the
+<Model>_ref.csv and <Model>_ref.opt; and <Model>_ref.toml with what these cannot say: start values,
+tolerances, and what made them. The solutions come from `tests/support/reference_model.py`, the
 paper's equations written independently of the FMUs, and are exact to about 1e-11.
 
 Inputs are those of a co-simulation: the value in the row of t_k is held until t_k+1, so step the
 FMU by the file's interval (StepSize). Outputs in the row of t_k+1 belong to the inputs held up to
 then; the first row is the state after initialization with the first row's inputs.
 """
-
-# EmlaPlant, EmlaObserver and RsbaController run with their default start values. Reference and
-# Disturbance do nothing by default; these are to be set before initialization (see START_VALUES):
-#   Reference    waypoint[1] to waypoint[9], move.start[1] to move.start[8], move.duration[1] to
-#                move.duration[8], period
-#   Disturbance  load.level[1] to load.level[6], load.start[2] to load.start[6], load.ripple,
-#                d_2.amplitude[1:2], d_2.omega[1:2], d_2.phase[1:2], d_2.arctan, d_2.decay,
-#                d_3.amplitude[1:2], d_3.omega[1:2], d_3.phase[1:2], d_4.amplitude, d_4.omega,
-#                d_4.phase; no random part
 
 import math
 from collections.abc import Callable, Sequence
@@ -251,6 +243,28 @@ START_VALUES: dict[str, dict[str, float]] = {
 """Start values that differ from the FMU's, by model and FMI name."""
 
 
+RELATIVE = {
+    # Of the range of every output: RK4 with the default internal step of 5e-5 s against reference
+    # solutions that are exact to 1e-11. Machines differ in their last digits, so these are not closer.
+    "EmlaPlant": 1e-7,  # omega_e up to 2000 rad/s, 0.1 rad per internal step: 1e-8 in the currents
+    "EmlaObserver": 2e-10,  # eta_hat falls with 200 rad/s: 3e-11
+    "RsbaController": 1e-8,  # P_3 loses eight of 16 digits; 2e-9 in hosts that sum up time
+    # closed forms: rounding, and that time is summed up step by step
+    "Reference": 1e-12,
+    "Disturbance": 1e-12,
+}
+"""Tolerances of comparisons, by model: relative to the range of an output, and without any in time."""
+
+MADE_BY = "python -m fmus.make_references: the paper's equations written independently, solved to 1e-12"
+
+
+def about(model: str) -> str:
+    """The TOML file of a model's reference."""
+    values = "".join(f'"{name}" = {value!r}\n' for name, value in START_VALUES[model].items())
+    start = f"\n[set]\n{values}" if values else ""
+    return f'made_by = "{MADE_BY}"\n{start}\n[tolerance]\n"*" = {{ relative = {RELATIVE[model]!r}, time = 0.0 }}\n'
+
+
 def csv(step: float, rows: Sequence[Row]) -> str:
     """Rows as text, numbers with the digits that bring back the same double."""
     names = list(rows[0])
@@ -271,6 +285,7 @@ def files(model: str) -> dict[str, str]:
     text = {
         f"{model}_ref.csv": csv(solution.step, solution.outputs),
         f"{model}_ref.opt": "".join(f"{name}, {value!r}\n" for name, value in options.items()),
+        f"{model}_ref.toml": about(model),
     }
     if solution.inputs:
         text[f"{model}_in.csv"] = csv(solution.step, solution.inputs)

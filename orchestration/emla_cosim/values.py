@@ -58,15 +58,20 @@ def _record(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
     if isinstance(value, type_):
         return value
     first, *more = fields(type_)
-    if isinstance(value, (str, Path)):
+    if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number(first.type)):
         return type_(converted(value, first.type, label, folder))
     names = {f.name for f in (first, *more)}
     needed = {f.name for f in (first, *more) if f.default is MISSING}
     if not isinstance(value, Mapping) or set(value) - names or needed - set(value):
-        example = ", ".join(f'{f.name} = "..."' for f in (first, *more))
-        raise _wrong(label, value, f"a path, or {{ {example} }}")
+        plain, text = ("a number", "...") if _is_number(first.type) else ("a path", '"..."')
+        example = ", ".join(f"{f.name} = {text}" for f in (first, *more))
+        raise _wrong(label, value, f"{plain}, or {{ {example} }}")
     types = {f.name: f.type for f in (first, *more)}
     return type_(**{k: converted(v, types[k], f"'{k}' in {label}", folder) for k, v in value.items()})
+
+
+def _is_number(type_: Any) -> bool:
+    return float in (type_, *get_args(type_))
 
 
 def _wrong(label: str, value: Any, right: str) -> CommandError:

@@ -115,7 +115,7 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
     """
     with path.open("rb") as stream:
         header = _header(stream)
-    present = next(csv.reader(StringIO(header.decode(), newline="")))
+    present = _names(header)
     columns = {name: f"column_{i}" for i, name in enumerate(present)}
     chosen = {n: columns[n] for n in names if n in columns}
     every = 1 if most is None else max(-(-(_lines(path) - header.count(b"\n")) // most), 1)
@@ -128,6 +128,16 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
         schema=dict.fromkeys(columns.values(), polars.Float64),
     )
     return {name: frame[column].to_numpy() for name, column in chosen.items()}
+
+
+def columns_of(path: Path) -> list[str]:
+    """The names of the columns of a results.csv. Raises OSError, and UnicodeDecodeError where it is no text."""
+    with path.open("rb") as stream:
+        return _names(_header(stream))
+
+
+def _names(header: bytes) -> list[str]:
+    return next(csv.reader(StringIO(header.decode("utf-8-sig"), newline="")), [])
 
 
 def _header(stream: IO[bytes]) -> bytes:

@@ -1,7 +1,7 @@
 """All checks, in the order in which they are done and shown: what a check needs stands before it."""
 
 from .check import Check
-from .checks import archive, description, instances, runs
+from .checks import archive, description, instances, references, runs
 
 CHECKS: tuple[Check, ...] = (
     archive.safe,
@@ -9,4 +9,5 @@ CHECKS: tuple[Check, ...] = (
     instances.created,
     runs.completes,
     runs.finite,
+    references.agrees,
 )

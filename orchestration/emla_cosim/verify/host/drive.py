@@ -44,9 +44,14 @@ def driven(instance: Instance, experiment: Experiment) -> Trajectory:
     return stepped(instance, experiment)
 
 
-def stepped(instance: Instance, experiment: Experiment, first: int = 0) -> Trajectory:
-    """Take an instance that is at the communication point `first` on to the end of an experiment."""
-    names = outputs(instance.subject)
+def stepped(
+    instance: Instance, experiment: Experiment, first: int = 0, names: list[str] | None = None
+) -> Trajectory:
+    """Take an instance that is at the communication point `first` on to the end of an experiment.
+
+    `names` are the variables to read, by default all outputs.
+    """
+    names = outputs(instance.subject) if names is None else names
     rows: list[list[Any]] = [instance.get(names)]
     for k in range(first, len(experiment.times) - 1):
         instance.set(experiment.at(k))

@@ -1,0 +1,58 @@
+"""The table of a run that was kept in a folder."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars
+
+from ..arrays import Vector
+from ..errors import CommandError
+from ..recorders.csv_file import columns_of, read_csv
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A table of results on disk: `names` of its columns, without time."""
+
+    path: Path
+    names: Sequence[str]
+
+    def read(self, names: Sequence[str]) -> dict[str, Vector]:
+        """Columns by name, `time` in s among them if it is named. Raises CommandError."""
+        try:
+            if self.path.suffix == ".parquet":
+                frame = polars.read_parquet(self.path, columns=list(names))
+                return {name: frame[name].to_numpy() for name in names}
+            return read_csv(self.path, names)
+        except Exception as error:  # polars has many kinds
+            raise _unreadable(self.path, error) from error
+
+
+def stored_run(place: Path) -> StoredRun:
+    """The run in a folder of results, or in a table of its own; CommandError where there is none."""
+    kept = [place / "results.csv", place / "results.parquet"] if place.is_dir() else [place]
+    path = next((p for p in kept if p.exists()), None)
+    if path is None:
+        what = "no results.csv or results.parquet in" if place.is_dir() else "no run at"
+        raise CommandError(f"there is {what} '{place}' to compare with.")
+    try:
+        names = _columns(path)
+    except Exception as error:
+        raise _unreadable(path, error) from error
+    if names[:1] != ["time"] or len(names) < 2:
+        raise CommandError(
+            f"the run to compare with, '{path}', must have 'time' as its first column, and signals."
+        )
+    return StoredRun(path, names[1:])
+
+
+def _columns(path: Path) -> list[str]:
+    if path.suffix == ".parquet":
+        return list(polars.read_parquet_schema(path))
+    return columns_of(path)
+
+
+def _unreadable(path: Path, error: Exception) -> CommandError:
+    reason = getattr(error, "strerror", None) or str(error).splitlines()[0].rstrip(".")
+    return CommandError(f"the run to compare with, '{path}', cannot be read: {reason}.")

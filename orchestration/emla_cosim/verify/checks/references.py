@@ -1,0 +1,67 @@
+"""Results against references."""
+
+from ...errors import CommandError
+from ...tubes.comparing import compared, how_it_left, that_left
+from ...tubes.tolerance import tolerance_of
+from ..check import check
+from ..references.files import Reference, read_reference, reference_folder
+from ..references.following import followed
+from ..subject import Subject
+from ..verdict import Clause, Outcome, failed, passed, skipped
+
+_RULES = Clause("4.5", "Reference results are compared within a tolerance tube", "FMI Cross-Check Rules")
+
+
+@check(
+    "reference.agrees",
+    "Outputs stay within the tubes around their references",
+    _RULES,
+    "The plot shows where; if the change is meant, make the reference anew, else look for what changed.",
+    needs=("run.completes",),
+    patience=6.0,
+)
+def agrees(subject: Subject) -> Outcome:
+    """Run along the reference files, every column stays within its tolerance in value and time."""
+    folder = reference_folder(subject.path, subject.settings.reference)
+    name = subject.path.stem
+    if folder is None:
+        where = subject.settings.reference or "beside the FMU"
+        return skipped(f"There is no {name}_ref.csv {'' if where == 'beside the FMU' else 'in '}{where}.")
+    try:
+        reference = read_reference(folder, name)
+        return _judged(subject, reference)
+    except CommandError as error:
+        sentence = str(error)
+        return failed(sentence[0].upper() + sentence[1:], hint="Mend the reference files.")
+
+
+def _judged(subject: Subject, reference: Reference) -> Outcome:
+    strange = [n for n in reference.solution if n != "time" and n not in subject.variables]
+    if strange:
+        return failed(f"The reference has the column '{strange[0]}', which is no variable of the FMU.")
+    found = followed(subject, reference)
+    wanted = dict(reference.tolerance) | dict(subject.settings.tolerance)
+    comparisons = tuple(
+        compared(
+            name,
+            str(subject.interface.unit(name) or ""),
+            found.times,
+            found.values[:, i],
+            reference.solution["time"],
+            reference.solution[name],
+            tolerance_of(name, wanted),
+        )
+        for i, name in enumerate(found.names)
+    )
+    left = that_left(comparisons)
+    if left:
+        more = tuple(how_it_left(c) + "." for c in left[1:])
+        return failed(f"{how_it_left(left[0])}.", details=more, comparisons=comparisons)
+    if not comparisons:
+        return failed("The reference has no column but time.")
+    closest = max(comparisons, key=lambda c: c.worst / c.tube.value if c.tube.value else 0.0)
+    return passed(
+        f"{len(comparisons)} signals stay within their tubes; {closest.signal} comes closest to its edge, "
+        f"with {closest.worst / closest.tube.value if closest.tube.value else 0.0:.0%} of what is allowed.",
+        comparisons=comparisons,
+    )

@@ -1,0 +1,1 @@
+"""Reference files of FMUs: found, read, followed and made."""
