@@ -262,7 +262,8 @@ def about(model: str) -> str:
     """The TOML file of a model's reference."""
     values = "".join(f'"{name}" = {value!r}\n' for name, value in START_VALUES[model].items())
     start = f"\n[set]\n{values}" if values else ""
-    return f'made_by = "{MADE_BY}"\n{start}\n[tolerance]\n"*" = {{ relative = {RELATIVE[model]!r}, time = 0.0 }}\n'
+    tolerance = f'"*" = {{ relative = {RELATIVE[model]!r}, time = 0.0 }}'
+    return f'made_by = "{MADE_BY}"\n{start}\n[tolerance]\n{tolerance}\n'
 
 
 def csv(step: float, rows: Sequence[Row]) -> str:

@@ -8,6 +8,7 @@ from .master.stepping.pacing import Pacing
 from .master.stepping.timing import MAXIMUM_STEPS, Timing, timing
 from .options import Options
 from .patterns import fits
+from .recorders.stored import stored_run
 from .requirements import requirement
 from .system.model import System
 
@@ -21,6 +22,8 @@ def check_run(options: Options, name: str) -> None:
     options.make_algorithm()
     for text in options.require:
         requirement(text)
+    if options.reference is not None:
+        stored_run(options.reference)
     if options.real_time is not None:
         Pacing(options.real_time)
 

@@ -25,8 +25,8 @@ class About:
     where a checkpoint can only be continued with the same value; empty where it may change. `record`
     is its name in run.json, by default its name and unit; `in_file` says whether a scenario file may
     hold it. `commands` are those that take it. `parse` makes its value of the text of the command
-    line. In Python an object of the type `takes` is a value too, and taken as it is. `alone` is the
-    value of a flag of the command line that nothing follows.
+    line, or of all its texts where it may be repeated. In Python an object of the type `takes` is a
+    value too, and taken as it is. `alone` is the value of a flag of the command line that nothing follows.
     """
 
     help: str
@@ -42,7 +42,7 @@ class About:
     recorded: bool = True
     in_file: bool = True
     commands: tuple[str, ...] = (RUN, SWEEP)
-    parse: Callable[[str], Any] | None = None
+    parse: Callable[[Any], Any] | None = None
     takes: type | None = None
     alone: str = ""
 

@@ -20,6 +20,7 @@ from .option import EXPORT, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
 from .system.model import Replacement, Value
+from .tubes.tolerance import Tolerance, read_tolerances
 from .values import converted
 
 ALL = (RUN, EXPORT, SWEEP)
@@ -124,6 +125,20 @@ class Options:
         help="Fail unless a figure is as said, such as lift.position_error_m < 2e-5 (repeatable).",
         metavar="'FIGURE < VALUE'",
     )
+    reference: Path | None = _output(
+        help="Fail unless every signal stays in the tube around that of an earlier run.",
+        metavar="FOLDER",
+        commands=(RUN,),
+        in_file=False,
+    )
+    tolerance: Mapping[str, Tolerance] = _output(
+        {},
+        help="How wide tubes are: relative to a signal's range (repeatable). Without: 1e-3.",
+        metavar="[PATTERN=]NUMBER",
+        commands=(RUN,),
+        in_file=False,
+        parse=read_tolerances,
+    )
     plots: bool = _output(True, help="Draw plots.", recorded=False)
     checkpoint: Path | None = _output(
         help="Write checkpoints to this file: every minute, and at the end.",
@@ -193,6 +208,9 @@ class Options:
                 found[replacement.mapping] = "the mapping"
         if isinstance(self.controller, str) and self.controller.lower().endswith(".fmu"):
             found[Path(self.controller)] = "the FMU"
+        if self.reference is not None:
+            for table in (self.reference, *(self.reference / f"results.{form}" for form in TABLES)):
+                found[table] = "the run to compare with"
         return found
 
     def make_algorithm(self) -> Algorithm:

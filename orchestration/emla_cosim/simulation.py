@@ -29,9 +29,11 @@ from .progress import Progress
 from .recorders.checkpoints import Checkpoints, resumable
 from .recorders.metrics import MetricsRecorder
 from .recorders.recorder import Outline, Recorder
+from .recorders.stored import StoredRun, stored_run
 from .recorders.table import Table
 from .recorders.time_series import TimeSeries
 from .requirements import Requirement, check_requirements, requirement, unmet
+from .results.agreement import agreement, agreement_record, common, disagreement
 from .results.result import Result, run_figures
 from .run_record import run_identity, run_record
 from .running import Run
@@ -179,6 +181,7 @@ class Simulation:
         chosen = self._chosen(options)
         self._abandon()
         required = [requirement(text) for text in chosen.require]
+        stored = stored_run(chosen.reference) if chosen.reference is not None else None
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)
         pacing = Pacing(chosen.real_time) if chosen.real_time is not None else None
@@ -202,6 +205,8 @@ class Simulation:
                 if chosen.checkpoint is not None:
                     place = checkpoint_place(chosen.checkpoint, assembly.network, self._here)
                     taking.append(Checkpoints(chosen.checkpoint, identity, place))
+            if stored is not None:
+                _check_comparable(stored, [assembly.network.names[i] for i in recorded], taking)
             units, parameters = list(self.units.values()), assembly.parameters()
             outline = Outline(assembly.network.names, units, times, recorded, every, parameters)
             if required:
@@ -210,7 +215,7 @@ class Simulation:
         except BaseException:
             _freed(stepping)
             raise
-        self._run = _Going(run, system, chosen, metrics, taking, every, required)
+        self._run = _Going(run, system, chosen, metrics, taking, every, required, stored)
         with self._abandoning_on_error():
             # the states in a checkpoint would hold a continued run to this run's stop time
             run.begin(times.stop if chosen.checkpoint is None else None)
@@ -365,9 +370,11 @@ class Simulation:
         result = self._result(going)
         self._spent = going.run.stepping
         self._error = going.run.error
-        if self._error is None and (problem := _unmet(going, result)) is not None:
-            self._error = RunError(problem)
-            result = replace(result, problem=problem, record={**result.record, "status": problem})
+        if self._error is None:
+            result = _compared(going, result)
+            if (problem := _unmet(going, result)) is not None:
+                self._error = RunError(problem)
+                result = replace(result, problem=problem, record={**result.record, "status": problem})
         return result
 
     def _abandon(self) -> None:
@@ -437,6 +444,7 @@ class _Going:
     recorders: Sequence[Recorder]
     every: int
     required: Sequence[Requirement]
+    stored: StoredRun | None
 
 
 def _recorders(given: Any) -> list[Recorder]:
@@ -451,12 +459,35 @@ def _recorders(given: Any) -> list[Recorder]:
     return found
 
 
+def _check_comparable(stored: StoredRun, names: Sequence[str], recorders: Iterable[Recorder]) -> None:
+    """Raise CommandError where nothing will be there to be held against a run that was kept."""
+    common(names, stored)
+    if not any(isinstance(r, Table) for r in recorders):
+        raise CommandError("the option 'reference' needs a recorder that keeps a table, such as TimeSeries.")
+
+
+def _compared(going: _Going, result: Result) -> Result:
+    """The result of a whole run with its signals beside those of the one that it is held against."""
+    if going.stored is None or result.interrupted:
+        return result
+    found = agreement(result, going.stored, going.options.tolerance)
+    record = {**result.record, "reference": agreement_record(found, going.stored)}
+    return replace(result, comparisons=found, record=record)
+
+
 def _unmet(going: _Going, result: Result) -> str | None:
     """The sentence that says what is not as required; None where everything is."""
-    if going.run.interrupted and going.required:
-        named = "; ".join(str(r) for r in going.required)
-        return f"interrupted at t = {result.end_s:.6g} s, before it could be judged whether {named}."
-    return unmet(going.required, result.metrics, result.run_figures)
+    wanted = [str(r) for r in going.required]
+    if going.stored is not None:
+        wanted.append(f"it agrees with '{going.stored.path}'")
+    if going.run.interrupted and wanted:
+        return (
+            f"interrupted at t = {result.end_s:.6g} s, before it could be judged whether {'; '.join(wanted)}."
+        )
+    found = [unmet(going.required, result.metrics, result.run_figures)]
+    if going.stored is not None:
+        found.append(disagreement(result.comparisons, going.stored))
+    return " ".join(filter(None, found)) or None
 
 
 def _freed(stepping: Stepping) -> None:

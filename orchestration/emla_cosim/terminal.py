@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from .errors import CosimError
+from .tubes.comparing import that_left
 
 if TYPE_CHECKING:
     from .recorders.metrics import Figures, Shown
@@ -33,6 +34,9 @@ class _Stderr:
     def __getattr__(self, name: str) -> Any:
         return getattr(sys.stderr, name)
 
+
+_MOST_SIGNALS = 10
+"""That left their tubes: so many have a row."""
 
 OUT, ERR = Console(), Console(file=cast(IO[str], _Stderr()))
 """Results go to standard output, progress and errors to standard error."""
@@ -59,6 +63,8 @@ def show_result(
             show(_figures(f"{result.name}, {span:g} s simulated", figures, result.shown[kind]))
     for note in notes:
         _say(f"Note: {note}.")
+    if result.comparisons:
+        _show_agreement(result)
     for line in _speed(result):
         _say(line)
     _say(f"Wrote {output.path}/: {output.results.name}, metrics.json, run.json")
@@ -98,6 +104,22 @@ def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
         values = (cell(f[figure.name], figure) for f in figures.values())
         table.add_row(escape(figure.label), *values, escape(figure.unit))
     return table
+
+
+def _show_agreement(result: "Result") -> None:
+    """How many signals stayed in their tubes, and a table of those that did not, the first one first."""
+    left = that_left(result.comparisons)
+    place = result.record["reference"]["run"]
+    _say(f"{len(result.comparisons) - len(left)} of {len(result.comparisons)} signals agree with {place}")
+    if not left:
+        return
+    table = Table("signal", "left at / s", "off by", "allowed", "", "at / s")
+    for one in left[:_MOST_SIGNALS]:
+        figures = (f"{one.left_at:.6g}", f"{one.worst:.3g}", f"{one.tube.value:.3g}")
+        table.add_row(escape(one.signal), *figures, escape(one.unit), f"{one.worst_at:.6g}")
+    if len(left) > _MOST_SIGNALS:
+        table.add_row(f"and {len(left) - _MOST_SIGNALS} more, in run.json")
+    show(table)
 
 
 def _speed(result: "Result") -> Iterator[str]:

@@ -73,10 +73,10 @@ def _default(option: Option) -> str:
 def _text_type(option: Option) -> Any:
     """The type that the command line reads, before `_read`."""
     origin, inner = get_origin(option.plain_type), get_args(option.plain_type)
-    if option.about.parse is not None:
-        return str
     if origin is Mapping:
         return list[str]
+    if option.about.parse is not None:
+        return str
     if origin is Sequence:
         return list[inner[0]]  # type: ignore[valid-type]
     if option.about.takes is not None:

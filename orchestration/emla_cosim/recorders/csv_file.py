@@ -131,7 +131,7 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
 
 
 def columns_of(path: Path) -> list[str]:
-    """The names of the columns of a results.csv. Raises OSError, and UnicodeDecodeError where it is no text."""
+    """The names of the columns of a results.csv. Raises OSError; UnicodeDecodeError where it is no text."""
     with path.open("rb") as stream:
         return _names(_header(stream))
 

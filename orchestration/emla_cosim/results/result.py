@@ -11,6 +11,8 @@ from ..errors import CommandError
 from ..master.stepping.timing import Timing
 from ..recorders.metrics import Figures, Shown
 from ..recorders.table import Table
+from ..tubes.comparison import Comparison
+from ..tubes.tolerance import Tolerance
 from ..units import Unit
 from ..values import converted
 
@@ -31,6 +33,7 @@ class Result:
     `interrupted` says whether somebody wanted it so. `steps`, `simulated_s` and
     `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
     `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
+    `comparisons` are signals beside those of the run that the option `reference` names.
     """
 
     name: str
@@ -49,6 +52,7 @@ class Result:
     problem: str | None
     interrupted: bool
     record: Mapping[str, Any]
+    comparisons: Sequence[Comparison] = ()
 
     def __getitem__(self, name: str) -> Vector:
         """A signal at the times of `time`, in its unit; CommandError names the choices if there is none."""
@@ -104,6 +108,20 @@ class Result:
         from .plotting import plotted
 
         return plotted(self, names)
+
+    def compare(
+        self, reference: str | Path, tolerance: Mapping[str, Tolerance | float] | None = None
+    ) -> tuple[Comparison, ...]:
+        """Hold every signal against that of a run that was saved, in a tube in value and time around it.
+
+        `reference` is a folder of results, or a table; `tolerance` says how wide tubes are, by name or
+        pattern, a number relative to the signal's range. Raises CommandError where there is no such run.
+        """
+        from ..recorders.stored import stored_run
+        from .agreement import agreement
+
+        given = converted(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
+        return agreement(self, stored_run(converted(reference, Path, "the reference")), given)
 
     def save(self, folder: str | Path, plots: bool = True) -> list[Path]:
         """Write results.csv, metrics.json, run.json and pictures to a folder; returns the pictures.

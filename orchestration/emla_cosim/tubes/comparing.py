@@ -32,7 +32,7 @@ def compared(
     common = (time >= low) & (time <= high)
     time, values = time[common], values[common]
     lower, upper = tube.edges(time, reference_time, reference)
-    off = np.fmax(np.fmax(lower - values, values - upper), 0.0)
+    off: Vector = np.fmax(np.fmax(lower - values, values - upper), 0.0)
     off[~np.isfinite(values)] = np.inf
     outside = off > tube.value
     k = int(np.argmax(off)) if len(off) else 0
@@ -62,5 +62,6 @@ def how_it_left(comparison: Comparison) -> str:
     unit = f" {comparison.unit}" if comparison.unit else ""
     return (
         f"{comparison.signal} left its tube at t = {comparison.left_at:.9g} s; it is off by up to "
-        f"{comparison.worst:.3g}{unit} (at t = {comparison.worst_at:.9g} s), allowed are {comparison.tube.value:.3g}{unit}"
+        f"{comparison.worst:.3g}{unit}, at t = {comparison.worst_at:.9g} s, where "
+        f"{comparison.tube.value:.3g}{unit} are allowed"
     )

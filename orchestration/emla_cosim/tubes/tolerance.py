@@ -83,7 +83,7 @@ def _read(text: str) -> tuple[str, Tolerance]:
 
 
 def tolerances_in(table: object, where: str) -> dict[str, Tolerance]:
-    """Tolerances as a file has them: by name or pattern a number, or a table of parts. Raises CommandError."""
+    """Tolerances as a file has them: by name or pattern a number, or its parts. Raises CommandError."""
     return converted(table, Mapping[str, Tolerance], f"'tolerance' of {where}")
 
 

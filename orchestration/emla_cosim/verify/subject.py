@@ -66,7 +66,7 @@ class Subject:
         return description.coSimulation if kind == "CoSimulation" else description.modelExchange
 
     def can(self, capability: str, kind: str | None = None) -> bool:
-        """Whether the FMU claims a capability, such as `canGetAndSetFMUstate`, for its first kind unless told."""
+        """Whether the FMU claims a capability, as `canGetAndSetFMUstate`, for a kind or its first one."""
         return bool(getattr(self.means(kind or self.kinds[0]), capability, False))
 
     def library(self, kind: str | None = None) -> Path | None:

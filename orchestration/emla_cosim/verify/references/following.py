@@ -28,7 +28,7 @@ def course(subject: Subject, reference: Reference) -> Experiment:
             f"the reference goes from {reference.start:g} s to {reference.stop:g} s, which are no whole "
             f"number of steps of {step:g} s."
         )
-    times = reference.start + step * np.arange(count + 1)
+    times = np.asarray(reference.start + step * np.arange(count + 1), dtype=np.float64)
     return Experiment(times, inputs_at(subject, reference.inputs, times))
 
 

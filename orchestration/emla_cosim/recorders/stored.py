@@ -8,7 +8,7 @@ import polars
 
 from ..arrays import Vector
 from ..errors import CommandError
-from ..recorders.csv_file import columns_of, read_csv
+from .csv_file import columns_of, read_csv
 
 
 @dataclass(frozen=True)
