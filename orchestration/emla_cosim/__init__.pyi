@@ -39,5 +39,14 @@ from .system.model import Component as Component
 from .system.model import Connection as Connection
 from .system.model import Replacement as Replacement
 from .system.model import System as System
+from .tubes.comparison import Comparison as Comparison
+from .tubes.tolerance import Tolerance as Tolerance
+from .tubes.tube import Tube as Tube
 from .units import LinearTransformation as LinearTransformation
 from .units import Unit as Unit
+from .verify.references.recording import Recording as Recording
+from .verify.report import Examined as Examined
+from .verify.report import Finding as Finding
+from .verify.report import Report as Report
+from .verify.verdict import Verdict as Verdict
+from .verify.verifying import verify as verify

@@ -140,14 +140,14 @@ def _recipe(model: str | type[Block], flavour: str) -> Recipe:
 
 
 def _documents(model: str) -> Documents:
-    root = _documents_root()
+    root = documents_root()
     return Documents(
         readme=(root / "fmus" / model / "README.md").read_text(encoding="utf-8"),
         license=(root / "LICENSE").read_text(encoding="utf-8"),
     )
 
 
-def _documents_root() -> Path:
+def documents_root() -> Path:
     """Where LICENSE and fmus/ lie: inside the installed package, or the top of the source tree."""
     packaged = Path(str(files("emla_cosim"))) / "documents"
     return packaged if packaged.is_dir() else Path(__file__).parents[2]

@@ -91,7 +91,7 @@ def _read(option: Option, value: Any) -> Any:
     if get_origin(option.type) is not Mapping:
         return value
     of = get_args(option.type)[1]
-    return {name: _entry(option, name, text, of) for name, text in _pairs(option.flag, value).items()}
+    return {name: _entry(option, name, text, of) for name, text in pairs(option.flag, value).items()}
 
 
 def _entry(option: Option, name: str, text: str, of: Any) -> Any:
@@ -105,11 +105,12 @@ def _entry(option: Option, name: str, text: str, of: Any) -> Any:
         raise CommandError(f"{option.flag} {name}={text} is not a whole number.") from error
 
 
-def _pairs(flag: str, texts: Sequence[str]) -> dict[str, str]:
-    pairs = {}
+def pairs(flag: str, texts: Sequence[str]) -> dict[str, str]:
+    """Values by name of texts NAME=VALUE; CommandError for any other."""
+    found = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals and value):
             raise CommandError(f"{flag} {text} lacks a name or a value; write {flag} NAME=VALUE.")
-        pairs[name.strip()] = value.strip()
-    return pairs
+        found[name.strip()] = value.strip()
+    return found

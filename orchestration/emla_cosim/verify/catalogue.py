@@ -11,3 +11,6 @@ CHECKS: tuple[Check, ...] = (
     runs.finite,
     references.agrees,
 )
+
+RECORDED = references.recorded
+"""What is done instead where references are to be made."""

@@ -2,14 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 from .verdict import Clause, Outcome
 
-if TYPE_CHECKING:
-    from .subject import Subject
-
-Examine = Callable[["Subject"], Outcome]
+Examine = Callable[[Any], Outcome]
+"""What does a check: takes a `Subject`, or another thing that is examined."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +16,8 @@ class Check:
 
     `name` is stable, `group.what`; `title` is what a report calls it. `clause` is the sentence of the
     standard that a failure breaks. `needs` are names of checks that have to pass, or warn, before it
-    makes sense. `hint` says what to do about a failure. `patience` multiplies the time it may take.
+    makes sense. `hint` says what to do about a failure. `patience` and `room` multiply the time and
+    the memory that it may take.
     """
 
     name: str
@@ -28,6 +27,7 @@ class Check:
     examine: Examine
     needs: tuple[str, ...] = ()
     patience: float = 1.0
+    room: float = 1.0
 
     @property
     def group(self) -> str:
@@ -36,11 +36,17 @@ class Check:
 
 
 def check(
-    name: str, title: str, clause: Clause, hint: str, needs: tuple[str, ...] = (), patience: float = 1.0
+    name: str,
+    title: str,
+    clause: Clause,
+    hint: str,
+    needs: tuple[str, ...] = (),
+    patience: float = 1.0,
+    room: float = 1.0,
 ) -> Callable[[Examine], Check]:
     """Make a check of a function; see `Check` for what is said of it."""
 
     def made(examine: Examine) -> Check:
-        return Check(name, title, clause, hint, examine, needs, patience)
+        return Check(name, title, clause, hint, examine, needs, patience, room)
 
     return made

@@ -1,18 +1,21 @@
 """All checks of one FMU, each in its turn, in a process of its own."""
 
+import difflib
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from ..errors import CommandError
 from ..patterns import fits
-from .apart import apart
-from .catalogue import CHECKS
+from .asking import asked, blocked
+from .catalogue import CHECKS, RECORDED
 from .check import Check
 from .report import Examined, Finding
+from .settings import Settings
 from .subject import Subject
-from .verdict import Outcome, Verdict, failed, skipped
+from .verdict import Verdict
 
 _HARMLESS = "description.readable"
 """The check after which the model description can be read here, once for all later checks."""
@@ -21,7 +24,7 @@ _HARMLESS = "description.readable"
 def examined(subject: Subject, told: Callable[[str], None] = lambda _: None) -> Examined:
     """Examine an FMU; `told` is called with the name of each check before it is done."""
     began = time.monotonic()
-    wanted = chosen(subject.settings.only, subject.settings.skip)
+    wanted = chosen(subject.settings)
     findings: dict[str, Finding] = {}
     for check in _with_needs(wanted):
         told(check.name)
@@ -34,13 +37,26 @@ def examined(subject: Subject, told: Callable[[str], None] = lambda _: None) -> 
     return Examined(subject.path, _facts(subject), shown, time.monotonic() - began)
 
 
-def chosen(only: Sequence[str], skip: Sequence[str]) -> list[Check]:
-    """The checks that these names and patterns mean, in the order of the catalogue."""
+def chosen(settings: Settings) -> list[Check]:
+    """The checks that the settings mean, in the order of the catalogue."""
+    if settings.recording is not None:
+        return [RECORDED]
     return [
         c
         for c in CHECKS
-        if (not only or any(_means(p, c) for p in only)) and not any(_means(p, c) for p in skip)
+        if (not settings.only or any(_means(p, c) for p in settings.only))
+        and not any(_means(p, c) for p in settings.skip)
     ]
+
+
+def check_names(patterns: Iterable[str]) -> None:
+    """Raise CommandError for a name or pattern that means no check."""
+    for pattern in patterns:
+        if not any(_means(pattern, c) for c in CHECKS):
+            names = [c.name for c in CHECKS]
+            near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4)
+            meant = f"did you mean {' or '.join(near)}?" if near else "`emla verify --list` shows them."
+            raise CommandError(f"there is no check '{pattern}'; {meant}", name=pattern, choices=names)
 
 
 def _means(pattern: str, check: Check) -> bool:
@@ -50,40 +66,17 @@ def _means(pattern: str, check: Check) -> bool:
 def _with_needs(wanted: Sequence[Check]) -> Iterator[Check]:
     """The checks and all that they need, in the order of the catalogue."""
     names = {c.name for c in wanted}
-    for check in reversed(CHECKS):  # what is needed stands before
+    for check in (RECORDED, *reversed(CHECKS)):  # what is needed stands before
         if check.name in names:
             names.update(check.needs)
-    return (c for c in CHECKS if c.name in names)
+    return (c for c in (*CHECKS, RECORDED) if c.name in names)
 
 
 def _finding(check: Check, subject: Subject, before: dict[str, Finding]) -> Finding:
-    began = time.monotonic()
-    missing = [n for n in check.needs if before[n].verdict in (Verdict.FAILED, Verdict.SKIPPED)]
-    outcome = _blocked(before[missing[0]]) if missing else _outcome(check, subject)
-    seconds = time.monotonic() - began
-    return Finding(check.name, check.title, outcome, check.clause, outcome.hint or check.hint, seconds)
-
-
-def _blocked(needed: Finding) -> Outcome:
-    how = "failed" if needed.verdict == Verdict.FAILED else "was skipped"
-    return skipped(f"It needs {needed.check}, which {how}.")
-
-
-def _outcome(check: Check, subject: Subject) -> Outcome:
-    settings = subject.settings
-    try:
-        return apart(_do, (check, subject), check.patience * settings.seconds, settings.memory)
-    except Exception as error:  # a slip of ours is told, and costs nobody the rest of the report
-        return failed(f"The check itself went wrong: {type(error).__name__}: {error}.")
-
-
-def _do(check: Check, subject: Subject) -> Outcome:
-    from .host.instance import CallError  # which loads fmpy's part for FMI 2.0
-
-    try:
-        return check.examine(subject)
-    except CallError as error:
-        return failed(str(error))
+    for name in check.needs:
+        if before[name].verdict in (Verdict.FAILED, Verdict.SKIPPED):
+            return blocked(check, before[name])
+    return asked(check, subject, subject.settings)
 
 
 def _facts(subject: Subject) -> dict[str, str]:

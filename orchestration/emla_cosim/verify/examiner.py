@@ -5,9 +5,10 @@ little, whatever the caller did before.
 """
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..channel import Channel, own_channel
 from ..interruption import ask_no_more
@@ -19,10 +20,12 @@ from .subject import Subject
 
 
 class Job(NamedTuple):
-    """An FMU to examine."""
+    """A file to examine, and what reports call it: an FMU, or a system of them."""
 
     path: Path
     settings: Settings
+    name: str = ""
+    system: bool = False
 
 
 def main() -> None:
@@ -38,10 +41,14 @@ def main() -> None:
         channel.send(_done(job, channel))
 
 
-def _done(job: Job, channel: Channel) -> Examined | Any:
+def _done(job: Job, channel: Channel) -> Examined:
+    if job.system:
+        from .systems import examined_system
+
+        return replace(examined_system(job.path, job.settings, channel.send), name=job.name)
     with TemporaryDirectory(prefix="emla-verify-") as folder:
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
-        return examined(subject, channel.send)
+        return replace(examined(subject, channel.send), name=job.name)
 
 
 if __name__ == "__main__":

@@ -43,6 +43,12 @@ class Examined:
     facts: dict[str, str]
     findings: tuple[Finding, ...]
     seconds: float
+    name: str = ""
+
+    @property
+    def label(self) -> str:
+        """What reports call it: its name if it was given one, else its path."""
+        return self.name or str(self.path)
 
     def of(self, verdict: Verdict) -> list[Finding]:
         """The findings with this verdict."""
@@ -89,7 +95,7 @@ class Report:
     def __getitem__(self, path: str | Path) -> Examined:
         """What was found about one FMU, by its path or its file name; KeyError where there is none."""
         for one in self.examined:
-            if str(path) in (str(one.path), one.path.name):
+            if str(path) in (one.label, str(one.path), one.path.name):
                 return one
         raise KeyError(str(path))
 

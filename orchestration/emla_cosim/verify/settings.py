@@ -3,8 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..tubes.tolerance import Tolerance
+
+if TYPE_CHECKING:
+    from .references.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -13,7 +17,8 @@ class Settings:
 
     `only` and `skip` are names of checks or patterns of them. `reference` is a folder of reference
     files; without one those beside the FMU are taken. `tolerance` says how wide tubes are. `seconds`
-    is the time that one check may take, `memory` the bytes it may have.
+    is the time that one check may take, `memory` the bytes it may have. With a `recording` references
+    are made, and nothing else is done.
     """
 
     only: Sequence[str] = ()
@@ -22,3 +27,4 @@ class Settings:
     tolerance: Mapping[str, Tolerance] = field(default_factory=dict)
     seconds: float = 10.0
     memory: int = 2 * 2**30
+    recording: "Recording | None" = None

@@ -1,58 +1,168 @@
-"""The way to a report: FMUs handed to examiners, as many at a time as there are cores."""
+"""The way to a report: files handed to examiners, as many at a time as there are cores."""
 
 import os
-from collections.abc import Callable, Sequence
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
 from ..channel import Channel
+from ..errors import CommandError
 from ..processes import how_it_ended, started
 from ..progress import Progress
-from .check import Check
-from .examination import chosen
+from ..ssp.reader.reading import read_ssp
+from ..tubes.tolerance import Tolerance
+from ..values import converted
+from .asking import finding
+from .catalogue import CHECKS
+from .examination import check_names, chosen
 from .examiner import Job
-from .report import Examined, Finding, Report
+from .references.recording import Recording, check_recording
+from .report import Examined, Report
 from .settings import Settings
 from .verdict import failed
 
+_SYSTEMS = (".ssp", ".ssd")
+_EXAMINER = f"{__package__}.examiner"
+
 
 def verify(
-    paths: Sequence[str | Path] | str | Path,
-    settings: Settings | None = None,
+    paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path],
+    *,
+    reference: str | Path | None = None,
+    only: Sequence[str] = (),
+    skip: Sequence[str] = (),
+    tolerance: float | Mapping[str, Tolerance | float] | None = None,
+    seconds: float = Settings.seconds,
+    memory: float = Settings.memory / 2**20,
+    record: Recording | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Verify FMUs."""
-    given = [paths] if isinstance(paths, (str, Path)) else list(paths)
-    told, settings = progress or Progress(), settings or Settings()
-    count = len(chosen(settings.only, settings.skip))
-    told.begin("verifying", count * len(given))
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, len(given))) as pool:
-        jobs = [Job(Path(path).absolute(), settings) for path in given]
-        found = list(pool.map(lambda job: _examined(job, lambda _: told.advance(1)), jobs))
-    return Report(tuple(found), version("emla-cosim"), datetime.now(UTC).isoformat(timespec="seconds"))
+    """Verify FMUs, and systems of FMUs: are they as the standard says, and do they still do what they did?
+
+    `paths` are FMU files and SSPs, by what the report calls them if it is a mapping. Every FMU is asked
+    all checks, or those of `only` and none of `skip`, which are names, groups or patterns. `reference`
+    is a folder of reference files, by default that of each FMU; of a system, a folder of results.
+    `tolerance` says how far off signals may be, relative to their ranges: a number, or by name and
+    pattern. A check may take so many `seconds`, and so many MiB of `memory`. With `record`, reference
+    files are made of a run.
+
+    Raises CommandError for files that are not there, and for what cannot be meant. Everything else is a
+    finding of the report.
+    """
+    named = _named(paths)
+    settings = _settings(reference, only, skip, tolerance, seconds, memory, record)
+    told = progress or Progress()
+    with ExitStack() as held:
+        jobs = [job for name, path in named.items() for job in _jobs(name, path, settings, held)]
+        if record is not None:
+            check_recording(record, [job.path.stem for job in jobs])
+        told.begin("verifying", len(chosen(settings)) * len(jobs), "checks")
+        found = _Examiners(lambda: told.advance(1)).examined(jobs)
+    return Report(found, version("emla-cosim"), datetime.now(UTC).isoformat(timespec="seconds"))
 
 
-def _examined(job: Job, told: Callable[[str], None]) -> Examined:
-    process = started(f"{__package__}.examiner")
-    channel = Channel(process.stdout, process.stdin, lambda: process.poll() is None)
-    try:
-        channel.send(job)
-        while isinstance(answer := channel.receive(), str):
-            told(answer)
-        return answer
-    except (EOFError, OSError):
-        return _lost(job, how_it_ended(process.wait()))
-    finally:
-        channel.close()
-        process.kill()
-        process.wait()
+def _named(paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path]) -> dict[str, Path]:
+    """Paths by the names that reports give them; CommandError for one that is no file."""
+    if isinstance(paths, (str, Path)):
+        paths = [paths]
+    given = paths if isinstance(paths, Mapping) else {str(path): path for path in paths}
+    if not given:
+        raise CommandError("there is nothing to verify; name an FMU, or more.")
+    found = {name: converted(path, Path, "the FMU") for name, path in given.items()}
+    for path in found.values():
+        with suppress(OSError, ValueError):  # a name that no file can have
+            if path.is_file() or path.suffix.lower() in _SYSTEMS:
+                continue
+        raise CommandError(f"there is no FMU file '{path}'.", path=str(path))
+    return found
+
+
+def _settings(
+    reference: str | Path | None,
+    only: Sequence[str],
+    skip: Sequence[str],
+    tolerance: float | Mapping[str, Tolerance | float] | None,
+    seconds: float,
+    memory: float,
+    record: Recording | None,
+) -> Settings:
+    only = converted([only] if isinstance(only, str) else list(only), Sequence[str], "'only'")
+    skip = converted([skip] if isinstance(skip, str) else list(skip), Sequence[str], "'skip'")
+    check_names([*only, *skip])
+    for name, value in (("seconds", seconds), ("memory", memory)):
+        if not 0.0 < converted(value, float, f"'{name}'") < 1e9:
+            raise CommandError(f"'{name}' is {value:g}; it must be a positive number.")
+    folder = None if reference is None else converted(reference, Path, "the reference")
+    if folder is not None and not folder.exists():
+        raise CommandError(f"there is no folder '{folder}' with references.")
+    wide = {"*": tolerance} if isinstance(tolerance, (int, float)) else tolerance or {}
+    return Settings(
+        only=only,
+        skip=skip,
+        reference=folder.absolute() if folder is not None else None,
+        tolerance=converted(wide, Mapping[str, Tolerance], "the tolerance"),
+        seconds=float(seconds),
+        memory=round(memory * 2**20),
+        recording=record,
+    )
+
+
+def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[Job]:
+    """What is to be examined: an FMU, or every FMU of a system, each once, and the system."""
+    if path.suffix.lower() not in _SYSTEMS:
+        return [Job(path.absolute(), settings, name)]
+    document = held.enter_context(read_ssp(path))
+    alone = replace(settings, reference=None)
+    files = dict.fromkeys(c.fmu for c in document.system.components if c.fmu is not None)
+    inside = [Job(file, alone, f"{name}/{file.name}") for file in files]
+    return [*inside, Job(path.absolute(), settings, name, system=True)]
+
+
+@dataclass
+class _Examiners:
+    """Processes that examine, each one job after the other."""
+
+    advance: Callable[[], None]
+    running: list[subprocess.Popen[bytes]] = field(default_factory=list)
+    ended: bool = False
+
+    def examined(self, jobs: Sequence[Job]) -> tuple[Examined, ...]:
+        """What was found, in the order of the jobs; Ctrl-C ends all of them."""
+        with ThreadPoolExecutor(min(os.cpu_count() or 1, len(jobs))) as pool:
+            try:
+                return tuple(pool.map(self._examined, jobs))
+            except BaseException:
+                self.ended = True
+                for process in list(self.running):
+                    process.kill()
+                raise
+
+    def _examined(self, job: Job) -> Examined:
+        if self.ended:
+            return _lost(job, "interrupted")
+        process = started(_EXAMINER)
+        self.running.append(process)
+        channel = Channel(process.stdout, process.stdin, lambda: process.poll() is None)
+        try:
+            channel.send(job)
+            while isinstance(answer := channel.receive(), str):
+                self.advance()
+            return answer
+        except (EOFError, OSError):
+            return _lost(job, how_it_ended(process.wait()))
+        finally:
+            self.running.remove(process)
+            channel.close()
+            process.kill()
+            process.wait()
 
 
 def _lost(job: Job, how: str) -> Examined:
     """What is said where not even the examiner came to its end."""
-    first: Check = chosen((), ())[0]
-    outcome = failed(f"Its examination ended ({how}).")
-    finding = Finding(first.name, first.title, outcome, first.clause, outcome.hint or first.hint, 0.0)
-    return Examined(job.path, {}, (finding,), 0.0)
+    found = finding(CHECKS[0], failed(f"Its examination ended ({how})."))
+    return Examined(job.path, {}, (found,), 0.0, job.name)

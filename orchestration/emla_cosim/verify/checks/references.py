@@ -6,10 +6,15 @@ from ...tubes.tolerance import tolerance_of
 from ..check import check
 from ..references.files import Reference, read_reference, reference_folder
 from ..references.following import followed
+from ..references.recording import recorded as write_references
 from ..subject import Subject
 from ..verdict import Clause, Outcome, failed, passed, skipped
 
-_RULES = Clause("4.5", "Reference results are compared within a tolerance tube", "FMI Cross-Check Rules")
+_RULES = Clause(
+    "3",
+    "The rules have been tightened to allow automatic result comparison with specified epsilon bands.",
+    "FMI Cross-Check Rules 4.1",
+)
 
 
 @check(
@@ -31,8 +36,7 @@ def agrees(subject: Subject) -> Outcome:
         reference = read_reference(folder, name)
         return _judged(subject, reference)
     except CommandError as error:
-        sentence = str(error)
-        return failed(sentence[0].upper() + sentence[1:], hint="Mend the reference files.")
+        return failed(_sentence(error), hint="Mend the reference files.")
 
 
 def _judged(subject: Subject, reference: Reference) -> Outcome:
@@ -65,3 +69,29 @@ def _judged(subject: Subject, reference: Reference) -> Outcome:
         f"with {closest.worst / closest.tube.value if closest.tube.value else 0.0:.0%} of what is allowed.",
         comparisons=comparisons,
     )
+
+
+@check(
+    "reference.recorded",
+    "Reference files are made of a run",
+    _RULES,
+    "The sentence says what does not fit.",
+    needs=("run.completes",),
+    patience=30.0,
+)
+def recorded(subject: Subject) -> Outcome:
+    """The FMU is run as the settings say, and what it does is kept."""
+    recording = subject.settings.recording
+    assert recording is not None
+    try:
+        files = write_references(subject, recording)
+    except CommandError as error:
+        return failed(_sentence(error))
+    except OSError as error:
+        return failed(f"'{recording.folder}' cannot be written: {error.strerror or error}.")
+    return passed(f"Wrote {', '.join(str(file) for file in files)}.")
+
+
+def _sentence(error: CommandError) -> str:
+    text = str(error)
+    return text[0].upper() + text[1:]

@@ -19,6 +19,9 @@ from ...files import read_text
 from ...tubes.tolerance import Tolerance, tolerances_in
 from ...values import converted
 
+_OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
+"""Entries of `_ref.opt` that say how to run the FMU, all in s; a step of 0 leaves it to the solver."""
+
 _KEYS = ("made_by", "set", "tolerance")
 
 
@@ -99,14 +102,16 @@ def _options(path: Path) -> dict[str, float]:
     if not path.is_file():
         return {}
     found = {}
-    for line in filter(str.strip, read_text(path, "the options of the reference").splitlines()):
-        name, _, value = line.partition(",")
+    for line in read_text(path, "the options of the reference").splitlines():
+        name, _, value = (part.strip() for part in line.partition("//")[0].partition(","))
+        if name not in _OPTIONS:
+            continue  # RelTol is what the reference's solver was told, and no tolerance of comparisons
         try:
-            found[name.strip()] = float(value)
+            found[name] = float(value)
         except ValueError:
-            raise CommandError(f"'{path}' has '{line.strip()}'; write NAME, NUMBER.") from None
-    if wrong := [n for n, v in found.items() if not np.isfinite(v)]:
-        raise CommandError(f"'{path}' has {wrong[0]} = {found[wrong[0]]}; it must be a finite number.")
+            raise CommandError(f"'{path}' has '{line.strip()}'; write {name}, NUMBER.") from None
+        if not np.isfinite(found[name]):
+            raise CommandError(f"'{path}' has {name} = {value}; it must be a finite number.")
     return found
 
 

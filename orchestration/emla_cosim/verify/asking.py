@@ -1,0 +1,45 @@
+"""One check asked of one subject, in a process of its own, and what it found."""
+
+import time
+from typing import Any
+
+from .apart import apart
+from .check import Check
+from .report import Finding
+from .settings import Settings
+from .verdict import Outcome, Verdict, failed, skipped
+
+
+def asked(check: Check, subject: Any, settings: Settings) -> Finding:
+    """Do a check, within the limits of the settings."""
+    began = time.monotonic()
+    try:
+        limits = check.patience * settings.seconds, round(check.room * settings.memory)
+        outcome = apart(_do, (check, subject), *limits)
+    except Exception as error:  # a slip of ours is told, and costs nobody the rest of the report
+        outcome = failed(f"The check itself went wrong: {type(error).__name__}: {error}.")
+    return finding(check, outcome, time.monotonic() - began)
+
+
+def blocked(check: Check, needed: Finding) -> Finding:
+    """What is said of a check that needs one that did not pass."""
+    told = needed.sentence  # which says it already where that was blocked itself
+    if needed.verdict == Verdict.FAILED:
+        told = f"It needs {needed.check}, which failed."
+    elif not told.startswith("It needs "):
+        told = f"It needs {needed.check}, which was skipped: {told}"
+    return finding(check, skipped(told))
+
+
+def finding(check: Check, outcome: Outcome, seconds: float = 0.0) -> Finding:
+    """An outcome with what its check rests on."""
+    return Finding(check.name, check.title, outcome, check.clause, outcome.hint or check.hint, seconds)
+
+
+def _do(check: Check, subject: Any) -> Outcome:
+    from .host.instance import CallError  # which loads fmpy's part for FMI 2.0
+
+    try:
+        return check.examine(subject)
+    except CallError as error:
+        return failed(str(error))

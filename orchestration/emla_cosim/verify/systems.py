@@ -1,0 +1,20 @@
+"""The examination of a whole system, as that of an FMU is in `examination`."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from .asking import asked
+from .checks import systems
+from .checks.systems import WholeSystem
+from .report import Examined
+from .settings import Settings
+
+
+def examined_system(path: Path, settings: Settings, told: Callable[[str], None]) -> Examined:
+    """Run a system, and hold it against a run that was kept where the settings name one."""
+    began = time.monotonic()
+    check = systems.agrees if settings.reference is not None else systems.runs
+    told(check.name)
+    found = asked(check, WholeSystem(path, settings), settings)
+    return Examined(path, {}, (found,), time.monotonic() - began)
