@@ -3,7 +3,7 @@
 import difflib
 import hashlib
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -24,15 +24,14 @@ _HARMLESS = "description.readable"
 def examined(subject: Subject, told: Callable[[str], None] = lambda _: None) -> Examined:
     """Examine an FMU; `told` is called with the name of each check before it is done."""
     began = time.monotonic()
-    wanted = chosen(subject.settings)
     findings: dict[str, Finding] = {}
-    for check in _with_needs(wanted):
+    for check in needed(subject.settings):
         told(check.name)
         findings[check.name] = _finding(check, subject, findings)
         if check.name == _HARMLESS and findings[check.name].verdict == Verdict.PASSED:
             with suppress(Exception):  # it was read in another process, but this one is another
                 _ = subject.tree, subject.description
-    names = {c.name for c in wanted}
+    names = {c.name for c in chosen(subject.settings)}
     shown = tuple(f for f in findings.values() if f.check in names)
     return Examined(subject.path, _facts(subject), shown, time.monotonic() - began)
 
@@ -63,13 +62,13 @@ def _means(pattern: str, check: Check) -> bool:
     return check.group == pattern or fits(check.name, pattern)
 
 
-def _with_needs(wanted: Sequence[Check]) -> Iterator[Check]:
-    """The checks and all that they need, in the order of the catalogue."""
-    names = {c.name for c in wanted}
+def needed(settings: Settings) -> list[Check]:
+    """The checks that the settings mean, and all that these need, in the order of the catalogue."""
+    names = {c.name for c in chosen(settings)}
     for check in (RECORDED, *reversed(CHECKS)):  # what is needed stands before
         if check.name in names:
             names.update(check.needs)
-    return (c for c in (*CHECKS, RECORDED) if c.name in names)
+    return [c for c in (*CHECKS, RECORDED) if c.name in names]
 
 
 def _finding(check: Check, subject: Subject, before: dict[str, Finding]) -> Finding:

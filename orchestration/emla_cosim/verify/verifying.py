@@ -19,7 +19,7 @@ from ..tubes.tolerance import Tolerance
 from ..values import converted
 from .asking import finding
 from .catalogue import CHECKS
-from .examination import check_names, chosen
+from .examination import check_names, needed
 from .examiner import Job
 from .references.recording import Recording, check_recording
 from .report import Examined, Report
@@ -60,8 +60,9 @@ def verify(
     with ExitStack() as held:
         jobs = [job for name, path in named.items() for job in _jobs(name, path, settings, held)]
         if record is not None:
-            check_recording(record, [job.path.stem for job in jobs])
-        told.begin("verifying", len(chosen(settings)) * len(jobs), "checks")
+            check_recording(record, [job.path for job in jobs])
+        count = sum(1 if job.system else len(needed(job.settings)) for job in jobs)
+        told.begin("verifying", count, "checks")
         found = _Examiners(lambda: told.advance(1)).examined(jobs)
     return Report(found, version("emla-cosim"), datetime.now(UTC).isoformat(timespec="seconds"))
 
@@ -116,6 +117,8 @@ def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[Jo
     """What is to be examined: an FMU, or every FMU of a system, each once, and the system."""
     if path.suffix.lower() not in _SYSTEMS:
         return [Job(path.absolute(), settings, name)]
+    if settings.recording is not None:
+        raise CommandError(f"references are recorded of FMUs, one by one; '{path}' is a system.")
     document = held.enter_context(read_ssp(path))
     alone = replace(settings, reference=None)
     files = dict.fromkeys(c.fmu for c in document.system.components if c.fmu is not None)
