@@ -5,9 +5,10 @@ little, whatever the caller did before.
 """
 
 import os
+import sys
+import tempfile
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from ..channel import Channel, own_channel
@@ -24,15 +25,16 @@ class Job(NamedTuple):
 
     path: Path
     settings: Settings
-    name: str = ""
+    name: str
     system: bool = False
 
 
 def main() -> None:
-    """Serve the parent at the other end of standard input and output."""
+    """Serve the parent at the other end of standard input and output; temporary files go into its folder."""
     ask_no_more()  # it is the parent who ends an examination
     end_with(os.getppid(), lambda: os._exit(0))
     channel = own_channel()
+    tempfile.tempdir = sys.argv[1]
     while True:
         try:
             job: Job = channel.receive()
@@ -46,7 +48,7 @@ def _done(job: Job, channel: Channel) -> Examined:
         from .systems import examined_system
 
         return replace(examined_system(job.path, job.settings, channel.send), name=job.name)
-    with TemporaryDirectory(prefix="emla-verify-") as folder:
+    with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
         return replace(examined(subject, channel.send), name=job.name)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..channel import Channel
 from ..errors import CommandError
+from ..files import temporary_folder
 from ..processes import how_it_ended, started
 from ..progress import Progress
 from ..ssp.reader.reading import read_ssp
@@ -63,7 +64,8 @@ def verify(
             check_recording(record, [job.path for job in jobs])
         count = sum(1 if job.system else len(needed(job.settings)) for job in jobs)
         told.begin("verifying", count, "checks")
-        found = _Examiners(lambda: told.advance(1)).examined(jobs)
+        folder = held.enter_context(temporary_folder("emla-verify-"))
+        found = _Examiners(folder, lambda: told.advance(1)).examined(jobs)
     return Report(found, version("emla-cosim"), datetime.now(UTC).isoformat(timespec="seconds"))
 
 
@@ -128,8 +130,9 @@ def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[Jo
 
 @dataclass
 class _Examiners:
-    """Processes that examine, each one job after the other."""
+    """Processes that examine, one for each job, with their temporary files in a folder."""
 
+    folder: Path
     advance: Callable[[], None]
     running: list[subprocess.Popen[bytes]] = field(default_factory=list)
     ended: bool = False
@@ -148,7 +151,7 @@ class _Examiners:
     def _examined(self, job: Job) -> Examined:
         if self.ended:
             return _lost(job, "interrupted")
-        process = started(_EXAMINER)
+        process = started(_EXAMINER, str(self.folder))
         self.running.append(process)
         channel = Channel(process.stdout, process.stdin, lambda: process.poll() is None)
         try:

@@ -21,7 +21,7 @@ from .files import Reference, read_columns
 from .following import followed, inputs_at, start_values
 
 MOST_STEPS = 100_000
-"""Of a run that is recorded without a word about how long it is to be."""
+"""Of a run that is recorded."""
 
 _ROWS = 1000
 """Of generated inputs and of the recorded outputs, about, unless a step is said."""
@@ -70,6 +70,7 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
             _ = subject.description
         except Exception:  # which the checks tell better
             continue
+        _course(subject, recording)
         start_values(subject, recording.values)
         if recording.inputs is not None:
             inputs_at(subject, read_columns(recording.inputs, "the inputs"), np.zeros(2))
@@ -80,16 +81,8 @@ def recorded(subject: Subject, recording: Recording) -> list[Path]:
 
     Raises CallError where the FMU refuses a call, CommandError for inputs that do not fit, OSError.
     """
-    start, step, count = span(subject)
-    step = recording.step or step
-    stop = start + step * round((recording.stop - start) / step) if recording.stop else start + step * count
-    if not stop > start:
-        raise CommandError(f"the stop time {recording.stop:g} s must be after the start, {start:g} s.")
-    count = round((stop - start) / step)
-    if count > MOST_STEPS:
-        raise CommandError(
-            f"{count} steps of {step:g} s are too many to record; give --stop-time or --step-size."
-        )
+    start, step, count = _course(subject, recording)
+    stop = start + count * step
     every = max(1, count // _ROWS)
     times = np.asarray(start + step * np.arange(0, count + 1, every), dtype=np.float64)
     if recording.inputs is not None:
@@ -111,6 +104,24 @@ def recorded(subject: Subject, recording: Recording) -> list[Path]:
     else:  # what an earlier recording left would be taken for its inputs
         (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
     return [_written(recording.folder / f"{subject.path.stem}_{kind}", text) for kind, text in texts.items()]
+
+
+def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
+    """Start and step in s, and the number of steps; CommandError where they do not fit."""
+    start, step, count = span(subject)
+    if recording.step is not None:
+        if not recording.step > 0.0:
+            raise CommandError(f"the step size {recording.step:g} s must be a positive number.")
+        step, count = recording.step, max(1, round(count * step / recording.step))
+    if recording.stop is not None:
+        if not recording.stop > start:
+            raise CommandError(f"the stop time {recording.stop:g} s must be after the start, {start:g} s.")
+        count = max(1, round((recording.stop - start) / step))
+    if count > MOST_STEPS:
+        raise CommandError(
+            f"{count} steps of {step:g} s are too many to record; give --stop-time or --step-size."
+        )
+    return start, step, count
 
 
 def _written(path: Path, text: str) -> Path:
