@@ -144,3 +144,20 @@ def test_a_copy_of_an_fmu_elsewhere_is_verified_where_it_is(plant: str, tmp_path
     strange.mkdir()
     copy = Path(shutil.copy(plant, strange / "EmlaPlant.fmu"))
     assert ec.verify(copy, only="run").passed
+
+
+def test_reports_do_not_take_the_place_of_anything(plant: str, tmp_path: Path, emla: Emla) -> None:
+    fmu = Path(shutil.copy(plant, tmp_path / "x.fmu"))
+    before = fmu.read_bytes()
+    (tmp_path / "link.json").symlink_to(fmu)
+    for arguments, said in (
+        (("--json", "x.fmu"), "the JSON report 'x.fmu' is the file to verify too; write it to another file."),
+        (("--html", "link.json"), "the page 'link.json' is the file to verify 'x.fmu' too"),
+        (("--junit", "r", "--json", "r"), "the JSON report 'r' is the JUnit report too"),
+        (("--json", "gone/r"), "the JSON report 'gone/r' cannot be written: there is no folder 'gone'."),
+        (("--json", "."), "the JSON report '.' cannot be written"),
+        (("--json", "/dev/null/x"), "cannot be written"),
+    ):
+        assert said in sentence(emla("verify", "x.fmu", "--only", "archive", *arguments), 2)
+    assert fmu.read_bytes() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["link.json", "x.fmu"]
