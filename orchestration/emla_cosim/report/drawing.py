@@ -19,7 +19,7 @@ def library() -> str:
 def template(lines: int, band: bool) -> str:
     """A figure of so many lines as JSON: its models have names, by which they are given data and colours."""
     from bokeh.embed import json_item
-    from bokeh.models import CrosshairTool
+    from bokeh.models import CrosshairTool, Span
 
     figure = _figure()
     if band:
@@ -31,7 +31,8 @@ def template(lines: int, band: bool) -> str:
         figure.line("x", "y", source=_source(f"line-{k}", "x", "y"), name=f"line-{k}", line_width=1.5)
     mark = _source("mark", "x", "y")
     figure.scatter("x", "y", source=mark, name="mark", size=9, line_width=1.75, fill_color=None)
-    figure.add_tools(CrosshairTool(dimensions="height", line_width=1, name="crosshair"))
+    figure.add_tools(CrosshairTool(dimensions="height", line_width=1, name="crosshair", visible=False))
+    figure.add_layout(Span(dimension="height", line_dash="dotted", name="since", visible=False))
     return json.dumps(json_item(figure), separators=(",", ":"))
 
 
@@ -40,7 +41,7 @@ def _figure() -> Any:
     from bokeh.plotting import figure
 
     made = figure(
-        height=260,
+        height=250,
         sizing_mode="stretch_width",
         tools="pan,box_zoom,wheel_zoom,reset,save",
         active_drag="box_zoom",
@@ -52,7 +53,8 @@ def _figure() -> Any:
         outline_line_color=None,
         min_border=8,
     )
-    made.toolbar.logo = None
+    made.toolbar.logo, made.toolbar.group = None, False
+    made.toolbar.stylesheets = [".bk-divider { opacity: 0.25; }"]
     made.xaxis.axis_label = "time / s"
     for axis in made.axis:
         axis.minor_tick_line_color = None

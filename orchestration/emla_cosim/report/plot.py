@@ -39,12 +39,19 @@ class Band:
 
 @dataclass(frozen=True)
 class Plot:
-    """Lines over `time` in s, all in `unit`; `mark` is a time to look at, on the first line."""
+    """Lines over time in s, all in `unit`.
+
+    `mark` is a time to look at, on the first line, and `since` the time from which all is otherwise; both
+    with the words for it. With `against`, an index of the lines, everything can also be shown as its
+    difference from that line.
+    """
 
     unit: str
     lines: tuple[Line, ...]
     band: Band | None = None
-    mark: float | None = None
+    mark: tuple[float, str] | None = None
+    since: tuple[float, str] | None = None
+    against: int | None = None
 
     @property
     def shape(self) -> tuple[int, bool]:
@@ -58,14 +65,18 @@ class Plot:
         content = [
             f'"shape":{json.dumps("-".join(str(int(n)) for n in self.shape))}',
             f'"unit":{json.dumps(shortened(visible(self.unit), 40))}',
-            f'"x":{_numbers(_span(line.time for line in self.lines))}',
+            f'"x":{_numbers(_padded(*_span(line.time for line in self.lines), 0.01))}',
             f'"y":{_numbers([low, high])}',
             f'"lines":[{",".join(_line_json(line, grain) for line in self.lines)}]',
         ]
         if self.band is not None:
             content.append(f'"band":{_band_json(self.band, grain)}')
-        if self.mark is not None and (at := _at(self.lines[0], self.mark)) is not None:
-            content.append(f'"mark":{_numbers(at)}')
+        if self.mark is not None and (at := _at(self.lines[0], self.mark[0])) is not None:
+            content.append(f'"mark":{{"at":{_numbers(at)},"label":{json.dumps(visible(self.mark[1]))}}}')
+        if self.since is not None and np.isfinite(self.since[0]):
+            content.append(f'"since":{{"at":{self.since[0]!r},"label":{json.dumps(visible(self.since[1]))}}}')
+        if self.against is not None:
+            content.append(f'"against":{self.against}')
         return "{" + ",".join(content) + "}"
 
     def _range(self) -> tuple[float, float]:
@@ -144,9 +155,9 @@ def _span(curves: Iterable[Vector]) -> tuple[float, float]:
     return float(min(p.min() for p in known)), float(max(p.max() for p in known))
 
 
-def _padded(low: float, high: float) -> tuple[float, float]:
+def _padded(low: float, high: float, part: float = 0.05) -> tuple[float, float]:
     size = max(abs(low), abs(high))
-    room = 0.05 * (high - low) if high - low > 1e-12 * size else 0.05 * size or 1.0
+    room = part * (high - low) if high - low > 1e-12 * size else 0.05 * size or 1.0
     return low - room, high + room
 
 

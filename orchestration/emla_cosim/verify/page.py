@@ -145,7 +145,9 @@ def _plot(one: Comparison) -> Plot:
             Line("reference", one.reference_time, one.reference, "grey", dashed=True),
         ),
         Band("tube", one.time, one.lower, one.upper),
-        one.worst_at,
+        mark=(one.worst_at, "worst"),
+        since=None if one.left_at is None else (one.left_at, "left the tube"),
+        against=1,
     )
 
 
