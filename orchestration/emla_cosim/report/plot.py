@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -80,19 +81,19 @@ class Plot:
         return "{" + ",".join(content) + "}"
 
     def _range(self) -> tuple[float, float]:
-        """What to show first: the band, and lines as far as they are near it; a line that runs away leaves."""
+        """What to show first: the band, and lines as far as they are near it."""
         if self.band is None:
             return _padded(*_span(line.values for line in self.lines))
         low, high = _span([self.band.lower, self.band.upper])
         first, last = _span(line.values for line in self.lines)
-        room = (high - low) or abs(high) or 1.0
+        room = (high - low) or abs(high) or 1.0  # a line that runs away leaves the picture
         return _padded(max(min(low, first), low - room), min(max(high, last), high + room))
 
     def _grain(self, span: float) -> float:
         """What is too small to be seen, however far one zooms to see where a band is left."""
         grain = span / 1e5
         if self.band is not None:
-            width = _drawable(self.band.upper - self.band.lower)
+            width = _drawable(self.band.upper) - _drawable(self.band.lower)
             width = width[width > 0]
             grain = min(grain, float(np.median(width)) / 200) if width.size else grain
         return grain
@@ -107,7 +108,7 @@ def thinned(*curves: Vector) -> np.ndarray:
     kept = {0, count - 1}
     for curve in curves:
         known = np.isfinite(curve)
-        for low, high in zip(starts[:-1], starts[1:], strict=True):
+        for low, high in pairwise(starts):
             part, here = curve[low:high], known[low:high]
             kept.add(low + int(np.argmin(np.where(here, part, np.inf))))
             kept.add(low + int(np.argmax(np.where(here, part, -np.inf))))

@@ -1,5 +1,6 @@
 """The report as JUnit XML, as CI systems display it: a suite per FMU, a case per check."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ def save(report: "Report", path: Path) -> None:
         tests=sum(report.counts.values()),
         failures=report.counts[Verdict.FAILED],
         errors=0,
-        time=f"{sum(one.seconds for one in report.examined):.3f}",
+        time=_time(sum(one.seconds for one in report.examined)),
     )
     root.extend(suites)
     etree.indent(root)
@@ -41,7 +42,7 @@ def _suite(one: "Examined", name: str, report: "Report") -> Any:
         failures=len(one.of(Verdict.FAILED)),
         errors=0,
         skipped=len(one.of(Verdict.SKIPPED)),
-        time=f"{one.seconds:.3f}",
+        time=_time(one.seconds),
         timestamp=report.started,
     )
     properties = _element("properties")
@@ -58,7 +59,7 @@ def _class_name(label: str) -> str:
 
 
 def _case(finding: "Finding", class_name: str) -> Any:
-    case = _element("testcase", classname=class_name, name=finding.check, time=f"{finding.seconds:.3f}")
+    case = _element("testcase", classname=class_name, name=finding.check, time=_time(finding.seconds))
     if finding.verdict == Verdict.FAILED:
         case.append(_element("failure", _explained(finding), type=finding.check, message=finding.sentence))
     elif finding.verdict == Verdict.SKIPPED:
@@ -66,6 +67,10 @@ def _case(finding: "Finding", class_name: str) -> Any:
     elif finding.verdict == Verdict.WARNING:
         case.append(_element("system-out", f"Warning: {_explained(finding)}"))
     return case
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds if math.isfinite(seconds) else 0.0:.3f}"
 
 
 def _explained(finding: "Finding") -> str:

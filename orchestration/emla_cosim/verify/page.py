@@ -33,7 +33,10 @@ def page(report: "Report") -> str:
     """The text of the page."""
     plots = Plots()
     names = labels([one.path for one in report.examined])
-    parts = [_Part(k, one, name, plots) for k, (one, name) in enumerate(zip(report.examined, names, strict=True), 1)]
+    parts = [
+        _Part(k, one, name, plots)
+        for k, (one, name) in enumerate(zip(report.examined, names, strict=True), 1)
+    ]
     groups = list(dict.fromkeys(group for part in parts for group in part.groups))
     return rendered(
         __package__ or "",
@@ -175,6 +178,9 @@ def _headline(report: "Report") -> str:
 def _moment(text: str) -> dict[str, Any]:
     """A time for people; as it is where it is none."""
     try:
-        return {"machine": text, "people": datetime.fromisoformat(text).strftime("%d %B %Y, %H:%M %Z").lstrip("0")}
+        return {
+            "machine": text,
+            "people": datetime.fromisoformat(text).strftime("%d %B %Y, %H:%M %Z").lstrip("0"),
+        }
     except ValueError:
         return {"machine": None, "people": text}
