@@ -4,6 +4,7 @@ const drawn = new Map(); // figure elements and what is drawn in them
 
 (() => {
   const parsed = (id) => JSON.parse(document.getElementById(id).textContent);
+  const times = (x) => (Array.isArray(x) ? numbers(x) : Float64Array.from({ length: x.count }, (_, k) => x.first + (k * (x.last - x.first)) / (x.count - 1)));
   const numbers = (values) => Float64Array.from(values, (v) => (v === null ? NaN : v));
   const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(6))) : "–");
   const make = (tag, className, text) => Object.assign(document.createElement(tag), { className, textContent: text ?? "" });
@@ -48,30 +49,23 @@ const drawn = new Map(); // figure elements and what is drawn in them
 
   // What JSON has as null is no number.
   function read(data) {
-    const lines = data.lines.map((line) => ({ ...line, x: numbers(line.x), y: numbers(line.y) }));
-    const band = data.band && { ...data.band, x: numbers(data.band.x), lower: numbers(data.band.lower), upper: numbers(data.band.upper) };
+    const lines = data.lines.map((line) => ({ ...line, x: times(line.x), y: numbers(line.y), base: numbers(line.base ?? []) }));
+    const band = data.band && { ...data.band, x: times(data.band.x), lower: numbers(data.band.lower), upper: numbers(data.band.upper), base: numbers(data.band.base ?? []) };
     return { ...data, lines, band };
   }
 
-  // The same as differences from one of the lines.
+  // The same as differences from what each has as its base.
   function difference(data) {
-    const base = data.lines[data.against], less = (x, y) => y.map((v, k) => v - at(base, x[k]));
-    const lines = data.lines.map((line) => ({ ...line, y: less(line.x, line.y) }));
-    const band = data.band && { ...data.band, lower: less(data.band.x, data.band.lower), upper: less(data.band.x, data.band.upper) };
-    const mark = data.mark && { ...data.mark, at: [data.mark.at[0], data.mark.at[1] - at(base, data.mark.at[0])] };
+    const less = (values, base) => values.map((v, k) => v - base[k]);
+    const lines = data.lines.map((line) => ({ ...line, y: less(line.y, line.base) }));
+    const band = data.band && { ...data.band, lower: less(data.band.lower, data.band.base), upper: less(data.band.upper, data.band.base) };
+    const mark = data.mark && { ...data.mark, y: data.mark.y - (data.mark.base ?? NaN) };
     return { ...data, lines, band, mark, y: around([...(band ? [band.lower, band.upper] : []), ...lines.map((l) => l.y)], band) };
   }
 
   function thin({ band, y }) { // whether it cannot be seen where the band is left
     const widths = band ? [...band.upper].map((v, k) => v - band.lower[k]).filter(Number.isFinite).sort((a, b) => a - b) : [];
     return widths.length > 0 && widths[widths.length >> 1] < 0.03 * (y[1] - y[0]);
-  }
-
-  function at({ x, y }, time) { // linear between points
-    const k = before(x, time);
-    if (time <= x[k] || k + 1 >= x.length) return y[k];
-    const part = (time - x[k]) / (x[k + 1] - x[k]);
-    return time >= x[k + 1] ? y[k + 1] : y[k] + part * (y[k + 1] - y[k]);
   }
 
   function around(curves, band) { // all there is, as far as it is near the band
@@ -92,7 +86,7 @@ const drawn = new Map(); // figure elements and what is drawn in them
     one.data = data;
     data.lines.forEach(({ x, y }, k) => { model(`line-${k}-data`).data = { x, y }; });
     if (data.band) model("band-data").data = { x: data.band.x, lower: data.band.lower, upper: data.band.upper };
-    if (data.mark) model("mark-data").data = { x: [data.mark.at[0]], y: [data.mark.at[1]] };
+    if (data.mark) model("mark-data").data = { x: [data.mark.x], y: [data.mark.y] };
     plot.left[0].axis_label = one.unit;
     view(one);
   }
@@ -141,14 +135,15 @@ const drawn = new Map(); // figure elements and what is drawn in them
     };
     const time = make("span", "entry at");
     for (const [k, line] of data.lines.entries()) {
-      const swatch = entry(line.label, line.dashed ? "dashed" : "", () => one.data.lines[k], (curve, i) => shown(curve.y[i]));
+      const gaps = line.missing ? `, ${line.missing} point${line.missing === 1 ? "" : "s"} not drawn` : "";
+      const swatch = entry(line.label + gaps, line.dashed ? "dashed" : "", () => one.data.lines[k], (curve, i) => shown(curve.y[i]));
       swatch.style.setProperty("--swatch", `var(--${line.color})`);
     }
     if (data.band) entry(data.band.label, "filled", () => one.data.band, (curve, i) => `${shown(curve.lower[i])} … ${shown(curve.upper[i])}`);
-    if (data.mark) entry(`${data.mark.label} at ${shown(data.mark.at[0])} s`, "ring");
+    if (data.mark) entry(`${data.mark.label} at ${shown(data.mark.x)} s`, "ring");
     if (data.since) entry(`${data.since.label} at ${shown(data.since.at)} s`, "upright");
     list.append(time);
-    const button = data.against === undefined ? null : switcher(one);
+    const button = data.base === null ? null : switcher(one);
     if (button) list.append(button);
     element.prepend(list);
     plot.on_event("mousemove", ({ x }) => {
@@ -161,7 +156,7 @@ const drawn = new Map(); // figure elements and what is drawn in them
 
   function switcher(one) {
     const button = make("button", "difference", "Difference");
-    Object.assign(button, { type: "button", ariaPressed: "false", title: `Show all as differences from the ${one.data.lines[one.data.against].label}` });
+    Object.assign(button, { type: "button", ariaPressed: "false", title: `Show all as differences from the ${one.data.base}` });
     button.addEventListener("click", () => {
       const wanted = button.ariaPressed !== "true";
       button.ariaPressed = String(wanted);
