@@ -100,7 +100,7 @@ def test_hostile_texts_make_no_elements() -> None:
     text = page(hostile())
     root = parsed(text)
     assert not elements(root, "img")
-    allowed = {"theme.js", "plots.js", "page.js"}
+    allowed = {"theme.js", "curves.js", "plots.js", "page.js"}
     assert len([s for s in elements(root, "script") if not s.get("type")]) == len(allowed)
     assert not [e for e in root.iter() for name in e.attrib if name.startswith("on")]
     assert "{{7*7}}" in text_of(elements(root, "main")[0])
@@ -221,8 +221,10 @@ def test_a_page_without_plots_has_no_library() -> None:
 
 
 def _empty() -> dict[str, Any]:
-    return {"report": report(), "parts": [], "groups": [], "verdicts": [], "headline": "Nothing", "thing": "FMU",
-            "started": {"machine": None, "people": "then"}, "seconds": 0.0}  # fmt: skip
+    return {
+        "report": report(), "parts": [], "groups": [], "verdicts": [], "headline": "Nothing", "thing": "FMU",
+        "started": {"machine": None, "people": "then"}, "seconds": 0.0,
+    }  # fmt: skip
 
 
 # ---- texts -----------------------------------------------------------------------------------------
