@@ -110,7 +110,7 @@ class Plot:
             "missing": int(np.isnan(values).sum()),
             "x": times(line.time[kept]),
             "y": rounded(values[kept], grain),
-            **{"base": rounded(b[kept], grain) for b in base},
+            **_base(base, lambda b: rounded(b[kept], grain)),
         }
 
     def _band(self, band: Band, grain: float) -> dict[str, Any]:
@@ -121,7 +121,7 @@ class Plot:
             "x": times(band.time[kept]),
             "lower": rounded(lower[kept], grain),
             "upper": rounded(upper[kept], grain),
-            **{"base": rounded(b[kept], grain) for b in base},
+            **_base(base, lambda b: rounded(b[kept], grain)),
         }
 
     def _mark(self) -> dict[str, Any] | None:
@@ -135,5 +135,10 @@ class Plot:
             return None
         k = int(np.argmin(away))
         at = self.lines[0].time[k : k + 1]
-        base = {"base": rounded(b)[0] for b in self._base(at)}
+        base = _base(self._base(at), lambda b: rounded(b)[0])
         return {"label": visible(label), "x": float(at[0]), "y": float(values[k]), **base}
+
+
+def _base(found: list[Vector], shown: Callable[[Vector], Any]) -> dict[str, Any]:
+    """The entry for what is subtracted, if anything is."""
+    return {"base": shown(found[0])} if found else {}

@@ -7,7 +7,6 @@ little, whatever the caller did before.
 import os
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,11 +20,12 @@ from .subject import Subject
 
 
 class Job(NamedTuple):
-    """A file to examine, and what reports call it: an FMU, or a system of them."""
+    """A file to examine, an FMU or a system of them; what reports call it, and its path as it was given."""
 
     path: Path
     settings: Settings
     name: str
+    given: Path
     system: bool = False
 
 
@@ -47,10 +47,10 @@ def _done(job: Job, channel: Channel) -> Examined:
     if job.system:
         from .systems import examined_system
 
-        return replace(examined_system(job.path, job.settings, channel.send), name=job.name)
+        return examined_system(job.path, job.settings, channel.send)
     with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
-        return replace(examined(subject, channel.send), name=job.name)
+        return examined(subject, channel.send)
 
 
 if __name__ == "__main__":

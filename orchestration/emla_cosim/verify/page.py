@@ -32,7 +32,7 @@ def save(report: "Report", path: Path) -> None:
 def page(report: "Report") -> str:
     """The text of the page."""
     plots = Plots()
-    names = labels([one.path for one in report.examined])
+    names = labels([one.label for one in report.examined])
     parts = [
         _Part(k, one, name, plots)
         for k, (one, name) in enumerate(zip(report.examined, names, strict=True), 1)

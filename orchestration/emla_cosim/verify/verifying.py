@@ -118,14 +118,14 @@ def _settings(
 def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[Job]:
     """What is to be examined: an FMU, or every FMU of a system, each once, and the system."""
     if path.suffix.lower() not in _SYSTEMS:
-        return [Job(path.absolute(), settings, name)]
+        return [Job(path.absolute(), settings, name, path)]
     if settings.recording is not None:
         raise CommandError(f"references are recorded of FMUs, one by one; '{path}' is a system.")
     document = held.enter_context(read_ssp(path))
     alone = replace(settings, reference=None)
     files = dict.fromkeys(c.fmu for c in document.system.components if c.fmu is not None)
-    inside = [Job(file, alone, f"{name}/{file.name}") for file in files]
-    return [*inside, Job(path.absolute(), settings, name, system=True)]
+    inside = [Job(file, alone, f"{name}/{file.name}", path / file.name) for file in files]
+    return [*inside, Job(path.absolute(), settings, name, path, system=True)]
 
 
 @dataclass
@@ -158,7 +158,7 @@ class _Examiners:
             channel.send(job)
             while isinstance(answer := channel.receive(), str):
                 self.advance()
-            return answer
+            return replace(answer, path=job.given, name=job.name)
         except (EOFError, OSError):
             return _lost(job, how_it_ended(process.wait()))
         finally:
@@ -171,4 +171,4 @@ class _Examiners:
 def _lost(job: Job, how: str) -> Examined:
     """What is said where not even the examiner came to its end."""
     found = finding(CHECKS[0], failed(f"Its examination ended ({how})."))
-    return Examined(job.path, {}, (found,), 0.0, job.name)
+    return Examined(job.given, {}, (found,), 0.0, job.name)
