@@ -1,6 +1,7 @@
 """Lines over time with a band and a mark, as data that a page draws when somebody looks at them."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 

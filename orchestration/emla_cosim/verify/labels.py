@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def labels(names: Sequence[str]) -> list[str]:
-    """The last parts of names that are paths, with as many of the folders before them as it takes to tell them apart."""
+    """The last parts of names that are paths, as many as it takes to tell them apart."""
     paths = [Path(name) for name in names]
     found = [path.name for path in paths]
     for depth in range(2, max((len(p.parts) for p in paths), default=0) + 1):
