@@ -138,7 +138,7 @@ def _initially_unknown(declared: Declared) -> set[int]:
     Clause("2.2.8", "The indices are ordered according to magnitude, starting with the smallest index."),
     "`dependencies` are indices of inputs, states and the independent variable, in InitialUnknowns also of "
     "what is `exact`; `dependenciesKind` has one word for each.",
-    needs=("description.schema",),
+    needs=("structure.derivatives",),
 )
 def dependencies(subject: Subject) -> Outcome:
     """Dependencies exist, ascend, have a kind each or none, and are on knowns."""
