@@ -2,35 +2,31 @@
 
 from pathlib import Path
 
-import lief  # noqa: F401  # once here, and not in each process that examines
 import pytest
 
 from emla_cosim.verify.catalogue import STATIC as CHECKS
-from emla_cosim.verify.examination import examined
-from emla_cosim.verify.report import Examined
-from emla_cosim.verify.settings import Settings
-from emla_cosim.verify.subject import Subject
 from emla_cosim.verify.verdict import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.editing import good_bytes
+from tests.support.broken.examining import examined_apart, examined_here
 from tests.support.broken.static import STATIC
 
-ONLY = Settings(only=tuple(c.name for c in CHECKS))
-
-
-def found(path: Path, folder: Path) -> Examined:
-    return examined(Subject(path, folder / "unpacked" / "fmu", ONLY))
+NAMES = tuple(c.name for c in CHECKS)
 
 
 def test_good_fmu_passes_every_check(tmp_path: Path) -> None:
     path = tmp_path / "Toy.fmu"
     path.write_bytes(good_bytes())
-    assert {f.check: f.sentence for f in found(path, tmp_path).findings if f.verdict != Verdict.PASSED} == {}
+    assert {
+        f.check: f.sentence for f in examined_apart(path, NAMES).findings if f.verdict != Verdict.PASSED
+    } == {}
 
 
 @pytest.mark.parametrize("broken", STATIC, ids=lambda b: b.name)
-def test_broken_fmu_fails_its_check_alone(broken: Broken, tmp_path: Path) -> None:
-    report = found(broken.build(tmp_path), tmp_path)
+def test_broken_fmu_fails_its_check_alone(
+    broken: Broken, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report = examined_here(broken.build(tmp_path), NAMES, monkeypatch)
     wrong = {f.check: f.sentence for f in report.findings if f.verdict in (Verdict.FAILED, Verdict.WARNING)}
     assert list(wrong) == [broken.check], wrong
     assert report[broken.check].verdict == Verdict.FAILED

@@ -120,7 +120,9 @@ def _variable(name: str) -> str:
 _DTD = '<!DOCTYPE fmiModelDescription [<!ENTITY lol "lol">]>\n<fmiModelDescription'
 
 STATIC: list[Broken] = [
-    Broken("traversal", "An entry that leads out of the archive", "archive.safe", _entries(("../evil", b"!"))),
+    Broken(
+        "traversal", "An entry that leads out of the archive", "archive.safe", _entries(("../evil", b"!"))
+    ),
     Broken("link", "A link among the entries", "archive.safe", _entries((_link(), b"/etc/passwd"))),
     Broken("bomb", "A zip bomb", "archive.safe", _bomb),
     Broken("cut-archive", "An archive that is cut off", "archive.safe", _bytes(_cut_off)),
@@ -297,14 +299,24 @@ STATIC: list[Broken] = [
         "structure.dependencies",
         setting("//Outputs/Unknown[@index='16']", dependenciesKind="dependent"),
     ),
-    Broken("no-binary", "No library of the model's name, and no sources", "binaries.present", with_files(_other_library)),
+    Broken(
+        "no-binary",
+        "No library of the model's name, and no sources",
+        "binaries.present",
+        with_files(_other_library),
+    ),
     Broken(
         "missing-symbol",
         "A function that the library does not export",
         "binaries.symbols",
         _with_library(lambda content: content.replace(b"fmi2GetStringStatus\0", b"fmi2GetStringStatuz\0")),
     ),
-    Broken("no-library", "A library that is text", "binaries.symbols", _with_library(lambda _: b"Not Found\n" * 99)),
+    Broken(
+        "no-library",
+        "A library that is text",
+        "binaries.symbols",
+        _with_library(lambda _: b"Not Found\n" * 99),
+    ),
     Broken(
         "cut-library",
         "A library that is cut off",

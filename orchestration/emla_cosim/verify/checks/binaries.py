@@ -11,7 +11,7 @@ from ..apart import note
 from ..check import check
 from ..functions import required
 from ..libraries import Library, exported, libraries, parsed, platforms
-from ..saying import judged, listed
+from ..saying import judged, listed, short
 from ..subject import Subject
 from ..verdict import Clause, Outcome, failed, passed, skipped, warned
 
@@ -107,13 +107,15 @@ def loads(subject: Subject) -> Outcome:
         note(f"loading {library}")
         try:
             ctypes.CDLL(str(library.path))
+        except UnicodeDecodeError:  # what the loader says quotes the library
+            return failed(f"{library} cannot be loaded, for a reason that is no text.")
         except OSError as error:
             said = str(error).replace(f"{library.path.parent}{os.sep}", "")
-            return failed(f"{library} cannot be loaded: {' '.join(said.split()).rstrip('.')}.")
+            return failed(f"{library} cannot be loaded: {short(said).rstrip('.')}.")
     try:
         _ = subject.description
     except MemoryError:
         raise
     except Exception as error:
-        return skipped(f"FMPy cannot read the model description: {' '.join(str(error).split()).rstrip('.')}.")
+        return skipped(f"FMPy cannot read the model description: {short(str(error)).rstrip('.')}.")
     return passed(f"{listed([str(one) for one in here])} can be loaded.")

@@ -8,7 +8,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..check import check
 from ..declared import repeated
-from ..saying import judged
+from ..saying import judged, short
 from ..subject import DESCRIPTION, Subject
 from ..verdict import Clause, Outcome, failed, passed
 
@@ -31,9 +31,9 @@ def readable(subject: Subject) -> Outcome:
     except MemoryError:
         raise
     except Exception as error:  # lxml has its own, and what it is given is hostile
-        return failed(f"{DESCRIPTION} cannot be read: {' '.join(str(error).split()).rstrip('.')}.")
+        return failed(f"{DESCRIPTION} cannot be read: {short(str(error)).rstrip('.')}.")
     if root.tag != _ROOT:
-        return failed(f"{DESCRIPTION} begins with the element {root.tag}; it should be {_ROOT}.")
+        return failed(short(f"{DESCRIPTION} begins with the element {root.tag}; it should be {_ROOT}."))
     version = root.get("fmiVersion")
     if version != "2.0":
         return _other_version(version)
@@ -41,15 +41,15 @@ def readable(subject: Subject) -> Outcome:
         return failed(f"{DESCRIPTION} has a document type definition, which the FMI does not know.")
     if not subject.kinds:
         return failed(f"{DESCRIPTION} has neither a CoSimulation nor a ModelExchange element.")
-    return passed(f"It describes {root.get('modelName')}, for {' and '.join(subject.kinds)}.")
+    return passed(short(f"It describes {root.get('modelName')}, for {' and '.join(subject.kinds)}."))
 
 
 def _other_version(version: str | None) -> Outcome:
     if version is None:
         return failed(f"{DESCRIPTION} does not say of which version of the FMI it is (fmiVersion).")
     return failed(
-        f"It is an FMI {version} FMU; this verifies FMI 2.0.",
-        hint=f"Use a tool for FMI {version}, or export the model for FMI 2.0.",
+        short(f"It is an FMI {version} FMU; this verifies FMI 2.0."),
+        hint="Use a tool for its version of the FMI, or export the model for FMI 2.0.",
     )
 
 
@@ -64,7 +64,7 @@ def schema(subject: Subject) -> Outcome:
     """It validates against the XML schema of FMI 2.0."""
     found = _schema()
     found.validate(subject.tree)
-    problems = [f"Line {e.line}: {' '.join(e.message.split()).rstrip('.')}." for e in found.error_log]
+    problems = [f"Line {e.line}: {e.message.strip().rstrip('.')}." for e in found.error_log]
     return judged(problems, "It is valid by the XML schema of FMI 2.0.")
 
 
@@ -86,7 +86,7 @@ def encoding(subject: Subject) -> Outcome:
     said = subject.tree.getroottree().docinfo.encoding
     start = (subject.folder / DESCRIPTION).read_bytes()[:200]
     if said and said.upper() != "UTF-8":
-        return failed(f"It is in {said}.")
+        return failed(short(f"It is in {said}."))
     if b"encoding" not in start.partition(b"?>")[0]:
         return judged((), "", ["Its first line does not say how it is encoded."])
     return passed("It is in UTF-8.")
@@ -147,4 +147,4 @@ def identifier(subject: Subject) -> Outcome:
         for kind, name in given.items()
         if not (name.isascii() and name.isidentifier())
     ]
-    return judged(problems, f"It is {' and '.join(sorted(set(given.values())))}.")
+    return judged(problems, short(f"It is {' and '.join(sorted(set(given.values())))}."))

@@ -4,7 +4,7 @@ import fmpy
 from fmpy.validation import validate_model_description
 
 from ..check import check
-from ..saying import judged
+from ..saying import judged, short
 from ..subject import Subject
 from ..verdict import Clause, Outcome, Verdict, passed, warned
 from . import description, starts, structure, types, units, variables
@@ -36,15 +36,14 @@ _SAY_IT_BETTER = (
 )
 def semantics(subject: Subject) -> Outcome:
     """What FMPy's validator says that no other check does."""
-    if any(one.examine(subject).verdict == Verdict.FAILED for one in _SAY_IT_BETTER):
-        return passed("What FMPy could say, other checks have said.")
+    if any(one.examine(subject).verdict != Verdict.PASSED for one in _SAY_IT_BETTER):
+        return passed("Other checks have findings, which FMPy's would repeat.")
     try:
         read = subject.description
     except MemoryError:
         raise
     except Exception as error:
-        return warned(f"FMPy cannot read the model description: {' '.join(str(error).split()).rstrip('.')}.")
-    flat = read.variableNamingConvention != "structured"  # fmpy takes none for structured
-    found = validate_model_description(read, not flat, validate_model_structure=True)
-    doubts = [f"FMPy says: {' '.join(line.split()).rstrip('.')}." for line in found]
+        return warned(f"FMPy cannot read the model description: {short(str(error)).rstrip('.')}.")
+    found = validate_model_description(read, validate_model_structure=True)
+    doubts = [f"FMPy says: {line.strip().rstrip('.')}." for line in found]
     return judged((), f"FMPy {fmpy.__version__} finds nothing else.", doubts)
