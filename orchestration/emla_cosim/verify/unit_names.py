@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from ..units import BASE_UNITS
 
 _LONGEST = 100
-_TOKEN = re.compile(r"([./()*]|\^?[+-]?\d{1,2}(?!\d)|\^|[^\W\d_]+|[°%])")
-_EXPONENT = re.compile(r"\^?([+-]?\d{1,2})")
+_TOKEN = re.compile(r"([./()*]|\^?[+-]?[0-9]{1,2}(?![0-9])|[^\W\d_]+|[°%])")
+_EXPONENT = re.compile(r"\^?([+-]?[0-9]{1,2})")
 
 
 @dataclass(frozen=True)

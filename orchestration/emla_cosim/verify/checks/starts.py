@@ -1,10 +1,10 @@
 """Start values: there where they have to be, and within their ranges."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from ..check import check
-from ..declared import Declared, Variable
+from ..declared import Variable
 from ..saying import judged
 from ..subject import Subject
 from ..verdict import Clause, Outcome
@@ -51,11 +51,12 @@ def ranges(subject: Subject) -> Outcome:
     """Start values are finite, within min and max, and items of their enumerations."""
     declared = subject.declared
     numeric = [v for v in declared.variables if v.type in _NUMERIC]
-    problems = [p for v in numeric for p in _wrong(v, declared)]
+    items = {t.name: {int(item["value"]) for item in t.items} for t in declared.types}
+    problems = [p for v in numeric for p in _wrong(v, items)]
     return judged(problems, f"Start values of {len(numeric)} numeric variables are within their ranges.")
 
 
-def _wrong(variable: Variable, declared: Declared) -> Iterator[str]:
+def _wrong(variable: Variable, items: Mapping[str, set[int]]) -> Iterator[str]:
     given = variable.attributes
     values = {name: float(given[name]) for name in ("start", "min", "max", "nominal") if name in given}
     for name, value in values.items():
@@ -69,12 +70,7 @@ def _wrong(variable: Variable, declared: Declared) -> Iterator[str]:
     elif not low <= start <= high:
         end = f"below its min {low:g}" if start < low else f"above its max {high:g}"
         yield f"The start value {start:g} of {variable} is {end}."
-    elif variable.type == "Enumeration" and "start" in values and start not in _items(variable, declared):
+    elif variable.type == "Enumeration" and "start" in values and start not in items[given["declaredType"]]:
         yield f"The start value {start:g} of {variable} is no item of {given['declaredType']}."
     if values.get("nominal", 1.0) <= 0.0:
         yield f"{variable} has the nominal {values['nominal']:g}, which has to be positive."
-
-
-def _items(variable: Variable, declared: Declared) -> set[int]:
-    name = variable.own["declaredType"]
-    return {int(item["value"]) for t in declared.types if t.name == name for item in t.items}
