@@ -9,8 +9,17 @@ from lxml import etree
 
 from emla_cosim.verify.catalogue import STATIC
 from emla_cosim.verify.verdict import Verdict
-from tests.support.broken.editing import DESCRIPTION, setting, with_files, with_text, with_tree, without
+from tests.support.broken.editing import (
+    DESCRIPTION,
+    Files,
+    setting,
+    with_files,
+    with_text,
+    with_tree,
+    without,
+)
 from tests.support.broken.examining import examined_here
+from tests.support.broken.static import LIBRARY
 
 NAMES = tuple(c.name for c in STATIC if c.name != "sources.compile")
 Build = Callable[[Path], Path]
@@ -33,6 +42,8 @@ def with_variable(element: str) -> Build:
 
 ODD = {
     "stops before it starts": ("description.experiment", setting("//DefaultExperiment", stopTime="-1")),
+    "never stops": ("description.experiment", setting("//DefaultExperiment", stopTime="INF")),
+    "endless range": ("variables.range", setting("//ScalarVariable[@name='x_0']/Real", max="INF")),
     "no step": ("description.experiment", setting("//DefaultExperiment", stepSize="0")),
     "no base unit": ("units.defined", without("//Unit[@name='W']/BaseUnit")),
     "unknown display unit": ("units.defined", setting("//ScalarVariable[@name='x']/Real", displayUnit="yd")),
@@ -123,3 +134,54 @@ WRONG_UNITS = {
 def test_wrong_units_fail(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     report = examined_here(WRONG_UNITS[name](tmp_path), NAMES, monkeypatch)
     assert [f.check for f in report.of(Verdict.FAILED)] == ["units.consistent"]
+
+
+def with_header(*lines: str) -> Build:
+    """The good FMU with more lines in one of its headers."""
+
+    def edit(files: Files) -> None:
+        files["sources/equations.h"] += "\n".join(("", *lines, "")).encode()
+
+    return with_files(edit)
+
+
+SOURCES = {
+    "syntax": (with_header("int nonsense("), Verdict.WARNING, "does not compile"),
+    "header of a system": (with_header("#include <nowhere.h>"), Verdict.WARNING, "nowhere.h"),
+    "header of its own": (with_header('#include "nowhere.h"'), Verdict.FAILED, "nowhere.h"),
+    "linking": (with_header("void gone(void); void (*f)(void) = gone;"), Verdict.WARNING, "gone"),
+    "not listed": (
+        with_tree(lambda root: [e.getparent().remove(e) for e in root.xpath("//SourceFiles")]),
+        Verdict.WARNING,
+        "SourceFiles",
+    ),
+    "more": (with_header("static int unused;"), Verdict.PASSED, "fmi2_block.c"),
+}
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_sources(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    build, verdict, words = SOURCES[name]
+    finding = examined_here(build(tmp_path), ("sources.compile",), monkeypatch)["sources.compile"]
+    assert finding.verdict == verdict, finding.sentence
+    assert words in finding.sentence
+
+
+@pytest.mark.parametrize("documented", [False, True])
+def test_library_that_needs_another(
+    documented: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It fails, unless the FMU tells what it needs: then nothing can be said here."""
+
+    def edit(files: Files) -> None:
+        content = files[LIBRARY]
+        assert b"libm.so.6\0" in content
+        files[LIBRARY] = content.replace(b"libm.so.6\0", b"libq.so.6\0")
+        if documented:
+            files["documentation/externalDependencies.txt"] = b"libq"
+
+    report = examined_here(with_files(edit)(tmp_path), ("binaries",), monkeypatch)
+    assert report["binaries.loads"].verdict == (Verdict.SKIPPED if documented else Verdict.FAILED)
+    assert "libq.so.6" in report["binaries.loads"].sentence
+    assert report["binaries.imports"].verdict == Verdict.WARNING
+    assert "libq.so.6" in report["binaries.imports"].sentence

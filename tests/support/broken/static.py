@@ -179,12 +179,6 @@ STATIC: list[Broken] = [
         with_tree(_doubled_category),
     ),
     Broken(
-        "endless",
-        "A default experiment without an end",
-        "description.experiment",
-        setting("//DefaultExperiment", stopTime="INF"),
-    ),
-    Broken(
         "no-type",
         "A declared type that is not defined",
         "description.types",

@@ -111,7 +111,9 @@ def loads(subject: Subject) -> Outcome:
             return failed(f"{library} cannot be loaded, for a reason that is no text.")
         except OSError as error:
             said = str(error).replace(f"{library.path.parent}{os.sep}", "")
-            return failed(f"{library} cannot be loaded: {short(said).rstrip('.')}.")
+            sentence = f"{library} cannot be loaded: {short(said).rstrip('.')}"
+            others = _dependencies(subject)
+            return skipped(f"{sentence}; {others} tells what it needs.") if others else failed(f"{sentence}.")
     try:
         _ = subject.description
     except MemoryError:
@@ -119,3 +121,9 @@ def loads(subject: Subject) -> Outcome:
     except Exception as error:
         return skipped(f"FMPy cannot read the model description: {short(str(error)).rstrip('.')}.")
     return passed(f"{listed([str(one) for one in here])} can be loaded.")
+
+
+def _dependencies(subject: Subject) -> str:
+    """The file that tells on what an FMU depends that it does not bring; empty where there is none."""
+    names = [f"documentation/externalDependencies.{kind}" for kind in ("txt", "html")]
+    return next((name for name in names if (subject.folder / name).is_file()), "")

@@ -83,9 +83,9 @@ def _schema() -> Any:
 )
 def encoding(subject: Subject) -> Outcome:
     """It is in UTF-8, and says so."""
-    said = subject.tree.getroottree().docinfo.encoding
+    said = subject.tree.getroottree().docinfo.encoding or "UTF-8"
     start = (subject.folder / DESCRIPTION).read_bytes()[:200]
-    if said and said.upper() != "UTF-8":
+    if said.upper() not in ("UTF-8", "UTF8"):
         return failed(short(f"It is in {said}."))
     if b"encoding" not in start.partition(b"?>")[0]:
         return judged((), "", ["Its first line does not say how it is encoded."])
@@ -135,7 +135,7 @@ def categories(subject: Subject) -> Outcome:
 @check(
     "description.identifier",
     "The model identifier can name C functions",
-    Clause("4.3.1", "Short class name according to C syntax, for example, A_B_C."),
+    Clause("fmi2ModelDescription.xsd", 'Short class name according to C-syntax, e.g. "A_B_C".'),
     "Use letters, digits and underscores only, and no digit first.",
     needs=("description.schema",),
 )

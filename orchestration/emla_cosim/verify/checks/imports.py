@@ -18,7 +18,7 @@ _EVERYWHERE = re.compile(
     lib(c|m|dl|rt|pthread|util|gcc_s|stdc\+\+)\.so(\.\d+)? | ld-(linux|musl)[-.\w]*
     | libSystem\.B\.dylib | libc\+\+(abi)?\.\d\.dylib | libobjc\.A\.dylib
     | (api|ext)-ms-win-[-\w]+\.dll | (kernel|user|gdi|advapi|shell|ole|oleaut|ws2_|comdlg)32\.dll
-    | (ntdll|msvcrt|ucrtbase|bcrypt|crypt32|secur32|shlwapi|version|winmm|rpcrt4|psapi|dbghelp)\.dll
+    | (ntdll|msvcrt|ucrtbase|bcrypt|crypt32|secur32|shlwapi|version|winmm|imagehlp|rpcrt4|psapi|dbghelp)\.dll
     """,
     re.VERBOSE | re.IGNORECASE,
 )

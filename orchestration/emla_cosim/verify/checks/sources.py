@@ -11,13 +11,14 @@ from pathlib import Path
 
 from ..apart import note
 from ..check import check
-from ..saying import judged
+from ..saying import judged, short
 from ..subject import Subject
 from ..verdict import Clause, Outcome, failed, passed, skipped, warned
 
 _BUILD_DESCRIPTION = "buildDescription.xml"
 _C = (".c",)
 _ERROR = re.compile(r"(?:error|undefined reference|multiple definition|cannot find)[^\n]*", re.IGNORECASE)
+_MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or directory| file not found)")
 
 
 @check(
@@ -32,7 +33,7 @@ _ERROR = re.compile(r"(?:error|undefined reference|multiple definition|cannot fi
     patience=6.0,
 )
 def compile_(subject: Subject) -> Outcome:
-    """All listed source files are there, and they compile and link to a library."""
+    """All listed source files are there, with their headers, and compile and link to a library."""
     folder = subject.folder / "sources"
     lists = {kind: _listed(subject, kind) for kind in subject.kinds}
     if not any(lists.values()):
@@ -80,9 +81,18 @@ def _compiled(folder: Path, names: Sequence[str]) -> Outcome | None:
     if done.returncode == 0:
         return None
     said = _ERROR.search(done.stderr)
-    reason = " ".join((said[0] if said else done.stderr.strip().rpartition("\n")[2]).split())
-    sentence = f"{', '.join(names)} does not compile: {reason.replace(f'{folder}/', '').rstrip('.')}."
-    return warned(sentence) if "windows.h" in done.stderr.lower() else failed(sentence)
+    reason = said[0] if said else done.stderr.strip().rpartition("\n")[2]
+    sentence = short(f"{', '.join(names)} does not compile: {reason.replace(f'{folder}/', '').rstrip('. ')}.")
+    missing = _MISSING.search(done.stderr)
+    if missing and _shipped(folder, missing[1]):
+        return failed(sentence)
+    return warned(sentence)  # it may need options that only its documentation says
+
+
+def _shipped(folder: Path, header: str) -> bool:
+    """Whether a header should have come with the FMU: it is included by its name in quotes."""
+    include = re.compile(rb'#\s*include\s*"' + re.escape(header.encode()) + rb'"')
+    return any(include.search(p.read_bytes()) for p in folder.rglob("*.[ch]"))
 
 
 def _compiler() -> list[str]:

@@ -53,16 +53,18 @@ def ranges(subject: Subject) -> Outcome:
     numeric = [v for v in declared.variables if v.type in _NUMERIC]
     items = {t.name: {int(item["value"]) for item in t.items} for t in declared.types}
     problems = [p for v in numeric for p in _wrong(v, items)]
-    return judged(problems, f"Start values of {len(numeric)} numeric variables are within their ranges.")
+    doubts = [p for v in numeric for p in _endless(v)]
+    return judged(
+        problems, f"Start values of {len(numeric)} numeric variables are within their ranges.", doubts
+    )
 
 
 def _wrong(variable: Variable, items: Mapping[str, set[int]]) -> Iterator[str]:
     given = variable.attributes
     values = {name: float(given[name]) for name in ("start", "min", "max", "nominal") if name in given}
-    for name, value in values.items():
-        if not math.isfinite(value):
-            yield f"{name} of {variable} is {given[name]}, which is no number."
-            return
+    if not math.isfinite(values.get("start", 0.0)):
+        yield f"The start value of {variable} is {given['start']}, which is not allowed in files of the FMI."
+        return
     low, high = values.get("min", -math.inf), values.get("max", math.inf)
     start = values.get("start", low)
     if low > high:
@@ -74,3 +76,9 @@ def _wrong(variable: Variable, items: Mapping[str, set[int]]) -> Iterator[str]:
         yield f"The start value {start:g} of {variable} is no item of {given['declaredType']}."
     if values.get("nominal", 1.0) <= 0.0:
         yield f"{variable} has the nominal {values['nominal']:g}, which has to be positive."
+
+
+def _endless(variable: Variable) -> Iterator[str]:
+    for name in ("min", "max", "nominal"):
+        if not math.isfinite(float(variable.attributes.get(name, 0.0))):
+            yield f"The {name} of {variable} is {variable.attributes[name]}; it should be a finite number."
