@@ -17,8 +17,8 @@ from .settings import Settings
 from .subject import Subject
 from .verdict import Verdict
 
-_HARMLESS = "description.readable"
-"""The check after which the model description can be read here, once for all later checks."""
+_READ_AFTER = {"description.readable": ("tree", "description"), "description.schema": ("declared",)}
+"""What of a subject is read here, once for all later checks, after a check that passed."""
 
 
 def examined(subject: Subject, told: Callable[[str], None] = lambda _: None) -> Examined:
@@ -28,9 +28,9 @@ def examined(subject: Subject, told: Callable[[str], None] = lambda _: None) -> 
     for check in needed(subject.settings):
         told(check.name)
         findings[check.name] = _finding(check, subject, findings)
-        if check.name == _HARMLESS and findings[check.name].verdict == Verdict.PASSED:
+        for name in _READ_AFTER.get(check.name, ()) if findings[check.name].verdict == Verdict.PASSED else ():
             with suppress(Exception):  # it was read in another process, but this one is another
-                _ = subject.tree, subject.description
+                getattr(subject, name)
     names = {c.name for c in chosen(subject.settings)}
     shown = tuple(f for f in findings.values() if f.check in names)
     return Examined(subject.path, _facts(subject), shown, time.monotonic() - began)

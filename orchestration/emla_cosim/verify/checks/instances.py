@@ -11,7 +11,7 @@ from ..verdict import Clause, Outcome, passed
     "An instance can be made and freed",
     Clause("2.1.5", "The function returns a new instance of an FMU."),
     "The log says why; a GUID in the library that is not that of modelDescription.xml is the usual reason.",
-    needs=("description.readable",),
+    needs=("binaries.loads",),
 )
 def created(subject: Subject) -> Outcome:
     """fmi2Instantiate gives an instance, and fmi2FreeInstance takes it back."""
