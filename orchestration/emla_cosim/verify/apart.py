@@ -36,6 +36,11 @@ def note(doing: str) -> None:
         _Notes.memory[: len(text) + 1] = text + b"\0"
 
 
+def noted() -> str:
+    """What was noted last, in this process or one that divided from it."""
+    return "" if _Notes.memory is None else _Notes.memory[:].split(b"\0")[0].decode(errors="replace")
+
+
 def apart(do: Callable[..., Outcome], arguments: tuple[Any, ...], seconds: float, memory: int) -> Outcome:
     """What `do` returns, called in another process with these arguments.
 

@@ -78,11 +78,12 @@ def _outcome(check: Check, subject: Subject) -> Outcome:
 
 
 def _do(check: Check, subject: Subject) -> Outcome:
+    from .host.afresh import EndedError
     from .host.instance import CallError  # which loads fmpy's part for FMI 2.0
 
     try:
         return check.examine(subject)
-    except CallError as error:
+    except (CallError, EndedError) as error:
         return failed(str(error))
 
 
