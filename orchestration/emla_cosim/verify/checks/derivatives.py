@@ -1,0 +1,198 @@
+"""Derivatives that an FMU gives, beside differences of its values."""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+
+from ...arrays import Vector
+from ..check import check
+from ..host.afresh import EndedError, afresh
+from ..host.experiment import experiment
+from ..host.instance import CallError, Instance
+from ..host.points import Point, in_event_mode, in_initialization
+from ..subject import Subject
+from ..verdict import Clause, Outcome, failed, passed, skipped, warned
+
+_FUNCTION = "fmi2GetDirectionalDerivative"
+_POINTS = 5
+_STEP = 1e-5
+"""Of a difference, in parts of the size of what is changed."""
+
+_AGREE = 1e-3
+"""Relative error of a derivative that is right; wrong ones are off by more, and differences by less."""
+
+_LOST = 1e-9
+"""Of an unknown's value: a change that differences do not see."""
+
+
+class _Slope(NamedTuple):
+    """A derivative as it is given, and as a difference tells it."""
+
+    unknown: str
+    direction: str
+    where: str
+    given: float
+    difference: float
+    right: bool
+
+
+@check(
+    "derivatives.directional",
+    "Directional derivatives are those of the outputs",
+    Clause("2.1.9", "This function computes the directional derivatives of an FMU."),
+    "Compare the derivatives with differences, or do not say providesDirectionalDerivative.",
+    needs=("run.finite",),
+)
+def directional(subject: Subject) -> Outcome:
+    """They agree with central differences at most of several points, in each direction and some mixed ones."""
+    found: list[_Slope] = []
+    if subject.can("providesDirectionalDerivative") and subject.kinds[0] == "CoSimulation":
+        found += _slopes(in_initialization(subject, _POINTS))
+    if "ModelExchange" in subject.kinds and subject.can("providesDirectionalDerivative", "ModelExchange"):
+        found += _of_model(subject)
+    claimed = [k for k in subject.kinds if subject.can("providesDirectionalDerivative", k)]
+    if not claimed:
+        return skipped("It does not say providesDirectionalDerivative.")
+    if not found:
+        return skipped("No derivative of a Real output by a Real input could be asked for.")
+    return _judged(found)
+
+
+def _of_model(subject: Subject) -> list[_Slope]:
+    """Those in event mode; none where it is another call that goes wrong, which is for another check."""
+    try:
+        return afresh(_slopes_of_model, subject)
+    except (CallError, EndedError) as error:
+        if error.call.startswith(_FUNCTION):
+            raise
+        return []
+
+
+def _slopes_of_model(subject: Subject) -> list[_Slope]:
+    return _slopes(in_event_mode(subject, _POINTS))
+
+
+def _slopes(points: Iterable[Point]) -> list[_Slope]:
+    return [slope for point in points for slope in _at(point)]
+
+
+def _at(point: Point) -> Iterator[_Slope]:
+    random = np.random.default_rng(1)
+    for known in point.knowns:
+        yield from _along(point, {known: 1.0}, known)
+    if len(point.knowns) > 1:
+        for k in range(2):
+            seed = dict(zip(point.knowns, random.uniform(-1.0, 1.0, len(point.knowns)), strict=True))
+            scaled = {name: by * point.scale(name) for name, by in seed.items()}
+            yield from _along(point, scaled, f"direction {k + 1}")
+
+
+def _along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Slope]:
+    """Slopes along a direction, of the unknowns that may depend on all of it."""
+    given = point.directional(list(seed), list(seed.values()))
+    size = _STEP * min(point.scale(name) / abs(by) for name, by in seed.items() if by)
+    try:
+        ahead, behind, here = (
+            point.shifted({name: by * way for name, by in seed.items()}) for way in (size, -size, 0.0)
+        )
+    except (CallError, FMICallException):  # beyond what the FMU takes
+        return
+    central, noise = (ahead - behind) / (2.0 * size), _LOST * np.abs(here) / size
+    kinked = _kinks(ahead, behind, here, size) > noise + 0.1 * np.abs(central)
+    for i, dependency in enumerate(point.dependencies):
+        told = all(not dependency.excludes(name) for name in seed)
+        if told and np.isfinite(central[i]) and not kinked[i]:
+            allowed = _AGREE * max(abs(given[i]), abs(central[i])) + noise[i]
+            right = bool(abs(given[i] - central[i]) <= allowed)
+            yield _Slope(
+                dependency.unknown, direction, point.where, float(given[i]), float(central[i]), right
+            )
+
+
+def _kinks(ahead: Vector, behind: Vector, here: Vector, size: float) -> Vector:
+    """How much the slopes to both sides differ."""
+    return np.abs((ahead - here) - (here - behind)) / size
+
+
+def _judged(found: list[_Slope]) -> Outcome:
+    """Failed where a derivative is wrong at most of the points that it was asked for at."""
+    pairs: dict[tuple[str, str], list[_Slope]] = {}
+    for slope in found:
+        pairs.setdefault((slope.unknown, slope.direction), []).append(slope)
+    wrong = [
+        next(s for s in slopes if not s.right)
+        for slopes in pairs.values()
+        if 2 * sum(not s.right for s in slopes) > len(slopes)
+    ]
+    if wrong:
+        lines = tuple(_line(s) for s in wrong)
+        return failed(f"{len(wrong)} of {len(pairs)} directional derivatives are wrong: {lines[0]}", details=lines)
+    return passed(f"{len(pairs)} directional derivatives agree with differences at {_POINTS} points.")
+
+
+def _line(slope: _Slope) -> str:
+    return (
+        f"that of {slope.unknown} along {slope.direction} {slope.where} is {slope.given:.6g}, "
+        f"but differences give {slope.difference:.6g}."
+    )
+
+
+_MARGIN = 0.05
+"""Of the largest derivative of an output, by which one may be beside the differences around it."""
+
+
+@check(
+    "derivatives.outputs",
+    "Derivatives of outputs are their slopes",
+    Clause("4.2.1", "Retrieves the n-th derivative of output values."),
+    "Give the slope at the end of the step, or say maxOutputDerivativeOrder = 0.",
+    needs=("run.finite",),
+)
+def of_outputs(subject: Subject) -> Outcome:
+    """fmi2GetRealOutputDerivatives gives what lies between the slopes before and after, at most points."""
+    if subject.kinds[0] != "CoSimulation":
+        return skipped("It is no FMU for Co-Simulation.")
+    if not subject.means("CoSimulation").maxOutputDerivativeOrder:
+        return skipped("It says maxOutputDerivativeOrder = 0.")
+    names = [v.name for v in subject.of_causality("output") if v.variability in (None, "continuous")]
+    if not names:
+        return skipped("It has no continuous output.")
+    times, values, given = _slopes_on_the_way(subject, names)
+    slopes = np.diff(values, axis=0) / np.diff(times)[:, None]
+    beside = _beside(given, slopes)
+    wrong = [name for name, part in zip(names, beside.mean(axis=0), strict=True) if part > 0.5]
+    if wrong:
+        return warned(
+            f"{len(wrong)} of {len(names)} output derivatives are not the slopes of their outputs, "
+            f"such as that of {wrong[0]}.",
+            details=tuple(f"That of {name} is not." for name in wrong),
+        )
+    return passed(f"The derivatives of {len(names)} outputs are their slopes.")
+
+
+def _slopes_on_the_way(subject: Subject, names: list[str]) -> tuple[Vector, Vector, Vector]:
+    """Times, outputs and derivatives of a run whose inputs stand still: a jump has no slope."""
+    instance, course = Instance(subject), experiment(subject, 40)
+    instance.initialize(course.at(0), float(course.times[0]))
+    references = [instance.reference(n) for n in names]
+    call: Callable[..., list[float]] = instance.fmu.getRealOutputDerivatives
+    values, given = [], []
+    for k in range(len(course.times) - 1):
+        instance.set(course.at(len(course.times) // 3))
+        instance.step(float(course.times[k]), course.step)
+        values.append(instance.get(names))
+        with instance.calling():
+            given.append(call(references, [1] * len(names)))
+        if instance.terminated:
+            break
+    return course.times[1 : len(values) + 1], np.array(values, dtype=float), np.array(given, dtype=float)
+
+
+def _beside(given: Vector, slopes: Vector) -> Vector:
+    """Where a derivative lies beside the slopes of the steps before and after it."""
+    inner = given[1:-1]
+    low, high = np.minimum(slopes[:-1], slopes[1:]), np.maximum(slopes[:-1], slopes[1:])
+    margin = (high - low) + _MARGIN * np.abs(slopes).max(axis=0, initial=0.0) + 1e-12
+    return ~((inner >= low - margin) & (inner <= high + margin))
