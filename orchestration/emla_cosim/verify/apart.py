@@ -98,6 +98,7 @@ def _answer(
     """In the child: do it, and send what came out."""
     if hasattr(os, "setsid"):
         os.setsid()
+    _silence()
     with notes.open("r+b") as stream:
         _Notes.memory = mmap.mmap(stream.fileno(), 0)
     _limit(memory)
@@ -113,6 +114,13 @@ def _answer(
         answers.send(RuntimeError(repr(error)))
     answers.close()
     os._exit(0)  # libraries of the FMU have no say in how this process ends
+
+
+def _silence() -> None:
+    """What an FMU prints is no part of a report."""
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
 
 
 def _limit(memory: int) -> None:

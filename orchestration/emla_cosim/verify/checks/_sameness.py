@@ -7,16 +7,16 @@ ROUNDING = 1e-9
 """Of an output's range: what another alignment of memory, or another order of a sum, may do."""
 
 
-def compared(
-    found: Trajectory, wanted: Trajectory, what: str, allowed: float = ROUNDING
-) -> Outcome:
+def compared(found: Trajectory, wanted: Trajectory, what: str, allowed: float = ROUNDING) -> Outcome:
     """Passed where two runs are the same to the last bit; failed where an output is further apart than allowed.
 
     `what` begins the sentence: `A second run`. `allowed` is in parts of an output's range; what is
     closer than that, and not the same, is worth a warning.
     """
     if found.same(wanted):
-        return passed(f"{what} gave the same {len(wanted.times)} x {len(wanted.names)} values to the last bit.")
+        return passed(
+            f"{what} gave the same {len(wanted.times)} x {len(wanted.names)} values to the last bit."
+        )
     name, time = found.first_difference(wanted)
     apart = found.distance(wanted)
     worst = int(apart.argmax()) if len(apart) else 0

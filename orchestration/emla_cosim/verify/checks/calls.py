@@ -88,9 +88,7 @@ def _parameters(subject: Subject) -> Iterator[_Forbidden]:
         reference = (fmi2ValueReference * 1)(variable.valueReference)
         value = (fmi2Real * 1)(float(variable.start))
         name = f"fmi2SetReal of the fixed parameter {variable.name}"
-        yield _Forbidden(
-            _AFTER, name, lambda i, r=reference, v=value: i.status("fmi2SetReal", r, 1, v)
-        )
+        yield _Forbidden(_AFTER, name, lambda i, r=reference, v=value: i.status("fmi2SetReal", r, 1, v))
 
 
 def _answer(subject: Subject, forbidden: _Forbidden) -> int:
@@ -127,7 +125,9 @@ _STEPS = 3
 def nonfinite(subject: Subject) -> Outcome:
     """NaN or infinity in an input or a parameter is refused, or has no effect; it never ends the process."""
     variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
-    variables = [v for v in variables if v.variability != "constant" and v.start is not None][:_MOST_VARIABLES]
+    variables = [v for v in variables if v.variability != "constant" and v.start is not None][
+        :_MOST_VARIABLES
+    ]
     silent = [
         f"{variable.name} = {value} gives {name} = {got}, and every call answers fmi2OK."
         for variable in variables
@@ -165,4 +165,6 @@ def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tu
     finally:
         instance.free()
     wrong = ~np.isfinite(np.array(found, dtype=float))
-    return [(names[int(np.argmax(wrong))], float(np.array(found, dtype=float)[wrong][0]))] if wrong.any() else []
+    return (
+        [(names[int(np.argmax(wrong))], float(np.array(found, dtype=float)[wrong][0]))] if wrong.any() else []
+    )

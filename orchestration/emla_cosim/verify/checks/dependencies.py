@@ -9,7 +9,7 @@ from ..host.afresh import EndedError, afresh
 from ..host.instance import CallError
 from ..host.points import Point, in_event_mode, in_initialization
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed, skipped, warned
+from ..verdict import Clause, Outcome, failed, passed, skipped
 
 _POINTS = 3
 _CHANGE = 1e-2
@@ -42,8 +42,6 @@ def observed(subject: Subject) -> Outcome:
         return failed(lines[0], details=lines)
     if not declared:
         return skipped("It declares no dependency of an output on an input.")
-    if not seen:
-        return warned(f"None of {declared} declared dependencies on inputs is seen.")
     return passed(f"Nothing but the {declared} declared dependencies on inputs is seen, {seen} of them are.")
 
 

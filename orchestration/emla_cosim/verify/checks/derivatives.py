@@ -128,7 +128,9 @@ def _judged(found: list[_Slope]) -> Outcome:
     ]
     if wrong:
         lines = tuple(_line(s) for s in wrong)
-        return failed(f"{len(wrong)} of {len(pairs)} directional derivatives are wrong: {lines[0]}", details=lines)
+        return failed(
+            f"{len(wrong)} of {len(pairs)} directional derivatives are wrong: {lines[0]}", details=lines
+        )
     return passed(f"{len(pairs)} directional derivatives agree with differences at {_POINTS} points.")
 
 

@@ -1,6 +1,5 @@
 """Runs through the default experiment."""
 
-import ctypes
 import math
 import time
 
@@ -11,6 +10,7 @@ from ..host.afresh import afresh
 from ..host.drive import Trajectory, alone, driven
 from ..host.experiment import experiment
 from ..host.instance import Instance
+from ..host.junk import FIRST, SECOND, Junk, littered
 from ..subject import Subject
 from ..verdict import Clause, Outcome, failed, passed, warned
 from ._sameness import compared
@@ -64,10 +64,15 @@ def finite(subject: Subject) -> Outcome:
 def ranges(subject: Subject) -> Outcome:
     """No output leaves the range that is declared for it; the standard leaves it open what happens then."""
     found = alone(subject)
-    details = [line for n, values in zip(found.names, found.values.T, strict=True)
-               if (line := _outside(subject, n, values, found))]
+    details = [
+        line
+        for n, values in zip(found.names, found.values.T, strict=True)
+        if (line := _outside(subject, n, values, found))
+    ]
     if details:
-        return warned(f"{len(details)} outputs leave their declared range: {details[0]}", details=tuple(details))
+        return warned(
+            f"{len(details)} outputs leave their declared range: {details[0]}", details=tuple(details)
+        )
     return passed(f"{len(found.names)} outputs stay within what is declared for them.")
 
 
@@ -83,14 +88,6 @@ def _outside(subject: Subject, name: str, values: np.ndarray, found: Trajectory)
     return f"{name} is {values[k]:.9g} at t = {found.times[k]:.9g} s, outside of {low:g} to {high:g}."
 
 
-_FIRST, _SECOND = 0xC0, 0xBF
-"""What glibc fills memory with, inverted: 0x3F and 0x40 make ordinary numbers of 8 bytes, 4.8e-4 and 32."""
-
-_M_PERTURB = -6
-_JUNK = 37 * 2**20 + 4096
-"""Bytes that the second process has more, so that addresses differ."""
-
-
 @check(
     "run.deterministic",
     "Two runs are the same",
@@ -104,17 +101,12 @@ def deterministic(subject: Subject) -> Outcome:
 
     The standard has no sentence for it; but nothing can be compared with a run that is another each time.
     """
-    first = afresh(_run_in_junk, subject, _FIRST, 0)
+    first = afresh(_run_in_junk, subject, FIRST)
     time.sleep(1.0 - time.time() % 1.0 + 1e-3)  # for whoever takes the second as a seed
-    second = afresh(_run_in_junk, subject, _SECOND, _JUNK)
+    second = afresh(_run_in_junk, subject, SECOND)
     return compared(second, first, "A second run")
 
 
-def _run_in_junk(subject: Subject, junk: int, more: int) -> Trajectory:
-    kept = [ctypes.create_string_buffer(size) for size in (more, more // 1000)]
-    perturbs = getattr(ctypes.CDLL(None), "mallopt", None)
-    if perturbs is not None:  # of glibc
-        perturbs(_M_PERTURB, junk)
-    found = driven(Instance(subject), experiment(subject))
-    kept.clear()
-    return found
+def _run_in_junk(subject: Subject, junk: Junk) -> Trajectory:
+    with littered(junk):
+        return driven(Instance(subject), experiment(subject))

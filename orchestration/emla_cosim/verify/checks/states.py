@@ -45,7 +45,9 @@ def restored(subject: Subject) -> Outcome:
         if instance.terminated:
             break
     instance.close()
-    return worst or passed(f"States of {len(instants)} instants were got, set twice and freed; runs went on the same.")
+    return worst or passed(
+        f"States of {len(instants)} instants were got, set twice and freed; runs went on the same."
+    )
 
 
 def _again(instance: Instance, course: Experiment, first: int, last: int) -> list[Outcome]:
@@ -58,7 +60,9 @@ def _again(instance: Instance, course: Experiment, first: int, last: int) -> lis
             instance.fmu.setFMUstate(state)
         instance.terminated = False
         found = stepped(instance, course, first, last)
-        outcomes.append(compared(found, wanted, f"A run from the state of t = {course.times[first]:.9g} s", _ALLOWED))
+        outcomes.append(
+            compared(found, wanted, f"A run from the state of t = {course.times[first]:.9g} s", _ALLOWED)
+        )
     with instance.calling():
         instance.fmu.freeFMUstate(state)
     return outcomes
@@ -93,7 +97,9 @@ def serialized(subject: Subject) -> Outcome:
         return skipped("It asked to end the run before its state could be taken.")
     found = afresh(_from_bytes, subject, course, middle, data)
     wanted = Trajectory(whole.times[middle:], whole.names, whole.values[middle:])
-    outcome = compared(found, wanted, f"A run from the bytes of the state of t = {course.times[middle]:.9g} s", _ALLOWED)
+    outcome = compared(
+        found, wanted, f"A run from the bytes of the state of t = {course.times[middle]:.9g} s", _ALLOWED
+    )
     return outcome if outcome.verdict != Verdict.PASSED else _damaged(subject, data)
 
 

@@ -38,6 +38,10 @@ class Trajectory:
         k = int(np.argmax(differs.any(axis=1)))
         return self.names[int(np.argmax(differs[k]))], float(self.times[k])
 
+    def until(self, rows: int) -> "Trajectory":
+        """Its beginning, at most so many rows."""
+        return Trajectory(self.times[:rows], self.names, self.values[:rows])
+
     def distance(self, other: "Trajectory") -> Vector:
         """The largest difference of each output, in parts of the range that it has in both.
 
@@ -73,11 +77,12 @@ def stepped(instance: Instance, course: Experiment, first: int = 0, last: int | 
     """Take an instance that is at the communication point `first` on to `last`, the end by default."""
     names = outputs(instance.subject)
     rows: list[list[Any]] = [instance.get(names)]
-    for k in range(first, len(course.times) - 1 if last is None else last):
-        if instance.terminated:
-            break
+    steps = range(first, len(course.times) - 1 if last is None else last)
+    for k in steps if not instance.terminated else ():
         instance.set(course.at(k))
         instance.step(float(course.times[k]), course.step)
+        if instance.terminated:
+            break  # before the end of the step
         rows.append(instance.get(names))
     times = course.times[first : first + len(rows)]
     return Trajectory(times, names, np.array(rows, dtype=float).reshape(len(rows), len(names)))
