@@ -62,7 +62,7 @@ def guid(subject: Subject) -> Outcome:
 
 
 _BATCHES = 5
-_WARM_UP = 0.03
+_WARM_UP = 0.02
 """Seconds of cycles before memory is measured; each batch is as long."""
 
 _LEAK = 200.0

@@ -12,7 +12,7 @@ from ..host.afresh import afresh
 from ..host.drive import driven
 from ..host.experiment import experiment
 from ..host.instance import OK, Instance
-from ..host.log import LOG, Line
+from ..host.log import LOG, Line, whole
 from ..subject import Subject
 from ..verdict import Clause, Outcome, failed, passed, warned
 
@@ -36,17 +36,17 @@ def categories(subject: Subject) -> Outcome:
     quiet, printed = afresh(_said, subject, False, ())
     for line in quiet:
         if line.status == OK:
-            return failed(f"With debug logging off it logs in {_category(line)}: {line.text}")
+            return failed(f"With debug logging off it logs in {_category(line)}: {whole(line.text)}")
     for category in [c for c in declared if c != _ALL][:_MOST_CATEGORIES]:
         for line in afresh(_said, subject, True, (category,))[0]:
             if line.status == OK and line.category != category:
-                return failed(f"With {category} alone switched on it logs in {_category(line)}: {line.text}")
+                return failed(f"With {category} alone switched on it logs in {_category(line)}: {whole(line.text)}")
     everything, _ = afresh(_said, subject, True, tuple(declared))
     strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
     if strange and declared:
         return warned(f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare.")
     if printed:
-        return warned(f"It writes to standard output: {printed}")
+        return warned(f"It writes to standard output: {whole(printed)}")
     return passed(f"{len(everything)} messages came when they were asked for, in {len(declared)} categories.")
 
 

@@ -12,7 +12,7 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2DoStepStatus, fmi2Terminated
 from ..apart import note
 from ..subject import Subject
 from .integration import Integration
-from .log import LOG, Line
+from .log import LOG, Line, whole
 
 STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
@@ -25,7 +25,7 @@ class CallError(Exception):
     def __init__(self, call: str, status: int, lines: Iterable[Line] = ()) -> None:
         said = " ".join(line.text for line in list(lines)[-2:])
         name = STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is no status"
-        super().__init__(f"{call} answered {name}{f': {said}' if said else '.'}")
+        super().__init__(f"{call} answered {name}{f': {whole(said)}' if said else '.'}")
         self.call, self.status = call, status
 
     def __reduce__(self) -> Any:
@@ -220,7 +220,7 @@ def _null(lines: Iterable[Line]) -> CallError:
     """That there is no instance, and what was said of it."""
     said = " ".join(line.text for line in list(lines)[-2:])
     error = CallError("fmi2Instantiate", ERROR)
-    error.args = (f"fmi2Instantiate answered NULL{f': {said}' if said else '.'}",)
+    error.args = (f"fmi2Instantiate answered NULL{f': {whole(said)}' if said else '.'}",)
     return error
 
 

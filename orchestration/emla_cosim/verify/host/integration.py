@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
+from fmpy.sundials import CVodeSolver
 
 from ..subject import Subject
 
@@ -89,8 +90,6 @@ class Integration:
     def _restarted(self, time: float) -> Any:
         """The solver, without memory of what was before `time`."""
         if self._solver is None:
-            from fmpy.sundials import CVodeSolver  # loads SUNDIALS
-
             fmu = self._fmu
             self._solver = CVodeSolver(
                 nx=self._states,
