@@ -36,13 +36,16 @@ def examined(
 ) -> Iterator[dict[str, Future[Examined]]]:
     """What is found about each broken FMU that a test asks for, by its name: two at a time."""
     folder = tmp_path_factory.mktemp("broken")
-    wanted = [i.callspec.params["broken"] for i in request.session.items if "broken" in _parameters(i)]
+    wanted = [found for item in request.session.items if (found := _broken(item)) is not None]
     with ThreadPoolExecutor(2) as pool:
         yield {broken.name: pool.submit(_examine, broken, folder) for broken in wanted}
 
 
-def _parameters(item: pytest.Item) -> dict[str, object]:
-    return item.callspec.params if isinstance(item, pytest.Function) and hasattr(item, "callspec") else {}
+def _broken(item: pytest.Item) -> Broken | None:
+    """What a test is asked to look at; None for tests of anything else."""
+    found = getattr(item, "callspec", None)
+    broken = found.params.get("broken") if found is not None else None
+    return broken if isinstance(broken, Broken) else None
 
 
 def _examine(broken: Broken, folder: Path) -> Examined:
@@ -118,6 +121,6 @@ def test_runs_that_differ_by_rounding_are_no_failure() -> None:
 
 
 def test_an_output_is_measured_by_its_range() -> None:
-    """A difference of 0.001 is much for an output that moves by 0.01, and little for one that moves by 100."""
+    """A difference of 0.001 is much where an output moves by 0.01, and little where it moves by 100."""
     one, other = _run([[0.0, 0.0], [0.01, 100.0]]), _run([[0.001, 0.001], [0.01, 100.0]])
     np.testing.assert_allclose(one.distance(other), [0.1, 1e-5])

@@ -7,9 +7,9 @@ from pathlib import Path
 from string import Template
 
 import fmpy
+
 from emla_cosim.verify.settings import Settings
 from emla_cosim.verify.verdict import Verdict
-
 from fmublock.archive import write_archive
 from tests.support.broken.broken import Broken
 from tests.support.handwritten_fmu import compile_library
@@ -70,7 +70,7 @@ class Fault(IntEnum):
 
 
 def build_good_fmu(folder: Path, fault: Fault = Fault.NONE, name: str = "Good", total: str = "2 9") -> Path:
-    """Build the FMU in a folder, with one fault; `total` are the dependencies that its output of this name declares."""
+    """Build the FMU in a folder, with one fault; `total` are the declared dependencies of this output."""
     template = Template((_FOLDER / "good.xml").read_text(encoding="utf-8"))
     path = folder / f"{name}.fmu"
     content = {

@@ -8,7 +8,7 @@ ROUNDING = 1e-9
 
 
 def compared(found: Trajectory, wanted: Trajectory, what: str, allowed: float = ROUNDING) -> Outcome:
-    """Passed where two runs are the same to the last bit; failed where an output is further apart than allowed.
+    """Passed where two runs are the same to the last bit, failed where they are further apart than allowed.
 
     `what` begins the sentence: `A second run`. `allowed` is in parts of an output's range; what is
     closer than that, and not the same, is worth a warning.

@@ -1,6 +1,7 @@
 """Calls that a careful host does not make."""
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -66,8 +67,9 @@ _OF = {
     "calls.phases",
     "Calls in the wrong phase are refused",
     Clause("4.2.4", "The following state machine defines the supported calling sequences."),
-    "Keep the phase in the instance, and answer fmi2Error with a message to a call that does not belong there.",
+    "Keep the phase in the instance, and answer fmi2Error, with a message, to what does not belong there.",
     needs=("run.completes",),
+    patience=2.0,
 )
 def phases(subject: Subject) -> Outcome:
     """A call that the state machine forbids is answered with fmi2Error; above all it does no harm."""
@@ -119,7 +121,7 @@ _STEPS = 3
     "calls.nonfinite",
     "Values that are no numbers do no harm",
     Clause("2.1.3", "fmi2OK – all well"),
-    "Look at what is set with isfinite, and answer fmi2Discard or fmi2Error, and say in the log which variable it was.",
+    "Answer fmi2Discard or fmi2Error to what is no number, and say in the log which variable it was.",
     needs=("run.completes",),
 )
 def nonfinite(subject: Subject) -> Outcome:
@@ -128,18 +130,23 @@ def nonfinite(subject: Subject) -> Outcome:
     variables = [v for v in variables if v.variability != "constant" and v.start is not None][
         :_MOST_VARIABLES
     ]
-    silent = [
-        f"{variable.name} = {value} gives {name} = {got}, and every call answers fmi2OK."
-        for variable in variables
-        for value in (math.nan, math.inf)
-        for name, got in _spoiled(subject, variable, value)
-    ]
+    until = time.monotonic() + 0.5 * subject.settings.seconds
+    silent, tried = [], 0
+    for variable in variables:
+        if time.monotonic() > until:
+            break  # where instances take long to make
+        tried += 1
+        silent += [
+            f"{variable.name} = {value} gives {name} = {got}, and every call answers fmi2OK."
+            for value in (math.nan, math.inf)
+            for name, got in _spoiled(subject, variable, value)
+        ]
     if silent:
         return warned(
             f"{len(silent)} times a value that is no number was taken without a word: {silent[0]}",
             details=tuple(silent),
         )
-    return passed(f"NaN and infinity were set to {len(variables)} inputs and parameters, and none did harm.")
+    return passed(f"NaN and infinity were set to {tried} inputs and parameters, and none did harm.")
 
 
 def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]]:

@@ -28,6 +28,7 @@ Pairs = dict[tuple[str, str], str]
     Clause("2.2.8", "If present as empty list, the Unknown depends on none of the Knowns."),
     "Add the input to the dependencies of the unknown, or leave the attribute out.",
     needs=("run.finite",),
+    patience=3.0,
 )
 def observed(subject: Subject) -> Outcome:
     """No output changes with an input that its dependencies exclude."""

@@ -21,7 +21,7 @@ _STEP = 1e-5
 """Of a difference, in parts of the size of what is changed."""
 
 _AGREE = 1e-3
-"""Relative error of a derivative that is right; wrong ones are off by more, and differences by less."""
+"""Relative error of a derivative that is right; differences are off by less."""
 
 _LOST = 1e-9
 """Of an unknown's value: a change that differences do not see."""
@@ -44,9 +44,10 @@ class _Slope(NamedTuple):
     Clause("2.1.9", "This function computes the directional derivatives of an FMU."),
     "Compare the derivatives with differences, or do not say providesDirectionalDerivative.",
     needs=("run.finite",),
+    patience=3.0,
 )
 def directional(subject: Subject) -> Outcome:
-    """They agree with central differences at most of several points, in each direction and some mixed ones."""
+    """They agree with central differences at most of several points, along each input and mixed ones."""
     found: list[_Slope] = []
     if subject.can("providesDirectionalDerivative") and subject.kinds[0] == "CoSimulation":
         found += _slopes(in_initialization(subject, _POINTS))

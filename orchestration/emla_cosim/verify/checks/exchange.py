@@ -19,13 +19,15 @@ from ._sameness import compared
     "The order of values does not matter",
     Clause(
         "2.1.7",
-        "Set parameters, inputs, start values and re-initialize caching of variables that depend on these variables",
+        "Set parameters, inputs, start values and re-initialize caching of variables that depend on these "
+        "variables",
     ),
-    "Compute from the values that are set when the step begins, and let no call that gets a value change anything.",
+    "Compute from what is set when the step begins, and let no call that gets a value change anything.",
     needs=("run.deterministic",),
+    patience=4.0,
 )
 def order(subject: Subject) -> Outcome:
-    """Inputs set one by one, forwards and backwards, and outputs read one by one, backwards and twice, change nothing."""
+    """Inputs set and outputs read one by one, forwards, backwards, and twice, change nothing."""
     wanted = alone(subject)
     for what, backwards in (("one by one", False), ("one by one in reverse", True)):
         found = afresh(_one_by_one, subject, experiment(subject), backwards)
@@ -72,11 +74,12 @@ _CLOSE = 1e-3
     "steps.split",
     "Two half steps are one step",
     Clause("4.3.1", "The slave can handle variable communication step size."),
-    "Integrate with steps of its own that are short enough, or say canHandleVariableCommunicationStepSize = false.",
+    "Integrate with shorter steps inside, or say canHandleVariableCommunicationStepSize = false.",
     needs=("run.deterministic", "run.finite"),
+    patience=4.0,
 )
 def split(subject: Subject) -> Outcome:
-    """Half steps with the inputs held are taken, and end where whole ones do; where not, the user should know."""
+    """Half steps with the inputs held are taken, and end where whole ones do."""
     if subject.kinds[0] != "CoSimulation":
         return skipped("A model is integrated by its host.")
     if not subject.can("canHandleVariableCommunicationStepSize"):
@@ -92,7 +95,7 @@ def split(subject: Subject) -> Outcome:
         return warned(
             f"{len(far)} of {len(whole.names)} outputs depend on the step size: {lines[0]}",
             details=lines,
-            hint="Where a state is sampled once per step, that is meant so; otherwise take shorter steps inside.",
+            hint="Take shorter steps inside, unless a state is sampled once per step on purpose.",
         )
     return passed(f"Half steps end within {max(apart, default=0.0):.1g} of the range where whole ones do.")
 

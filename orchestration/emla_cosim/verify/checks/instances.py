@@ -79,8 +79,9 @@ _PAGES = 4096.0
     "instance.cycles",
     "Instances give their memory back",
     _FREED,
-    "Run the FMU in a memory checker, such as valgrind, and free what fmi2Instantiate and the calls after it allocated.",
+    "Run it in a memory checker, such as valgrind, and free in fmi2FreeInstance what it allocated.",
     needs=("run.completes",),
+    patience=4.0,
 )
 def cycles(subject: Subject) -> Outcome:
     """Instances made, run, reset and freed again and again do not let the process grow."""
@@ -89,7 +90,7 @@ def cycles(subject: Subject) -> Outcome:
     instance, course = Instance(subject), experiment(subject, 2)
     instance.free()
     count, began = 0, time.monotonic()
-    while count < 3 or (time.monotonic() - began < _WARM_UP and count < 200):
+    while count < 1 or (time.monotonic() - began < _WARM_UP and count < 200):
         _cycle(instance, course)
         count += 1
     grown = _growth(instance, course, count)
@@ -140,8 +141,9 @@ def _used() -> float:
     "instance.independent",
     "Instances share nothing",
     _SEVERAL,
-    "Keep everything that evolves in the instance, nothing in static variables; or say canBeInstantiatedOnlyOncePerProcess.",
+    "Keep what evolves in the instance, not in static variables, or say canBeInstantiatedOnlyOncePerProcess.",
     needs=("run.deterministic",),
+    patience=6.0,
 )
 def independent(subject: Subject) -> Outcome:
     """Two instances that take turns, and one after them, give what each gives alone."""
@@ -211,6 +213,7 @@ _THREADS = 4
     Clause("2.1", "FMI functions of one instance do not need to be thread-safe."),
     "Keep buffers in the instance; hosts that run each instance in a thread of its own are common.",
     needs=("instance.independent",),
+    patience=9.0,
 )
 def threads(subject: Subject) -> Outcome:
     """Instances, each in a thread, give what each gives alone; the standard does not promise it."""
@@ -241,6 +244,7 @@ def _in_threads(subject: Subject, courses: list[Experiment]) -> list[Trajectory]
     Clause("2.1.6", "The FMU goes into the same state as if fmi2Instantiate would have been called."),
     "Let fmi2Reset set every variable and every hidden state as fmi2Instantiate does.",
     needs=("run.deterministic",),
+    patience=5.0,
 )
 def reset(subject: Subject) -> Outcome:
     """A run after fmi2Reset is that of a new instance, made after an equal first run."""

@@ -29,6 +29,7 @@ _STEPS = 10
     Clause("2.1.5", "If loggingOn=fmi2True, debug logging is enabled, otherwise it is switched off."),
     "Look at loggingOn and at the categories before the logger is called with fmi2OK; print nothing.",
     needs=("run.completes",),
+    patience=2.0,
 )
 def categories(subject: Subject) -> Outcome:
     """Debug messages come in the categories that are on, and nothing goes to standard output."""
@@ -40,7 +41,9 @@ def categories(subject: Subject) -> Outcome:
     for category in [c for c in declared if c != _ALL][:_MOST_CATEGORIES]:
         for line in afresh(_said, subject, True, (category,))[0]:
             if line.status == OK and line.category != category:
-                return failed(f"With {category} alone switched on it logs in {_category(line)}: {whole(line.text)}")
+                return failed(
+                    f"With {category} alone switched on it logs in {_category(line)}: {whole(line.text)}"
+                )
     everything, _ = afresh(_said, subject, True, tuple(declared))
     strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
     if strange and declared:

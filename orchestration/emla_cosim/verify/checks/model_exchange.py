@@ -17,6 +17,7 @@ _CLOSE = 1e-3
     Clause("3.2.3", "The following state machine defines the supported calling sequences."),
     "Integrate the model with another tool, and look at the call that goes wrong.",
     needs=("instance.created",),
+    patience=2.0,
 )
 def runs(subject: Subject) -> Outcome:
     """It is initialized, its events are done, a solver integrates it, and it is terminated and freed."""
@@ -35,9 +36,10 @@ def runs(subject: Subject) -> Outcome:
     Clause("2.2.1", "different types of models are included in the FMU"),
     "Integrate with shorter steps inside, or say in the documentation what the two parts do differently.",
     needs=("model_exchange.runs", "run.finite"),
+    patience=3.0,
 )
 def agrees(subject: Subject) -> Outcome:
-    """Both parts end up close to each other; the standard does not ask for it, who uses one for the other does."""
+    """Both parts go the same way; the standard does not ask for it, but who uses one for the other does."""
     if "CoSimulation" not in subject.kinds:
         return skipped("It is not for Co-Simulation.")
     slave, model = alone(subject, kind="CoSimulation"), alone(subject, kind="ModelExchange")
@@ -47,7 +49,7 @@ def agrees(subject: Subject) -> Outcome:
     if far:
         lines = tuple(f"{name} differs by {d:.3g} of its range." for name, d in far)
         return warned(
-            f"{len(far)} of {len(slave.names)} outputs differ between Model Exchange and Co-Simulation: {lines[0]}",
+            f"{len(far)} of {len(slave.names)} outputs differ between model and slave: {lines[0]}",
             details=lines,
         )
     return passed(f"Both parts agree within {max(apart, default=0.0):.1g} of each output's range.")

@@ -94,7 +94,7 @@ def _outside(subject: Subject, name: str, values: np.ndarray, found: Trajectory)
     Clause("run.deterministic", "The same inputs give the same outputs.", document="emla verify"),
     "Initialize all memory, seed random numbers by a parameter, and do not look at clocks or addresses.",
     needs=("run.completes",),
-    patience=2.0,
+    patience=3.0,
 )
 def deterministic(subject: Subject) -> Outcome:
     """Two processes with other addresses, in other seconds, whose fresh memory holds other junk, agree.

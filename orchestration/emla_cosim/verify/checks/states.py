@@ -14,7 +14,7 @@ from ._sameness import compared
 _ALLOWED = 1e-6
 """Of an output's range: what a solver may do that starts anew where a state is set."""
 
-_HINT = "Copy all that evolves, and all that was set: hidden states, random numbers, delays, solver memory, the phase."
+_HINT = "Copy all that evolves, and all that was set: hidden states, random numbers, delays, the phase."
 
 
 @check(
@@ -27,6 +27,7 @@ _HINT = "Copy all that evolves, and all that was set: hidden states, random numb
     ),
     _HINT,
     needs=("run.deterministic",),
+    patience=4.0,
 )
 def restored(subject: Subject) -> Outcome:
     """From a state that was got and set, several times and at several instants, the run goes on the same."""
@@ -82,6 +83,7 @@ _LARGEST = 2**28
     ),
     _HINT + " Check the size and a version before bytes are taken for a state.",
     needs=("state.restored",),
+    patience=3.0,
 )
 def serialized(subject: Subject) -> Outcome:
     """A new instance that is given the bytes of another one's state goes on the same."""

@@ -1,4 +1,4 @@
-"""A part of a check in a process that has not loaded the FMU yet, so that nothing is left of what was before."""
+"""A part of a check in a process that has not loaded the FMU yet: nothing is left of what was before."""
 
 import multiprocessing
 import os

@@ -91,12 +91,13 @@ class Instance:
             instanceName=name,
             libraryPath=str(library),
         )
+        # one for all instances of this object: fmpy's solver keeps some of its memory when it goes
+        self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
         self.instantiate(logging)
 
     def instantiate(self, logging: bool = False) -> None:
         """Instantiate anew, after `free`, with the library that is loaded."""
         self.terminated = False
-        self._integration: Integration | None = None
         try:
             self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
         except Exception as error:  # fmpy raises a bare one for NULL
@@ -138,8 +139,8 @@ class Instance:
         """Leave initialization mode; a model is in event mode then, its first events done."""
         with self.calling():
             self.fmu.exitInitializationMode()
-            if self.kind == "ModelExchange":
-                self._integration = Integration(self.fmu, self.subject)
+            if self._integration is not None:
+                self._integration.begin()
                 self.terminated = self._integration.terminated
 
     def set(self, values: Mapping[str, Any]) -> None:
@@ -199,7 +200,7 @@ class Instance:
         """Become as it was when it was new."""
         with self.calling():
             self.fmu.reset()
-        self.terminated, self._integration = False, None
+        self.terminated = False
 
     def close(self) -> None:
         """Terminate and free it; the library stays loaded."""

@@ -29,13 +29,14 @@ class _NoInput:
 
 
 class Integration:
-    """Takes an initialized model on with CVode. Between steps the model is in event mode.
+    """Takes a model on with CVode. Between steps the model is in event mode.
 
-    `fmu` is fmpy's object. `terminated` tells that the model asked to end the run.
+    `fmu` is fmpy's object, which may have one instance after another. `terminated` tells that the
+    model asked to end the run.
     """
 
     def __init__(self, fmu: Any, subject: Subject) -> None:
-        """Do the events of the initialization."""
+        """Prepare to integrate; nothing is called before `begin`."""
         self.terminated = False
         self._fmu = fmu
         self._states = int(subject.description.numberOfContinuousStates)
@@ -44,6 +45,10 @@ class Integration:
         self._next_event = math.inf
         self._solver: Any = None
         self._error: Exception | None = None
+
+    def begin(self) -> None:
+        """Do the events of the initialization, which has just ended."""
+        self.terminated, self._error = False, None
         self._do_events()
 
     def step(self, time: float, length: float) -> None:

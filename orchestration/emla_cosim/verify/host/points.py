@@ -76,7 +76,7 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
 
 def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
     """A model in event mode, at several times of the experiment."""
-    course, names = experiment(subject), structure.states(subject)
+    course = experiment(subject)
     knowns = [v.name for v in subject.of_causality("input") if v.variability == "continuous"]
     instance = Instance(subject, kind="ModelExchange")
     instance.initialize(course.at(0), float(course.times[0]))
@@ -90,4 +90,3 @@ def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
         if instance.terminated or k == len(course.times) - 1:
             return
         instance.step(float(time), course.step)
-    del names

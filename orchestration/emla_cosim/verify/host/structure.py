@@ -30,12 +30,6 @@ def at_events(subject: Subject) -> list[Dependency]:
     return _read([*subject.description.outputs, *subject.description.derivatives])
 
 
-def states(subject: Subject) -> list[str]:
-    """Names of the continuous states, in the order of their derivatives."""
-    found = (u.variable.derivative for u in subject.description.derivatives)
-    return [v.name for v in found if v is not None]
-
-
 def _read(unknowns: Iterable[Unknown]) -> list[Dependency]:
     return [
         Dependency(
