@@ -88,7 +88,7 @@ def _parameters(subject: Subject) -> Iterator[_Forbidden]:
     fixed = [v for v in subject.of_causality("parameter") if v.variability == "fixed" and v.start is not None]
     for variable in fixed[:1]:
         reference = (fmi2ValueReference * 1)(variable.valueReference)
-        value = (fmi2Real * 1)(float(variable.start))
+        value = (fmi2Real * 1)(float(variable.start or 0.0))
         name = f"fmi2SetReal of the fixed parameter {variable.name}"
         yield _Forbidden(_AFTER, name, lambda i, r=reference, v=value: i.status("fmi2SetReal", r, 1, v))
 
@@ -167,7 +167,7 @@ def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tu
             instance.set({**course.at(k), **values})
             instance.step(float(course.times[k]), course.step)
         found = instance.get(names)
-    except (CallError, RuntimeError):  # the latter from the solver, for models
+    except CallError:
         return []
     finally:
         instance.free()

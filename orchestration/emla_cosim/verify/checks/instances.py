@@ -128,7 +128,8 @@ def _growth(instance: Instance, course: Experiment, count: int) -> list[float]:
 
 
 def _leaks(grown: list[float], count: int) -> bool:
-    return min(grown) > _PAGES and min(grown) > 0.5 * _LEAK * count and np.median(grown) > _LEAK * count
+    least, middle = min(grown), float(np.median(grown))
+    return least > max(_PAGES, 0.5 * _LEAK * count) and middle > _LEAK * count
 
 
 def _used() -> float:

@@ -167,8 +167,7 @@ class Instance:
         """
         with self.calling():
             if self._integration is not None:
-                self._integration.step(time, length)
-                self.terminated = self._integration.terminated
+                self._integrate(self._integration, time, length)
                 return
             try:
                 self.fmu.doStep(time, length, noSetFMUStatePriorToCurrentPoint=0)
@@ -181,6 +180,14 @@ class Instance:
                     raise CallError(
                         f"fmi2DoStep at t = {time:.9g} s", error.status, LOG.of(self.name, WARNING)
                     ) from error
+
+    def _integrate(self, integration: Integration, time: float, length: float) -> None:
+        try:
+            integration.step(time, length)
+        except RuntimeError as error:  # of the solver
+            sentence = f"The model cannot be integrated from t = {time:.9g} s on: {whole(str(error))}"
+            raise _told_again(sentence, "the solver", ERROR) from error
+        self.terminated = integration.terminated
 
     def _wait(self) -> None:
         """Until a pending step is done."""

@@ -11,14 +11,16 @@ from fmpy.sundials import CVodeSolver
 
 from ..subject import Subject
 
-RELATIVE_TOLERANCE = 1e-7
-"""Of the integration, well below what a comparison with co-simulation asks for."""
+RELATIVE_TOLERANCE = 1e-9
+"""Of the integration, which starts anew at each communication point and adds up what each start costs."""
+
+_DISCARD = 2
 
 _MOST_STEPS = 50_000
 """Of the solver, from one communication point to the next."""
 
 _MOST_ITERATIONS = 1000
-"""Of one event."""
+"""Of one event, and events from one communication point to the next."""
 
 
 class _NoInput:
@@ -26,6 +28,36 @@ class _NoInput:
 
     def apply(self, time: float) -> None:
         """Nothing changes."""
+
+
+class _Solver(CVodeSolver):
+    """fmpy's solver, for models that may refuse a call."""
+
+    refused: FMICallException | None = None
+
+    def advance(self, time: float, until: float) -> tuple[bool, float]:
+        """Whether an event was found, and how far it came; raises RuntimeError where it gives up."""
+        self.refused = None
+        try:
+            found, _, reached = self.step(time, until)
+        except (RuntimeError, TypeError) as error:  # the latter where there is nothing to say
+            raise self.refused or RuntimeError(f"the solver gave up ({error})") from error
+        return bool(found), float(reached)
+
+    def f(self, *arguments: Any) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Derivatives, or that the solver should try a shorter step."""
+        return self._told(super().f, arguments)
+
+    def g(self, *arguments: Any) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Event indicators."""
+        return self._told(super().g, arguments)
+
+    def _told(self, call: Callable[..., int], arguments: tuple[Any, ...]) -> int:
+        try:
+            return call(*arguments)
+        except FMICallException as error:
+            self.refused = error
+            return 1 if error.status == _DISCARD else -1
 
 
 class Integration:
@@ -44,22 +76,24 @@ class Integration:
         self._tells = not subject.means("ModelExchange").completedIntegratorStepNotNeeded
         self._next_event = math.inf
         self._solver: Any = None
-        self._error: Exception | None = None
 
     def begin(self) -> None:
         """Do the events of the initialization, which has just ended."""
-        self.terminated, self._error = False, None
+        self.terminated = False
         self._do_events()
 
     def step(self, time: float, length: float) -> None:
-        """Integrate from `time` by `length`, both in s."""
+        """Integrate from `time` by `length`, both in s; raises RuntimeError where the solver gives up."""
         end = time + length
         self._do_events()
-        while time < end and not self.terminated:
+        for _ in range(_MOST_ITERATIONS):
             self._fmu.enterContinuousTimeMode()
             time = self._to_event(time, end)
             self._fmu.enterEventMode()
             self._do_events()
+            if time >= end or self.terminated:
+                return
+        raise RuntimeError(f"it has more than {_MOST_ITERATIONS} events up to t = {time:.9g} s")
 
     def _to_event(self, time: float, end: float) -> float:
         """Integrate until an event or the end; when that is."""
@@ -69,8 +103,7 @@ class Integration:
             until = min(end, max(self._next_event, time))
             found = False
             if until > time:
-                found, _, time = solver.step(time, until)
-                self._check()
+                found, time = solver.advance(time, until)
             self._fmu.setTime(time)
             entered = self._tells and self._completed()
             if found or entered or self.terminated or time >= self._next_event - close:
@@ -96,15 +129,15 @@ class Integration:
         """The solver, without memory of what was before `time`."""
         if self._solver is None:
             fmu = self._fmu
-            self._solver = CVodeSolver(
+            self._solver = _Solver(
                 nx=self._states,
                 nz=self._indicators,
                 get_x=fmu.getContinuousStates,
-                set_x=self._guarded(fmu.setContinuousStates),
-                get_dx=self._guarded(fmu.getDerivatives),
-                get_z=self._guarded(fmu.getEventIndicators),
+                set_x=fmu.setContinuousStates,
+                get_dx=fmu.getDerivatives,
+                get_z=fmu.getEventIndicators,
                 get_nominals=self._nominals,
-                set_time=self._guarded(fmu.setTime),
+                set_time=fmu.setTime,
                 input=_NoInput(),
                 startTime=time,
                 relativeTolerance=RELATIVE_TOLERANCE,
@@ -118,19 +151,3 @@ class Integration:
         self._fmu.getNominalsOfContinuousStates(values, count)
         found = np.ctypeslib.as_array(ctypes.cast(values, ctypes.POINTER(ctypes.c_double)), (count,))
         found[~(np.isfinite(found) & (found > 0.0))] = 1.0
-
-    def _guarded(self, call: Callable[..., Any]) -> Callable[..., Any]:
-        """A call that the solver makes, through which no exception comes."""
-
-        def guarded(*arguments: Any) -> None:
-            try:
-                call(*arguments)
-            except Exception as error:
-                self._error = self._error or error
-
-        return guarded
-
-    def _check(self) -> None:
-        if self._error is not None:
-            error, self._error = self._error, None
-            raise error

@@ -37,7 +37,7 @@ def _read(unknowns: Iterable[Unknown]) -> list[Dependency]:
             None if u.dependencies is None else frozenset(v.name for v in u.dependencies),
         )
         for u in unknowns
-        if u.variable.type == "Real"
+        if u.variable is not None and u.variable.type == "Real"
     ]
 
 
