@@ -11,7 +11,7 @@ from fmpy.model_description import ModelVariable
 
 from ..check import check
 from ..host.drive import outputs
-from ..host.experiment import experiment, span
+from ..host.experiment import experiment, number, span
 from ..host.instance import FATAL, OK, WARNING, CallError, Instance
 from ..subject import Subject
 from ..verdict import Clause, Outcome, passed, warned
@@ -88,7 +88,7 @@ def _parameters(subject: Subject) -> Iterator[_Forbidden]:
     fixed = [v for v in subject.of_causality("parameter") if v.variability == "fixed" and v.start is not None]
     for variable in fixed[:1]:
         reference = (fmi2ValueReference * 1)(variable.valueReference)
-        value = (fmi2Real * 1)(float(variable.start or 0.0))
+        value = (fmi2Real * 1)(number(variable.start, 0.0))
         name = f"fmi2SetReal of the fixed parameter {variable.name}"
         yield _Forbidden(_AFTER, name, lambda i, r=reference, v=value: i.status("fmi2SetReal", r, 1, v))
 

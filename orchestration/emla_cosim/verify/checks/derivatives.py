@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from fmpy.fmi1 import FMICallException
 
 from ...arrays import Vector
 from ..check import check
@@ -17,14 +16,17 @@ from ..verdict import Clause, Outcome, failed, passed, skipped, warned
 
 _FUNCTION = "fmi2GetDirectionalDerivative"
 _POINTS = 5
-_STEP = 1e-5
-"""Of a difference, in parts of the size of what is changed."""
+_STEPS = (1e-3, 1e-4)
+"""Of two differences, in parts of the size of what is changed."""
 
 _AGREE = 1e-3
 """Relative error of a derivative that is right; differences are off by less."""
 
-_LOST = 1e-9
+_LOST = 1e-13
 """Of an unknown's value: a change that differences do not see."""
+
+_KINK = 0.1
+"""By how much, in parts of their mean, slopes to both sides differ where there is no slope."""
 
 
 class _Slope(NamedTuple):
@@ -36,6 +38,15 @@ class _Slope(NamedTuple):
     given: float
     difference: float
     right: bool
+
+
+class _Difference(NamedTuple):
+    """Slopes of all unknowns, to both sides, to each, and by how much rounding may have them wrong."""
+
+    central: Vector
+    ahead: Vector
+    behind: Vector
+    lost: Vector
 
 
 @check(
@@ -93,28 +104,28 @@ def _at(point: Point) -> Iterator[_Slope]:
 def _along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Slope]:
     """Slopes along a direction, of the unknowns that may depend on all of it."""
     given = point.directional(list(seed), list(seed.values()))
-    size = _STEP * min(point.scale(name) / abs(by) for name, by in seed.items() if by)
+    size = min(point.scale(name) / abs(by) for name, by in seed.items() if by)
     try:
-        ahead, behind, here = (
-            point.shifted({name: by * way for name, by in seed.items()}) for way in (size, -size, 0.0)
-        )
-    except (CallError, FMICallException):  # beyond what the FMU takes
+        wide, narrow = (_difference(point, seed, part * size) for part in _STEPS)
+    except CallError:  # beyond what the FMU takes
         return
-    central, noise = (ahead - behind) / (2.0 * size), _LOST * np.abs(here) / size
-    kinked = _kinks(ahead, behind, here, size) > noise + 0.1 * np.abs(central)
+    # where two differences do not agree, noise or curvature has a part in them
+    doubt = 2.0 * np.abs(wide.central - narrow.central) + narrow.lost
+    kinked = np.abs(narrow.ahead - narrow.behind) > _KINK * np.abs(narrow.central) + doubt
     for i, dependency in enumerate(point.dependencies):
         told = all(not dependency.excludes(name) for name in seed)
-        if told and np.isfinite(central[i]) and not kinked[i]:
-            allowed = _AGREE * max(abs(given[i]), abs(central[i])) + noise[i]
-            right = bool(abs(given[i] - central[i]) <= allowed)
-            yield _Slope(
-                dependency.unknown, direction, point.where, float(given[i]), float(central[i]), right
-            )
+        if told and np.isfinite(doubt[i]) and not kinked[i]:
+            wanted, got = float(narrow.central[i]), float(given[i])
+            right = abs(got - wanted) <= _AGREE * max(abs(got), abs(wanted)) + doubt[i]
+            yield _Slope(dependency.unknown, direction, point.where, got, wanted, bool(right))
 
 
-def _kinks(ahead: Vector, behind: Vector, here: Vector, size: float) -> Vector:
-    """How much the slopes to both sides differ."""
-    return np.abs((ahead - here) - (here - behind)) / size
+def _difference(point: Point, seed: dict[str, float], size: float) -> _Difference:
+    there, back, here = (
+        point.shifted({name: by * way for name, by in seed.items()}) for way in (size, -size, 0.0)
+    )
+    ahead, behind = (there - here) / size, (here - back) / size
+    return _Difference(0.5 * (ahead + behind), ahead, behind, _LOST * np.abs(here) / size)
 
 
 def _judged(found: list[_Slope]) -> Outcome:

@@ -65,13 +65,16 @@ _BATCHES = 5
 _WARM_UP = 0.02
 """Seconds of cycles before memory is measured; each batch is as long."""
 
+_FEWEST = 10
+"""Cycles of a batch, unless they take long."""
+
 _LEAK = 200.0
 """Bytes per cycle that nobody needs to look for."""
 
 _SERIOUS = 2.0**14
 """Bytes per cycle that a host with many instances would notice."""
 
-_PAGES = 4096.0
+_PAGES = 2.0**13
 """Bytes by which each batch has to grow, so that a page here or there is no leak."""
 
 
@@ -90,7 +93,7 @@ def cycles(subject: Subject) -> Outcome:
     instance, course = Instance(subject), experiment(subject, 2)
     instance.free()
     count, began = 0, time.monotonic()
-    while count < 1 or (time.monotonic() - began < _WARM_UP and count < 200):
+    while (spent := time.monotonic() - began) < _WARM_UP or (count < _FEWEST and spent < 1.0):
         _cycle(instance, course)
         count += 1
     grown = _growth(instance, course, count)

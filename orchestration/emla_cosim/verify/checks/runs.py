@@ -8,7 +8,7 @@ import numpy as np
 from ..check import check
 from ..host.afresh import afresh
 from ..host.drive import Trajectory, alone, driven
-from ..host.experiment import experiment
+from ..host.experiment import experiment, number
 from ..host.instance import Instance
 from ..host.junk import FIRST, SECOND, Junk, littered
 from ..subject import Subject
@@ -78,8 +78,7 @@ def ranges(subject: Subject) -> Outcome:
 
 def _outside(subject: Subject, name: str, values: np.ndarray, found: Trajectory) -> str:
     variable = subject.variables[name]
-    low = -math.inf if variable.min is None else float(variable.min)
-    high = math.inf if variable.max is None else float(variable.max)
+    low, high = number(variable.min, -math.inf), number(variable.max, math.inf)
     slack = 1e-12 * max((abs(x) for x in (low, high) if math.isfinite(x)), default=0.0)
     wrong = (values < low - slack) | (values > high + slack)
     if not wrong.any():

@@ -84,13 +84,19 @@ class Instance:
         self.kind = kind or subject.kinds[0]
         library = subject.library(self.kind)
         note("loading its library")
-        self.fmu: Any = (FMU2NotedSlave if self.kind == "CoSimulation" else FMU2NotedModel)(
-            guid=subject.description.guid if guid is None else guid,
-            modelIdentifier=subject.means(self.kind).modelIdentifier,
-            unzipDirectory=str(subject.folder),
-            instanceName=name,
-            libraryPath=str(library),
-        )
+        kind_of_fmu = FMU2NotedSlave if self.kind == "CoSimulation" else FMU2NotedModel
+        try:
+            self.fmu: Any = kind_of_fmu(
+                guid=subject.description.guid if guid is None else guid,
+                modelIdentifier=subject.means(self.kind).modelIdentifier,
+                unzipDirectory=str(subject.folder),
+                instanceName=name,
+                libraryPath=str(library),
+            )
+        except Exception as error:  # fmpy raises bare ones
+            raise _told_again(
+                f"Its library cannot be loaded: {whole(str(error))}", "dlopen", ERROR
+            ) from error
         # one for all instances of this object: fmpy's solver keeps some of its memory when it goes
         self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
         self.instantiate(logging)

@@ -10,9 +10,12 @@ import numpy as np
 from ...arrays import Vector
 from ..subject import Subject
 from . import structure
-from .experiment import experiment
+from .experiment import experiment, number
 from .instance import Instance
 from .structure import Dependency
+
+_STEPS = 20
+"""Of a model's run on which it is asked."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +39,9 @@ class Point:
     def scale(self, known: str) -> float:
         """How large a change of a known is neither lost nor far away."""
         variable = self.instance.subject.variables[known]
-        nominal = abs(float(variable.nominal)) if variable.nominal else 0.0
-        width = 0.0
-        if variable.min is not None and variable.max is not None:
-            width = 0.1 * (float(variable.max) - float(variable.min))
-        sizes = (nominal, abs(self.values[known]), width if math.isfinite(width) else 0.0)
-        return max(sizes) or 1.0
+        nominal = abs(number(variable.nominal, 0.0))
+        width = 0.1 * (number(variable.max, math.inf) - number(variable.min, -math.inf))
+        return max(nominal, abs(self.values[known]), width if math.isfinite(width) else 0.0) or 1.0
 
     def shifted(self, changes: dict[str, float]) -> Vector:
         """Values of the unknowns with some knowns changed by so much; they are set back before it returns."""
@@ -76,8 +76,8 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
 
 def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
     """A model in event mode, at several times of the experiment."""
-    course = experiment(subject)
-    knowns = [v.name for v in subject.of_causality("input") if v.variability == "continuous"]
+    course = experiment(subject, _STEPS)
+    knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
     instance = Instance(subject, kind="ModelExchange")
     instance.initialize(course.at(0), float(course.times[0]))
     wanted = set(np.linspace(0, len(course.times) - 1, count).astype(int))
