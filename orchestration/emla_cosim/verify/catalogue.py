@@ -4,16 +4,23 @@ from .check import Check
 from .checks import (
     archive,
     binaries,
+    calls,
+    dependencies,
+    derivatives,
     description,
     documents,
+    exchange,
     experiment,
     imports,
     instances,
+    logs,
+    model_exchange,
     references,
     runs,
     semantics,
     sources,
     starts,
+    states,
     structure,
     types,
     units,
@@ -54,13 +61,33 @@ STATIC: tuple[Check, ...] = (
 )
 """Of the file alone; nothing of it is run, but for what its library does when it is loaded."""
 
-CHECKS: tuple[Check, ...] = (
-    *STATIC,
+DYNAMIC: tuple[Check, ...] = (
     instances.created,
+    instances.guid,
     runs.completes,
     runs.finite,
-    references.agrees,
+    runs.ranges,
+    runs.deterministic,
+    instances.cycles,
+    instances.independent,
+    instances.threads,
+    instances.reset,
+    calls.phases,
+    calls.nonfinite,
+    states.restored,
+    states.serialized,
+    derivatives.directional,
+    derivatives.of_outputs,
+    dependencies.observed,
+    exchange.order,
+    exchange.split,
+    model_exchange.runs,
+    model_exchange.agrees,
+    logs.categories,
 )
+"""Of what the FMU does when it is called."""
+
+CHECKS: tuple[Check, ...] = (*STATIC, *DYNAMIC, references.agrees)
 
 RECORDED = references.recorded
 """What is done instead where references are to be made."""
