@@ -58,9 +58,9 @@ def _bare(declared: Declared) -> Iterator[str]:
     if bare:
         yield f"Nobody says what the unit {listed(bare)} is made of (BaseUnit)."
     for variable in declared.variables:
-        shown, unit = variable.attributes.get("displayUnit"), declared.units_by_name.get(variable.unit or "")
-        if shown and unit and shown not in [unit.name, *(d["name"] for d in unit.display)]:
-            yield f"The display unit {shown} of {variable} is not defined, and is ignored."
+        shown, unit = variable.attributes.get("displayUnit"), declared.unit_of(variable)
+        if shown is not None and unit and shown not in [unit.name, *(d["name"] for d in unit.display)]:
+            yield f"The display unit {shown!r} of {variable} is not defined, and is ignored."
 
 
 @check(
@@ -168,7 +168,7 @@ def derivatives(subject: Subject) -> Outcome:
 
 def _agree(declared: Declared, derivative: Variable, of: Variable) -> tuple[bool, bool]:
     """Whether exponents and factors of their units agree, as far as both are known."""
-    bases = [u.base for v in (of, derivative) if (u := declared.units_by_name.get(v.unit or ""))]
+    bases = [u.base for v in (of, derivative) if (u := declared.unit_of(v))]
     if len(bases) < 2 or bases[0] is None or bases[1] is None:
         return True, True
     expected, found = _exponents(bases[0], per_second=True), _exponents(bases[1])
