@@ -208,7 +208,7 @@ def _worst(outcomes: list[Outcome]) -> Outcome | None:
     return None
 
 
-_THREADS = 4
+_THREADS = 3
 
 
 @check(
