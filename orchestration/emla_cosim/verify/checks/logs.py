@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..check import check
-from ..host.afresh import afresh
+from ..host.afresh import afresh, separately
 from ..host.drive import driven
 from ..host.experiment import experiment
 from ..host.instance import OK, Instance
@@ -61,7 +61,7 @@ def _said(subject: Subject, asked: Sequence[tuple[bool, list[str]]]) -> tuple[li
     """Messages of short runs, one for each way to switch logging, and the first line that is printed."""
     with tempfile.TemporaryFile() as stream:
         os.dup2(stream.fileno(), 1)
-        found = [_run(subject, logging, names) for logging, names in asked]
+        found = [separately(_run, subject, logging, names) for logging, names in asked]
         _flush()
         stream.seek(0)
         text = stream.read().decode(errors="replace").strip()
