@@ -1,10 +1,123 @@
-"""FMUs with one thing wrong: the check for it says so, what needs that is skipped, and all others pass.
+"""FMUs with one thing wrong: the check for it says so, what needs that is skipped, and all others pass."""
 
-The documentation's table of them is made here: `python -m tests.emla_cosim.verify.broken_table` writes it.
-"""
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
 
-from tests.support.broken.dynamic import DYNAMIC
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.verify.catalogue import CHECKS
+from emla_cosim.verify.report import Examined
+from emla_cosim.verify.verdict import Verdict
+from tests.support.broken.broken import Broken
+from tests.support.broken.dynamic import DYNAMIC, Fault, build_good_fmu
+from tests.support.broken.editing import good_bytes
 from tests.support.broken.numeric import NUMERIC
 from tests.support.broken.static import STATIC
+from tests.support.broken.table import BROKEN, table
+from tests.support.paths import ROOT
 
-BROKEN = [*STATIC, *DYNAMIC, *NUMERIC]
+WORSE = (Verdict.FAILED, Verdict.WARNING)
+MAY_BE_SKIPPED = {
+    "serializes-nothing": {"state.restored"},  # is not claimed then
+    "no-binary": {"sources.compile"},  # a failure, were there sources
+    "cut-library": {"binaries.imports"},
+    "no-type": {"binaries.loads"},  # FMPy cannot read the description
+    "derivative-of-nothing": {"binaries.loads"},
+    "depends-on-nothing": {"binaries.loads"},
+    "AsksToEnd": {"state.serialized"},
+}
+"""Checks that say themselves why they cannot be done on an FMU, by its name."""
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examined]:
+    """What is found about the FMUs that were broken, before they were: by the name of the file."""
+    folder = tmp_path_factory.mktemp("good")
+    (folder / "Toy.fmu").write_bytes(good_bytes())
+    report = ec.verify([folder / "Toy.fmu", build_good_fmu(folder)])
+    return {one.path.stem: one for one in report.examined}
+
+
+@pytest.fixture(scope="module")
+def examined(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[dict[str, Future[Examined]]]:
+    """What is found about each broken FMU that a test asks for, by its name: two at a time."""
+    folder = tmp_path_factory.mktemp("broken")
+    wanted = [found for item in request.session.items if (found := _broken(item)) is not None]
+    with ThreadPoolExecutor(2) as pool:
+        yield {broken.name: pool.submit(_examine, broken, folder / broken.name) for broken in wanted}
+
+
+def _broken(item: pytest.Item) -> Broken | None:
+    """What a test is asked to look at; None for tests of anything else."""
+    found = getattr(item, "callspec", None)
+    broken = found.params.get("broken") if found is not None else None
+    return broken if isinstance(broken, Broken) else None
+
+
+def _examine(broken: Broken, folder: Path) -> Examined:
+    folder.mkdir()
+    settings = broken.settings
+    report = ec.verify(
+        broken.build(folder),
+        seconds=settings.seconds,
+        memory=settings.memory / 2**20,
+        tolerance=settings.tolerance,
+    )
+    return report.examined[0]
+
+
+def test_the_good_ones_pass(good: dict[str, Examined]) -> None:
+    """The toy draws its noise once per step, so that half steps and Model Exchange differ; that is said."""
+    told = {name: [f.check for f in one.findings if f.verdict in WORSE] for name, one in good.items()}
+    assert told == {"Toy": ["steps.split", "model_exchange.agrees"], "Good": []}
+    assert not any(one.of(Verdict.FAILED) for one in good.values())
+
+
+@pytest.mark.parametrize("broken", BROKEN, ids=lambda broken: broken.name)
+def test_one_fault_is_told_by_one_check(
+    broken: Broken, examined: dict[str, Future[Examined]], good: dict[str, Examined]
+) -> None:
+    found = examined[broken.name].result()
+    before = good["Toy" if broken in STATIC else "Good"]
+    told = {
+        f.check: f.sentence
+        for f in found.findings
+        if f.verdict in WORSE and f.verdict != before[f.check].verdict
+    }
+    assert list(told) == [broken.check], told
+    assert found[broken.check].verdict == broken.verdict
+    assert told[broken.check].endswith(".")
+    for finding in found.findings:
+        assert "went wrong" not in finding.sentence
+        if finding.verdict == Verdict.SKIPPED and before[finding.check].verdict != Verdict.SKIPPED:
+            may = finding.check in MAY_BE_SKIPPED.get(broken.name, ())
+            assert may or finding.sentence.startswith("It needs "), finding
+
+
+def test_there_are_many_ways_to_be_wrong() -> None:
+    names = [broken.name for broken in BROKEN]
+    assert len(set(names)) == len(names) >= 90
+    assert len([b for b in BROKEN if b.verdict == Verdict.FAILED]) >= 70
+    assert len({b.check for b in DYNAMIC}) >= 20 and len(DYNAMIC) == len(Fault)
+    assert len({b.check for b in STATIC}) >= 20 and len(NUMERIC) == 3
+
+
+def test_every_check_that_can_fail_has_an_fmu_that_fails_it() -> None:
+    """Else nobody knows whether it says anything; these only warn, see test_static_verdicts.py."""
+    only_warn = {
+        "archive.layout",
+        "binaries.imports",
+        "description.experiment",
+        "description.semantics",
+        "documents.present",
+    }
+    assert {c.name for c in CHECKS} - {b.check for b in BROKEN} == only_warn
+
+
+def test_the_documentation_lists_them() -> None:
+    page = (ROOT / "docs" / "verify.md").read_text(encoding="utf-8")
+    assert table() in page, "python -m tests.support.broken.table writes it"

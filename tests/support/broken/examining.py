@@ -1,13 +1,12 @@
 """FMUs examined in this process, as far as they do it no harm."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import lief  # noqa: F401  # once here, and not in each process that examines
 import pytest
 
-from emla_cosim.verify import examination
+from emla_cosim.verify import asking, examination
 from emla_cosim.verify.apart import apart
 from emla_cosim.verify.check import Check
 from emla_cosim.verify.report import Examined
@@ -19,17 +18,18 @@ from emla_cosim.verify.verdict import Outcome
 def examined_here(path: Path, checks: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> Examined:
     """What these checks find, of which only what may end a process gets one: they cost more than all else."""
     with monkeypatch.context() as context:
-        context.setattr(examination, "apart", _apart_where_needed)
+        context.setattr(asking, "apart_each", _apart_where_needed)
         return examined_apart(path, checks)
 
 
 def examined_apart(path: Path, checks: tuple[str, ...]) -> Examined:
-    """What these checks find, each in a process of its own; unpacked beside the FMU."""
+    """What these checks find, in processes of their own; unpacked beside the FMU."""
     return examination.examined(Subject(path, path.parent / "unpacked" / "fmu", Settings(only=checks)))
 
 
 def _apart_where_needed(
-    do: Callable[..., Outcome], arguments: tuple[Check, Subject], *limits: Any
-) -> Outcome:
-    check, _ = arguments
-    return apart(do, arguments, *limits) if check.group in ("archive", "binaries") else do(*arguments)
+    do: Callable[..., Outcome], items: Sequence[tuple[Check, Subject]], seconds: float, memory: int
+) -> Iterator[Outcome]:
+    for check, subject in items:
+        harmful = check.group in ("archive", "binaries")
+        yield apart(do, (check, subject), seconds, memory) if harmful else do(check, subject)

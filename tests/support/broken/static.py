@@ -168,7 +168,7 @@ STATIC: list[Broken] = [
     ),
     Broken(
         "serializes-nothing",
-        "canSerializeFMUstate without canGetAndSetFMUstate",
+        "`canSerializeFMUstate` without `canGetAndSetFMUstate`",
         "description.capabilities",
         setting("//CoSimulation | //ModelExchange", canGetAndSetFMUstate="false"),
     ),
@@ -199,7 +199,7 @@ STATIC: list[Broken] = [
     ),
     Broken(
         "unit-of-derivative",
-        "der(x) in the unit of x",
+        "`der(x)` in the unit of `x`",
         "units.derivatives",
         setting(f"{_variable('der(x)')}/Real", unit="m", displayUnit=None, declaredType=None),
     ),

@@ -1,0 +1,40 @@
+"""All FMUs that are broken on purpose, and the table of them in the documentation.
+
+`python -m tests.support.broken.table` writes it.
+"""
+
+import re
+
+from tests.support.broken.broken import Broken
+from tests.support.broken.dynamic import DYNAMIC
+from tests.support.broken.numeric import NUMERIC
+from tests.support.broken.static import STATIC
+from tests.support.paths import ROOT
+
+BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *NUMERIC]
+
+_BEGIN, _END = "<!-- broken fmus begin -->", "<!-- broken fmus end -->"
+
+
+def table() -> str:
+    """The table, with what stands around it on the page."""
+    rows = [f"| {_sentence(b.what)} | `{b.check}` | {b.verdict} |" for b in BROKEN]
+    return "\n".join(
+        [_BEGIN, "| What is wrong | Check that says so | Verdict |", "|---|---|---|", *rows, _END]
+    )
+
+
+def _sentence(text: str) -> str:
+    return (text[:1].upper() + text[1:]).replace("|", r"\|")
+
+
+def main() -> None:
+    """Write it."""
+    page = ROOT / "docs" / "verify.md"
+    text = page.read_text(encoding="utf-8")
+    found = re.sub(f"{_BEGIN}.*{_END}", lambda _: table(), text, flags=re.DOTALL)
+    page.write_text(found, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
