@@ -32,7 +32,7 @@ def examined(subject: Subject, told: Callable[[str], None] = lambda _: None) -> 
         if check.name == _HARMLESS and findings[check.name].verdict == Verdict.PASSED:
             with suppress(Exception):  # it was read in another process, but this one is another
                 _ = subject.tree, subject.description
-    names = {c.name for c in wanted}
+    names = {c.name for c in wanted} | set(_failed_needs(findings.values(), subject.settings))
     shown = tuple(f for f in findings.values() if f.check in names)
     return Examined(subject.path, _facts(subject), shown, time.monotonic() - began)
 
@@ -70,6 +70,14 @@ def _with_needs(wanted: Sequence[Check]) -> Iterator[Check]:
         if check.name in names:
             names.update(check.needs)
     return (c for c in (*CHECKS, RECORDED) if c.name in names)
+
+
+def _failed_needs(findings: Iterable[Finding], settings: Settings) -> Iterator[str]:
+    """Checks that failed and are to be told of, asked for or not: what needs them says nothing."""
+    failed = {f.check for f in findings if f.verdict == Verdict.FAILED}
+    for check in CHECKS:
+        if check.name in failed and not any(_means(p, check) for p in settings.skip):
+            yield check.name
 
 
 def _finding(check: Check, subject: Subject, before: dict[str, Finding]) -> Finding:
