@@ -16,8 +16,8 @@ OURS = {"fmublock", "emla_fmu", "rsba_fmu", "emla_cosim"}
 EXECUTED = {"ziglang"}
 """Declared for a program that is started, not imported: `python -m ziglang`."""
 
-FOR_DASK = {"bokeh", "cryptography"}
-"""Declared for Dask, which has its dashboard and its encrypted connections only with them."""
+FOR_DASK = {"cryptography"}
+"""Declared for Dask, which has its encrypted connections only with it."""
 
 
 def sources() -> list[Path]:

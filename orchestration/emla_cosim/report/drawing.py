@@ -1,0 +1,70 @@
+"""Bokeh, as far as a page needs it: its library, and figures without data that scripts of the page fill."""
+
+import json
+import re
+from functools import cache
+from typing import Any
+
+
+@cache
+def library() -> str:
+    """The text of BokehJS with its licence, such that it may stand in a script element."""
+    from bokeh.resources import Resources
+
+    text = Resources(mode="inline", components=["bokeh"], minified=True).js_raw[0]
+    return re.sub("<(?=/script|!--)", r"\\x3c", text, flags=re.IGNORECASE)
+
+
+@cache
+def template(lines: int, band: bool) -> str:
+    """A figure of so many lines as JSON: its models have names, by which they are given data and colours."""
+    from bokeh.embed import json_item
+    from bokeh.models import CrosshairTool, Span
+
+    figure = _figure()
+    if band:
+        source = _source("band", "x", "lower", "upper")
+        figure.varea("x", "lower", "upper", source=source, name="band")
+        for edge in ("lower", "upper"):
+            figure.line("x", edge, source=source, name=f"band-{edge}", line_width=0.75)
+    for k in reversed(range(lines)):  # the first on top
+        figure.line("x", "y", source=_source(f"line-{k}", "x", "y"), name=f"line-{k}", line_width=1.5)
+    mark = _source("mark", "x", "y")
+    figure.scatter("x", "y", source=mark, name="mark", size=9, line_width=1.75, fill_color=None)
+    figure.add_tools(CrosshairTool(dimensions="height", line_width=1, name="crosshair", visible=False))
+    figure.add_layout(Span(dimension="height", line_dash="dotted", name="since", visible=False))
+    return json.dumps(json_item(figure), separators=(",", ":"))
+
+
+def _figure() -> Any:
+    from bokeh.models import Range1d
+    from bokeh.plotting import figure
+
+    made = figure(
+        height=250,
+        sizing_mode="stretch_width",
+        tools="pan,box_zoom,wheel_zoom,reset,save",
+        active_drag="box_zoom",
+        active_scroll=None,
+        x_range=Range1d(0, 1),
+        y_range=Range1d(0, 1),
+        background_fill_color=None,
+        border_fill_color=None,
+        outline_line_color=None,
+        min_border=8,
+    )
+    made.toolbar.logo, made.toolbar.group = None, False
+    made.toolbar.stylesheets = [".bk-divider { opacity: 0.25; }"]
+    made.xaxis.axis_label = "time / s"
+    for axis in made.axis:
+        axis.minor_tick_line_color = None
+        axis.axis_label_text_font_style = "normal"
+        axis.major_tick_in = 0
+    made.xgrid.grid_line_color = None
+    return made
+
+
+def _source(name: str, *columns: str) -> Any:
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource({column: [] for column in columns}, name=f"{name}-data")

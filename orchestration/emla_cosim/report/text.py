@@ -1,0 +1,42 @@
+"""Text of others, as a document may hold it: nothing in it is hidden, breaks the document or fills it."""
+
+import math
+import re
+from typing import Any
+
+_HIDDEN = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f"  # control characters, which XML and HTML do not allow
+    "\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u2069\ufeff"  # what changes the direction, or is not seen
+    "\ufdd0-\ufdef\ufffe\uffff\ud800-\udfff]"  # no characters
+)
+
+
+def visible(text: object) -> str:
+    r"""The text with characters that do harm or are not seen written out: `\x1b`, `\u202e`."""
+    return _HIDDEN.sub(_escape, str(text)).replace("\r", "\n")
+
+
+def _escape(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
+
+
+def shortened(text: str, most: int) -> str:
+    """The text, or its beginning and its end where it has more than so many letters."""
+    if len(text) <= most:
+        return text
+    end = most // 4
+    return f"{text[: most - end]} … {text[-end:]}"
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """A number as people read it; what is none, as text."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return visible(value)
+    if isinstance(value, int):
+        return str(value) if abs(value) < 10**15 else f"{float(value):.{digits}g}" if value < 10**300 else "∞"
+    if math.isnan(value):
+        return "not a number"
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    return f"{value:.{digits}g}"

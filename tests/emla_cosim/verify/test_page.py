@@ -1,0 +1,194 @@
+"""The report as a page: what it says, that it is HTML, and that nothing in it does harm."""
+
+import json
+import re
+from typing import Any
+
+import html5lib
+import numpy as np
+import pytest
+
+from emla_cosim.report.page import Plots, rendered
+from emla_cosim.report.plot import Band, Line, Plot, thinned
+from emla_cosim.report.text import number, shortened, visible
+from emla_cosim.verify.page import page
+from emla_cosim.verify.report import Report
+from tests.support.reports import hostile, ordinary, report, ten
+
+XHTML = "{http://www.w3.org/1999/xhtml}"
+
+
+def parsed(text: str) -> Any:
+    """The page as a strict parser of HTML5 reads it."""
+    return html5lib.HTMLParser(strict=True).parse(text)
+
+
+def elements(root: Any, tag: str, **attributes: str) -> list[Any]:
+    found = root.iter(f"{XHTML}{tag}")
+    return [
+        e for e in found if all(e.get(n.strip("_").replace("_", "-")) == v for n, v in attributes.items())
+    ]
+
+
+def text_of(element: Any) -> str:
+    return " ".join(" ".join(element.itertext()).split())
+
+
+@pytest.mark.parametrize("make", [ordinary, hostile, report])
+def test_it_is_html5(make: Any) -> None:
+    root = parsed(page(make()))
+    ids = [e.get("id") for e in root.iter() if e.get("id")]
+    assert len(ids) == len(set(ids))
+    for link in elements(root, "a"):
+        assert link.get("href")[1:] in ids
+    for control in root.iter():
+        if "aria-controls" in control.attrib:
+            assert control.get("aria-controls") in ids
+
+
+def test_it_says_what_was_found() -> None:
+    root = parsed(page(ordinary()))
+    assert text_of(elements(root, "h1")[0]) == "1 of 2 FMUs failed"
+    assert [text_of(h) for h in elements(root, "h2")] == ["build/Plant.fmu", "other/Plant.fmu"]
+    findings = elements(root, "details", data_verdict="failed")
+    assert [text_of(f[0]) for f in findings] == [
+        "failed Something is as it should be x is 2 where it was 1. state.restored",
+        "failed Something is as it should be motor.v leaves its tube. reference.tube",
+    ]
+    body = text_of(findings[0][1])
+    assert body == (
+        "v is 3, was 4. What to do Do it right. "
+        "The function returns a new instance of an FMU. FMI 2.0.4, 2.1.5 Took 0.12 s."
+    )
+    names = [text_of(b) for b in elements(findings[1], "button")]
+    assert names == ["motor.v", "motor.i", "x"]  # what left its tube first is first
+    buttons = [text_of(b) for b in elements(root, "button") if b.get("aria-pressed")]
+    assert buttons == ["3 passed", "1 warning", "2 failed", "1 skipped"]
+
+
+def test_the_matrix_has_every_fmu_and_group() -> None:
+    matrix = elements(parsed(page(ordinary())), "table")[0]
+    rows = [[text_of(cell) for cell in row] for row in elements(matrix, "tr")]
+    assert rows == [
+        ["FMU", "archive", "description", "state", "reference", "time"],
+        ["build/Plant.fmu", "passed", "warning 1", "failed 1", "failed 1", "1.5 s"],
+        ["other/Plant.fmu", "passed", "", "", "passed", "1.5 s"],
+    ]
+    alone = Report(ordinary().examined[:1], "0", "then")
+    assert "overview" not in [s.get("class") for s in elements(parsed(page(alone)), "section")]
+    assert text_of(elements(parsed(page(alone)), "h1")[0]) == "The FMU failed"
+
+
+def test_hostile_texts_make_no_elements() -> None:
+    text = page(hostile())
+    root = parsed(text)
+    assert not elements(root, "img")
+    allowed = {"theme.js", "plots.js", "page.js"}
+    assert len([s for s in elements(root, "script") if not s.get("type")]) == len(allowed)
+    assert not [e for e in root.iter() for name in e.attrib if name.startswith("on")]
+    assert "{{7*7}}" in text_of(elements(root, "main")[0])
+    rest = re.sub(r'<script type="text/plain" id="bokeh">.*?</script>', "", text, flags=re.DOTALL)
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202e\ud800-\udfff]", rest)
+    assert r"over\u202eride" in text_of(elements(root, "main")[0])
+    assert len(text_of(elements(root, "h2")[1])) < 200 and text_of(elements(root, "h2")[1]).endswith("xx.fmu")
+
+
+def test_it_reaches_for_nothing() -> None:
+    root = parsed(page(ordinary()))
+    policy = elements(root, "meta", http_equiv="Content-Security-Policy")[0].get("content")
+    assert policy.startswith("default-src 'none';") and "http" not in policy
+    for element in root.iter():
+        for name in ("src", "href", "action", "data", "poster"):
+            assert element.get(name, "#").startswith(("#", "data:")), element.attrib
+
+
+def test_ten_fmus_are_less_than_five_megabytes() -> None:
+    assert len(page(ten()).encode()) < 5e6
+
+
+# ---- plots -----------------------------------------------------------------------------------------
+
+
+def drawn(plot: Plot) -> dict[str, Any]:
+    def refuse(name: str) -> None:
+        raise AssertionError(name)
+
+    return json.loads(plot.as_json(), parse_constant=refuse)
+
+
+def test_thinning_keeps_extremes_and_gaps() -> None:
+    rng = np.random.default_rng(1)
+    curve = rng.normal(size=100_000)
+    curve[70_000], curve[31_234], curve[5_000:5_400] = 50, -50, np.nan
+    kept = thinned(curve)
+    assert len(kept) <= 1202 and {0, 31_234, 70_000, 99_999} <= set(kept)
+    assert np.isnan(curve[kept]).any()
+    for part in np.array_split(np.arange(100_000), 400)[::37]:
+        assert np.nanmax(curve[part]) == np.nanmax(curve[kept[np.isin(kept, part)]])
+    assert list(thinned(curve[:800])) == list(range(800))
+
+
+def test_curves_are_as_they_were_where_it_can_be_seen() -> None:
+    time = np.linspace(0, 100, 700)
+    values = 1e4 + np.sin(time)
+    band = Band("tube", time, values - 1e-6, values + 1e-6)
+    found = drawn(Plot("m", (Line("result", time, values),), band))
+    assert np.allclose(found["lines"][0]["y"], values, rtol=0, atol=2e-8)
+    assert np.allclose(found["lines"][0]["x"], time, rtol=1e-11)
+    assert found["y"][0] < 9999 < 10001 < found["y"][1]
+
+
+def test_a_line_that_runs_away_does_not_hide_the_rest() -> None:
+    time = np.linspace(0, 1, 50)
+    band = Band("tube", time, np.full(50, -1.0), np.full(50, 1.0))
+    runaway = np.where(time > 0.5, 1e6, 0.0)
+    low, high = drawn(Plot("m", (Line("result", time, runaway),), band))["y"]
+    assert (low, high) == pytest.approx((-1.2, 3.2))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1.7e308, -1.7e308])
+def test_what_no_axis_can_show_is_left_out(value: float) -> None:
+    time = np.arange(4.0)
+    found = drawn(Plot("", (Line("a", time, np.array([0.0, value, 1.0, 2.0])),), mark=(1.0, "worst")))
+    assert found["lines"][0]["y"] == [0, None, 1, 2]
+    assert np.isfinite(found["y"]).all() and found["mark"]["at"] in ([0, 0], [2, 1])
+    nothing = drawn(Plot("", (Line("a", time, np.full(4, value)),), mark=(1.0, "worst")))
+    assert "mark" not in nothing and np.isfinite(nothing["y"]).all()
+
+
+def test_lines_without_points_and_without_height() -> None:
+    none = np.array([])
+    assert drawn(Plot("", (Line("a", none, none),)))["lines"][0]["y"] == []
+    low, high = drawn(Plot("", (Line("a", np.arange(3.0), np.full(3, 1e15)),)))["y"]
+    assert low < 1e15 < high
+
+
+def test_plots_of_one_shape_share_a_figure() -> None:
+    line = Line("a", np.arange(2.0), np.arange(2.0))
+    plots = Plots()
+    names = [plots.add(Plot("", lines)) for lines in ((line,), (line,), (line, line))]
+    assert names == ["plot-1", "plot-2", "plot-3"]
+    assert re.findall(r'id="(figure[^"]*)"', str(plots.scripts())) == ["figure-1-0", "figure-2-0"]
+
+
+def test_a_page_without_plots_has_no_library() -> None:
+    text = rendered("emla_cosim.verify", "page.html", Plots(), **_empty())
+    assert "Anaconda" not in text and len(text) < 40_000
+
+
+def _empty() -> dict[str, Any]:
+    return {"report": report(), "parts": [], "groups": [], "verdicts": [], "headline": "Nothing",
+            "started": {"machine": None, "people": "then"}, "seconds": 0.0}  # fmt: skip
+
+
+# ---- texts -----------------------------------------------------------------------------------------
+
+
+def test_texts_and_numbers_for_people() -> None:
+    assert visible("a\x1b[31m\u202eb\udc80\tc\r\nd") == "a\\x1b[31m\\u202eb\\udc80\tc\n\nd"
+    assert visible("µ עברית 你好") == "µ עברית 你好"
+    assert shortened("abc" * 100, 20) == "abcabcabcabcabc … bcabc"
+    assert shortened("abc", 3) == "abc"
+    assert [number(v) for v in (1 / 3, 1e-9, float("nan"), float("-inf"), 500, 10**400, True, "x\x07")] == [
+        "0.3333", "1e-09", "not a number", "-∞", "500", "∞", "True", "x\\x07",
+    ]  # fmt: skip

@@ -1,0 +1,281 @@
+"""The page in a real browser: it is read, searched, opened, zoomed, made dark, and looked at."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from emla_cosim.verify.report import Report
+from tests.support.browser import chromium
+from tests.support.reports import hostile, ordinary, ten
+
+PNG = b"\x89PNG\r\n\x1a\n"
+FAILED = "fmu-1-reference.tube"
+"""The finding of the ordinary report whose plots are open."""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as opened:
+        yield opened
+
+
+class Page:
+    """A report, opened."""
+
+    def __init__(self, browser: Any, report: Report, path: Path) -> None:
+        report.save_html(path)
+        self.browser = browser
+        browser.get_log("browser")
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
+        browser.get(path.as_uri())
+        browser.execute_script("localStorage.clear()")
+
+    def run(self, script: str, *arguments: Any) -> Any:
+        return self.browser.execute_script(script, *arguments)
+
+    def until(self, script: str) -> Any:
+        """What the script returns once that is something; AssertionError after 20 s."""
+        end = time.monotonic() + 20
+        while not (found := self.run(script)):
+            assert time.monotonic() < end, (script, self.complaints())
+            time.sleep(0.02)
+        return found
+
+    def count(self, selector: str) -> int:
+        """How many elements of it are to be seen."""
+        script = "return [...document.querySelectorAll(arguments[0])].filter(e => e.checkVisibility()).length"
+        return self.run(script, selector)
+
+    def click(self, selector: str) -> None:
+        self.run("document.querySelector(arguments[0]).click()", selector)
+
+    def type(self, text: str) -> None:
+        field = self.browser.find_element("css selector", "input[type=search]")
+        field.clear()
+        field.send_keys(text)
+
+    def draw(self, plot: str) -> None:
+        """Look at a plot until it is drawn."""
+        self.run(f"document.querySelector('[data-plot={plot}]').scrollIntoView({{block: 'center'}})")
+        self.until(f"return document.querySelector('[data-plot={plot}]').dataset.drawn")
+
+    def range(self, plot: str, axis: str = "x") -> list[float]:
+        one = f"drawn.get(document.querySelector('[data-plot={plot}]')).plot.{axis}_range"
+        return self.run(f"return [{one}.start, {one}.end]")
+
+    def pixels(self, plot: str, color: tuple[int, int, int]) -> int:
+        """How many points of a plot's picture have about this colour."""
+        return self.run(
+            """
+            const found = [], seek = (root) => { for (const e of root.querySelectorAll("*")) {
+              if (e.tagName === "CANVAS") found.push(e); if (e.shadowRoot) seek(e.shadowRoot); } };
+            seek(document.querySelector(`[data-plot=${arguments[0]}]`));
+            let count = 0;
+            for (const canvas of found.filter((c) => c.width && c.height)) {
+              const copy = document.createElement("canvas"), { width, height } = canvas;
+              Object.assign(copy, { width, height });
+              const context = copy.getContext("2d", { willReadFrequently: true });
+              context.drawImage(canvas, 0, 0);
+              const { data } = context.getImageData(0, 0, width, height);
+              for (let k = 0; k < data.length; k += 4)
+                count += data[k + 3] > 200
+                  && [0, 1, 2].every((i) => Math.abs(data[k + i] - arguments[1][i]) < 12);
+            }
+            return count;""",
+            plot,
+            color,
+        )
+
+    def complaints(self) -> list[str]:
+        return [line["message"] for line in self.browser.get_log("browser")]
+
+
+Open = Callable[[Report], Page]
+
+
+@pytest.fixture
+def opened(browser: Any, tmp_path: Path) -> Iterator[Open]:
+    pages = []
+
+    def make(report: Report) -> Page:
+        pages.append(Page(browser, report, tmp_path / "report.html"))
+        return pages[-1]
+
+    yield make
+    assert [page.complaints() for page in pages] == [[] for _ in pages]
+
+
+def test_it_is_read(opened: Open) -> None:
+    page = opened(ordinary())
+    assert page.browser.title == "1 of 2 FMUs failed · FMU verification"
+    assert page.run("return document.querySelector('h1').innerText") == "1 of 2 FMUs failed"
+    assert (
+        page.count(".fmu") == 2 and page.count("#fmu-1 .finding") == 5 and page.count("#fmu-2 .finding") == 0
+    )
+    assert page.count(".finding .body") == 2  # those that failed
+    assert page.run("return document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_search_and_verdicts_hide_rows(opened: Open) -> None:
+    page = opened(ordinary())
+    page.type("archive")
+    assert page.count(".finding") == 2 and page.count(".fmu") == 2  # the closed one is opened
+    assert page.run("return document.querySelector('.shown').innerText") == "2 of 7 checks"
+    page.type("OTHER plant tube")
+    assert page.count(".finding") == 1 and page.count(".fmu") == 1 and page.count("[data-fmu]") == 1
+    page.type("nonsense")
+    assert page.count(".finding") == 0 and page.count(".nothing") == 1
+    page.click(".nothing button")
+    assert page.count(".nothing") == 0 and page.count("#fmu-2 .finding") == 0
+    page.click("button[data-verdict=skipped]")
+    page.click("button[data-verdict=warning]")
+    assert page.count(".finding") == 2 and page.count("[data-fmu]") == 1
+    page.click("button[data-verdict=warning]")
+    assert page.count(".finding") == 1 and page.count(".finding.skipped") == 1
+
+
+def test_plots_are_drawn_when_they_are_seen(opened: Open) -> None:
+    page = opened(ordinary())
+    assert page.run("return typeof Bokeh") == "undefined" or page.count(f"[id='{FAILED}'] .plot") > 0
+    assert page.count("#fmu-2 .plot") == 0
+    page.click("[id='fmu-2'] summary")
+    page.click("[id='fmu-2-reference.tube'] summary")
+    page.draw("plot-4")
+    page.until("return document.querySelector('[data-plot=plot-4] .legend').innerText.includes('reference')")
+    assert page.pixels("plot-4", (0x2F, 0x6D, 0xB3)) > 100
+    assert page.range("plot-4") == pytest.approx([-0.05, 5.05])
+
+
+def test_a_signal_is_opened(opened: Open) -> None:
+    page = opened(ordinary())
+    assert page.run("return document.querySelector('[data-plot=plot-3]').checkVisibility()") is False
+    page.click("button[aria-controls=plot-3]")
+    page.draw("plot-3")
+    assert page.run("return document.querySelector('button[aria-controls=plot-3]').ariaExpanded") == "true"
+
+
+def test_zooming_changes_the_axes(opened: Open) -> None:
+    from selenium.webdriver import ActionChains
+
+    page = opened(ordinary())
+    page.draw("plot-1")
+    x, y = page.range("plot-1"), page.range("plot-1", "y")
+    canvas = page.browser.find_element("css selector", "[data-plot=plot-1] .canvas")
+    ActionChains(page.browser).move_to_element_with_offset(canvas, -100, -50).click_and_hold().move_by_offset(
+        200, 80
+    ).release().perform()
+    page.until(
+        f"return drawn.get(document.querySelector('[data-plot=plot-1]')).plot.x_range.start > {x[0]} + 0.5"
+    )
+    low, high = page.range("plot-1")
+    assert x[0] + 0.5 < low < high < x[1] - 0.5
+    assert page.range("plot-1", "y")[1] < y[1]
+    figure = page.browser.find_element("css selector", "[data-plot=plot-1]")
+    figure.send_keys("0")
+    assert page.range("plot-1") == x and page.range("plot-1", "y") == y
+    figure.send_keys("+")
+    assert page.range("plot-1") == pytest.approx([x[0] + (x[1] - x[0]) / 4, x[1] - (x[1] - x[0]) / 4])
+
+
+def test_the_mouse_reads_values(opened: Open) -> None:
+    from selenium.webdriver import ActionChains
+
+    page = opened(ordinary())
+    page.draw("plot-1")
+    canvas = page.browser.find_element("css selector", "[data-plot=plot-1] .canvas")
+    ActionChains(page.browser).move_to_element(canvas).perform()
+    found = page.until("return document.querySelector('[data-plot=plot-1] .at').innerText")
+    assert 2 < float(found.split()[2]) < 3
+    values = page.run(
+        "return [...document.querySelectorAll('[data-plot=plot-1] .value')].map(v => v.innerText)"
+    )
+    assert all(values[:3]) and "…" in values[2]
+
+
+def test_differences_show_where_a_thin_tube_is_left(opened: Open) -> None:
+    page = opened(ordinary())
+    page.draw("plot-1")
+    assert page.run("return document.querySelector('[data-plot=plot-1] .difference').ariaPressed") == "true"
+    data = "drawn.get(document.querySelector('[data-plot=plot-1]')).data"
+    tube, drift = page.run(f"return [Math.max(...{data}.band.upper), {data}.lines[0].y.at(-1)]")
+    assert 0.01 <= tube < 0.08 and 0.08 < drift < 0.1  # 3 tubes of 0.01 per second for 3 s
+    page.click("[data-plot=plot-1] .difference")
+    assert page.run(f"return Math.max(...{data}.lines[0].y)") > 0.5
+
+
+def test_dark_and_light(opened: Open) -> None:
+    page = opened(ordinary())
+    ground = "return getComputedStyle(document.body).backgroundColor"
+    page.draw("plot-1")
+    light = page.run(ground)
+    assert page.pixels("plot-1", (0xB0, 0x41, 0x3E)) > 100
+    page.browser.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
+    )
+    dark = page.run(ground)
+    assert dark != light
+    page.until("return document.querySelector('.theme').innerText === 'Light'")
+    page.run("await new Promise(requestAnimationFrame)")
+    assert page.pixels("plot-1", (0xE5, 0x7B, 0x76)) > 100
+    page.click(".theme")
+    assert page.run(ground) == light
+    page.browser.refresh()
+    assert page.run(ground) == light  # it is remembered
+    page.click(".theme")
+    assert page.run(ground) == dark
+
+
+def test_links_lead_to_what_is_closed(opened: Open) -> None:
+    page = opened(ordinary())
+    page.type("motor")
+    page.run("location.hash = '#fmu-2-reference.tube'")
+    page.until("return document.getElementById('fmu-2-reference.tube').checkVisibility()")
+    assert page.count("[id='fmu-2-reference.tube'] .body") == 1
+
+
+def test_keys_are_enough(opened: Open) -> None:
+    page = opened(ordinary())
+    body = page.browser.find_element("css selector", "body")
+    body.send_keys("/")
+    assert page.run("return document.activeElement.type") == "search"
+    page.browser.switch_to.active_element.send_keys("state")
+    assert page.count(".finding") == 2
+    page.browser.switch_to.active_element.send_keys("\ue00c")
+    assert page.count(".finding") == 5
+    summary = page.browser.find_element("css selector", "[id='fmu-1-archive.safe'] summary")
+    summary.send_keys("\ue007")
+    assert page.count("[id='fmu-1-archive.safe'] .body") == 1
+
+
+def test_hostile_texts_do_nothing(opened: Open) -> None:
+    page = opened(hostile())
+    assert page.browser.title == "1 of 2 FMUs failed · FMU verification"
+    for k in range(1, 8):
+        page.run(f"document.getElementById('plot-{k}').hidden = false")
+        page.draw(f"plot-{k}")
+    assert page.browser.title == "1 of 2 FMUs failed · FMU verification"
+    assert page.run("return document.documentElement.scrollWidth <= innerWidth")
+    assert page.count("img") == 0
+
+
+def test_ten_fmus_open_in_two_seconds(opened: Open, tmp_path: Path) -> None:
+    page = opened(ten())
+    shown = page.run("return performance.getEntriesByType('navigation')[0].loadEventEnd")
+    assert 0 < shown < 2000
+    assert page.run("return document.querySelectorAll('[data-drawn]').length") == 0
+    page.browser.save_screenshot(str(tmp_path / "page.png"))
+    picture = (tmp_path / "page.png").read_bytes()
+    assert picture.startswith(PNG) and len(picture) > 10_000
+
+
+@pytest.mark.parametrize("width", [380, 800, 1600])
+def test_nothing_is_wider_than_the_window(opened: Open, width: int) -> None:
+    page = opened(ordinary())
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    page.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    page.draw("plot-1")
+    assert page.run("return document.documentElement.scrollWidth") <= width
+    page.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
