@@ -3,7 +3,7 @@
 import shutil
 from pathlib import Path
 
-from emla_cosim.models import build
+from emla_cosim.models import fmu_path
 
 from .paths import ROOT
 
@@ -12,11 +12,11 @@ MODEL = "Reference"
 
 
 def good_fmu(folder: Path, fmus: Path) -> Path:
-    """An FMU that passes, with its reference files, as Reference.fmu in a folder; `fmus` has it built."""
+    """An FMU that passes, with its reference files, as Reference.fmu in a folder; `fmus` has it."""
     folder.mkdir(parents=True, exist_ok=True)
     for file in (ROOT / "fmus" / MODEL).glob(f"{MODEL}_*"):
         shutil.copy(file, folder)
-    return Path(shutil.copy(build(MODEL, "native", [], fmus), folder))
+    return Path(shutil.copy(fmu_path(MODEL, "native", fmus), folder))
 
 
 def strayed_fmu(folder: Path, fmus: Path) -> Path:

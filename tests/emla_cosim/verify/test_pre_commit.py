@@ -41,9 +41,9 @@ def env(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {k: v for k, v in os.environ.items() if not k.startswith("GIT_")} | own
 
 
-def test_fmus_of_a_commit_are_verified(tmp_path: Path, env: dict[str, str]) -> None:
+def test_fmus_of_a_commit_are_verified(tmp_path: Path, env: dict[str, str], fmu_folder: Path) -> None:
     """With the first file of the page. One that is not about to be committed is left alone."""
-    good_fmu(tmp_path / "models", tmp_path / "built")
+    good_fmu(tmp_path / "models", fmu_folder)
     cut_fmu(tmp_path)
     (copied, *_) = SHOWN
     copied["repos"][0] |= {"repo": str(ROOT), "rev": git(ROOT, env, "rev-parse", "HEAD").strip()}

@@ -58,11 +58,6 @@ def workspace(tmp_path: Path) -> Path:
     return tmp_path / "workspace"
 
 
-@pytest.fixture(scope="module")
-def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("fmus")
-
-
 def verified(workspace: Path, runner: dict[str, str], **inputs: str) -> Ended:
     """Do all steps in the workspace; what they leave is in the folder beside it."""
     env = runner | {
@@ -80,8 +75,8 @@ def verdicts(workspace: Path) -> dict[str, str]:
     return {finding["check"]: finding["verdict"] for finding in one["findings"]}
 
 
-def test_good_fmus_pass(workspace: Path, runner: dict[str, str], fmus: Path) -> None:
-    good_fmu(workspace / "build" / "deep er", fmus)
+def test_good_fmus_pass(workspace: Path, runner: dict[str, str], fmu_folder: Path) -> None:
+    good_fmu(workspace / "build" / "deep er", fmu_folder)
     ended = verified(workspace, runner, fmus="build/**/*.fmu\n")
     assert (ended.failed, ended.code) == ("", 0), ended.shown
     assert ended.done == ["Install", "Verify", "Summarize"]
@@ -104,9 +99,9 @@ def where_emla_is(runner: dict[str, str]) -> str:
 
 
 def test_a_failed_check_fails_the_job_and_is_reported_all_the_same(
-    workspace: Path, runner: dict[str, str], fmus: Path
+    workspace: Path, runner: dict[str, str], fmu_folder: Path
 ) -> None:
-    strayed_fmu(workspace / "build", fmus)
+    strayed_fmu(workspace / "build", fmu_folder)
     cut_fmu(workspace / "build")
     ended = verified(workspace, runner, fmus="build/Reference.fmu\nbuild/C*.fmu")
     assert (ended.failed, ended.code) == ("Verify", 1), ended.shown
@@ -116,8 +111,8 @@ def test_a_failed_check_fails_the_job_and_is_reported_all_the_same(
     assert "❌ build/Reference.fmu: **reference.agrees**" in summary
 
 
-def test_inputs_become_options(workspace: Path, runner: dict[str, str], fmus: Path) -> None:
-    strayed_fmu(workspace / "kept", fmus)
+def test_inputs_become_options(workspace: Path, runner: dict[str, str], fmu_folder: Path) -> None:
+    strayed_fmu(workspace / "kept", fmu_folder)
     (workspace / "build").mkdir()
     shutil.move(workspace / "kept" / "Reference.fmu", workspace / "build")
     files = {"fmus": "build/*.fmu", "only": "run\nreference.agrees\n", "skip": "run.finite"}
@@ -127,24 +122,25 @@ def test_inputs_become_options(workspace: Path, runner: dict[str, str], fmus: Pa
     assert wide.code == 0, wide.shown
 
 
-@pytest.mark.parametrize("name", ["fmus", "reference", "only", "skip", "tolerance", "emla"])
+@pytest.mark.parametrize(
+    ("names", "step"), [(["emla"], "Install"), (["fmus", "reference", "only", "skip", "tolerance"], "Verify")]
+)
 def test_nothing_in_an_input_is_run(
-    name: str, workspace: Path, runner: dict[str, str], fmus: Path, tmp_path: Path
+    names: list[str], step: str, workspace: Path, runner: dict[str, str], tmp_path: Path
 ) -> None:
-    """Each input with all that a shell would act on fails as a wrong command does, and no more happens."""
-    good_fmu(workspace, fmus)
+    """With all in them that a shell would act on, the step fails as a wrong command does, and that is all."""
     trap = f"'\"; touch {tmp_path}/ran; $(touch {tmp_path}/ran) `touch {tmp_path}/ran` --help $HOME \\"
-    ended = verified(workspace, runner, **({"fmus": "*.fmu"} | {name: trap}))
-    assert ended.code in (1, 2), ended.shown
-    assert ended.failed == ("Install" if name == "emla" else "Verify")
-    assert "Traceback" not in ended.shown or name == "emla"  # which pip has for what is no requirement
+    ended = verified(workspace, runner, **({"fmus": "*.fmu"} | dict.fromkeys(names, trap)))
+    assert (ended.failed, ended.code in (1, 2)) == (step, True), ended.shown
+    assert "$HOME" in ended.shown
     assert not (tmp_path / "ran").exists()
-    assert str(Path.home()) not in ended.shown.replace(str(tmp_path), "")
 
 
-def test_names_of_files_are_taken_as_they_are(workspace: Path, runner: dict[str, str], fmus: Path) -> None:
+def test_names_of_files_are_taken_as_they_are(
+    workspace: Path, runner: dict[str, str], fmu_folder: Path
+) -> None:
     odd = workspace / "--help $(exit 3) 'it' & | <b>.fmu"
-    good_fmu(workspace, fmus).rename(odd)
+    good_fmu(workspace, fmu_folder).rename(odd)
     assert verified(workspace, runner, fmus="*.fmu").code == 0
     summary = (workspace.parent / "summary.md").read_text(encoding="utf-8")
     assert "<b>" not in summary and "&lt;b&gt;" in summary and "& | " not in summary
