@@ -110,6 +110,8 @@ _USEFUL: dict[str, Sequence[str]] = {
     "isolate": ["lift.plant", "lift.x"],
     "order": ["lift.plant,lift.controller,lift.observer,lift.reference,lift.disturbance", "lift.plant"],
     "output": ["out", "new", "folder", ODD],
+    "reference": ["out", "gone", "folder", "ok.toml"],
+    "tolerance": ["1e-3", "lift.*=1e9", "x=time:0,absolute:1"],
     "checkpoint": ["new", "ok.checkpoint", "folder/c", ODD],
     "resume": ["ok.checkpoint"],
     "step_multiples": [f"lift.controller={n}" for n in (5, 0, "x", "9" * 400)],

@@ -34,7 +34,7 @@ def build_handwritten_fmu(
     values = {"name": path.stem, **(placeholders or {})}
     draft = template.safe_substitute(values).encode()
     guid = content_guid({**sources, "modelDescription.xml": draft})
-    library = _compile(source, {"MODEL_GUID": f'"{guid}"', **(macros or {})})
+    library = compile_library(source, {"MODEL_GUID": f'"{guid}"', **(macros or {})})
     content = {
         "modelDescription.xml": template.substitute(values, guid=guid).encode(),
         f"binaries/{fmpy.platform}/{path.stem}{fmpy.sharedLibraryExtension}": library,
@@ -43,7 +43,8 @@ def build_handwritten_fmu(
     return path
 
 
-def _compile(source: Path, macros: Mapping[str, int | str]) -> bytes:
+def compile_library(source: Path, macros: Mapping[str, int | str]) -> bytes:
+    """The shared library of one C file for this machine, with these macros defined."""
     headers = str(files("fmpy").joinpath("c-code"))
     with tempfile.TemporaryDirectory() as folder:
         library = Path(folder, f"{source.stem}{fmpy.sharedLibraryExtension}")

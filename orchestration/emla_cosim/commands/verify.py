@@ -1,5 +1,6 @@
 """`emla verify`."""
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ from rich.table import Column, Table
 
 from ..bars import BarProgress
 from ..errors import CommandError, CosimError, check_choice
+from ..files import check_places
 from ..models import FLAVOURS, MODELS, build, documents_root
 from ..progress import Progress
 from ..terminal import show
@@ -129,6 +131,7 @@ def command(
     elif any((input_, stop_time, step_size, set_, overwrite)):
         raise CommandError("--input, --set, --stop-time, --step-size and --overwrite belong to --record.")
     named = {file: Path(file) for file in files or []}
+    _check_places({"the JUnit report": junit, "the JSON report": json, "the page": html}, named.values())
     with BarProgress() as progress:
         ours = _ours(progress) if all_ else {}
         known = documents_root() / "fmus" if all_ and reference is None else reference
@@ -153,6 +156,15 @@ def command(
     if not report.passed:
         count = len(report.failures)
         raise CosimError(f"{count} {'check' if count == 1 else 'checks'} failed.")
+
+
+def _check_places(reports: Mapping[str, Path | None], files: Iterable[Path]) -> None:
+    """Raise CommandError where a report cannot be written, or would take the place of something else."""
+    used = dict.fromkeys(files, "the file to verify")
+    for what, path in reports.items():
+        if path is not None:
+            check_places({path: what}, used)
+            used[path] = what
 
 
 def _ours(progress: Progress) -> dict[str, Path]:

@@ -29,8 +29,9 @@ def template(lines: int, band: bool) -> str:
             figure.line("x", edge, source=source, name=f"band-{edge}", line_width=0.75)
     for k in reversed(range(lines)):  # the first on top
         figure.line("x", "y", source=_source(f"line-{k}", "x", "y"), name=f"line-{k}", line_width=1.5)
-    mark = _source("mark", "x", "y")
-    figure.scatter("x", "y", source=mark, name="mark", size=9, line_width=1.75, fill_color=None)
+    figure.scatter(
+        "x", "y", source=_source("mark", "x", "y"), name="mark", size=9, line_width=1.75, fill_color=None
+    )
     figure.add_tools(CrosshairTool(dimensions="height", line_width=1, name="crosshair", visible=False))
     figure.add_layout(Span(dimension="height", line_dash="dotted", name="since", visible=False))
     return json.dumps(json_item(figure), separators=(",", ":"))
@@ -46,8 +47,8 @@ def _figure() -> Any:
         tools="pan,box_zoom,wheel_zoom,reset,save",
         active_drag="box_zoom",
         active_scroll=None,
-        x_range=Range1d(0, 1),
-        y_range=Range1d(0, 1),
+        x_range=Range1d(start=0, end=1),
+        y_range=Range1d(start=0, end=1),
         background_fill_color=None,
         border_fill_color=None,
         outline_line_color=None,

@@ -36,6 +36,11 @@ def note(doing: str) -> None:
         _Notes.memory[: len(text) + 1] = text + b"\0"
 
 
+def noted() -> str:
+    """What was noted last, in this process or one that divided from it."""
+    return "" if _Notes.memory is None else _Notes.memory[:].split(b"\0")[0].decode(errors="replace")
+
+
 def apart(do: Callable[..., Outcome], arguments: tuple[Any, ...], seconds: float, memory: int) -> Outcome:
     """What `do` returns, called in another process with these arguments.
 
@@ -93,6 +98,7 @@ def _answer(
     """In the child: do it, and send what came out."""
     if hasattr(os, "setsid"):
         os.setsid()
+    _silence()
     with notes.open("r+b") as stream:
         _Notes.memory = mmap.mmap(stream.fileno(), 0)
     _limit(memory)
@@ -108,6 +114,13 @@ def _answer(
         answers.send(RuntimeError(repr(error)))
     answers.close()
     os._exit(0)  # libraries of the FMU have no say in how this process ends
+
+
+def _silence() -> None:
+    """What an FMU prints is no part of a report."""
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
 
 
 def _limit(memory: int) -> None:

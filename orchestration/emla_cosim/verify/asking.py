@@ -37,9 +37,10 @@ def finding(check: Check, outcome: Outcome, seconds: float = 0.0) -> Finding:
 
 
 def _do(check: Check, subject: Any) -> Outcome:
+    from .host.afresh import EndedError
     from .host.instance import CallError  # which loads fmpy's part for FMI 2.0
 
     try:
         return check.examine(subject)
-    except CallError as error:
+    except (CallError, EndedError) as error:
         return failed(str(error))

@@ -3,7 +3,7 @@
 import difflib
 import hashlib
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,22 +17,21 @@ from .settings import Settings
 from .subject import Subject
 from .verdict import Verdict
 
-_HARMLESS = "description.readable"
-"""The check after which the model description can be read here, once for all later checks."""
+_READ_AFTER = {"description.readable": ("tree", "description"), "description.schema": ("declared",)}
+"""What of a subject is read here, once for all later checks, after a check that passed."""
 
 
 def examined(subject: Subject, told: Callable[[str], None] = lambda _: None) -> Examined:
     """Examine an FMU; `told` is called with the name of each check before it is done."""
     began = time.monotonic()
-    wanted = chosen(subject.settings)
     findings: dict[str, Finding] = {}
-    for check in _with_needs(wanted):
+    for check in needed(subject.settings):
         told(check.name)
         findings[check.name] = _finding(check, subject, findings)
-        if check.name == _HARMLESS and findings[check.name].verdict == Verdict.PASSED:
+        for name in _READ_AFTER.get(check.name, ()) if findings[check.name].verdict == Verdict.PASSED else ():
             with suppress(Exception):  # it was read in another process, but this one is another
-                _ = subject.tree, subject.description
-    names = {c.name for c in wanted} | set(_failed_needs(findings.values(), subject.settings))
+                getattr(subject, name)
+    names = {c.name for c in chosen(subject.settings)} | _failed(findings, subject.settings)
     shown = tuple(f for f in findings.values() if f.check in names)
     return Examined(subject.path, _facts(subject), shown, time.monotonic() - began)
 
@@ -63,21 +62,19 @@ def _means(pattern: str, check: Check) -> bool:
     return check.group == pattern or fits(check.name, pattern)
 
 
-def _with_needs(wanted: Sequence[Check]) -> Iterator[Check]:
-    """The checks and all that they need, in the order of the catalogue."""
-    names = {c.name for c in wanted}
+def needed(settings: Settings) -> list[Check]:
+    """The checks that the settings mean, and all that these need, in the order of the catalogue."""
+    names = {c.name for c in chosen(settings)}
     for check in (RECORDED, *reversed(CHECKS)):  # what is needed stands before
         if check.name in names:
             names.update(check.needs)
-    return (c for c in (*CHECKS, RECORDED) if c.name in names)
+    return [c for c in (*CHECKS, RECORDED) if c.name in names]
 
 
-def _failed_needs(findings: Iterable[Finding], settings: Settings) -> Iterator[str]:
+def _failed(findings: Mapping[str, Finding], settings: Settings) -> set[str]:
     """Checks that failed and are to be told of, asked for or not: what needs them says nothing."""
-    failed = {f.check for f in findings if f.verdict == Verdict.FAILED}
-    for check in CHECKS:
-        if check.name in failed and not any(_means(p, check) for p in settings.skip):
-            yield check.name
+    failed = {name for name, f in findings.items() if f.verdict == Verdict.FAILED}
+    return failed - {c.name for c in CHECKS if any(_means(p, c) for p in settings.skip)}
 
 
 def _finding(check: Check, subject: Subject, before: dict[str, Finding]) -> Finding:

@@ -5,9 +5,9 @@ little, whatever the caller did before.
 """
 
 import os
-from dataclasses import replace
+import sys
+import tempfile
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from ..channel import Channel, own_channel
@@ -20,19 +20,21 @@ from .subject import Subject
 
 
 class Job(NamedTuple):
-    """A file to examine, and what reports call it: an FMU, or a system of them."""
+    """A file to examine, an FMU or a system of them; what reports call it, and its path as it was given."""
 
     path: Path
     settings: Settings
-    name: str = ""
+    name: str
+    given: Path
     system: bool = False
 
 
 def main() -> None:
-    """Serve the parent at the other end of standard input and output."""
+    """Serve the parent at the other end of standard input and output; temporary files go into its folder."""
     ask_no_more()  # it is the parent who ends an examination
     end_with(os.getppid(), lambda: os._exit(0))
     channel = own_channel()
+    tempfile.tempdir = sys.argv[1]
     while True:
         try:
             job: Job = channel.receive()
@@ -45,10 +47,10 @@ def _done(job: Job, channel: Channel) -> Examined:
     if job.system:
         from .systems import examined_system
 
-        return replace(examined_system(job.path, job.settings, channel.send), name=job.name)
-    with TemporaryDirectory(prefix="emla-verify-") as folder:
+        return examined_system(job.path, job.settings, channel.send)
+    with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
-        return replace(examined(subject, channel.send), name=job.name)
+        return examined(subject, channel.send)
 
 
 if __name__ == "__main__":

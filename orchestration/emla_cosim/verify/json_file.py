@@ -7,6 +7,7 @@
       "counts": {"passed": 8, "warning": 1, "failed": 0, "skipped": 2},
       "examined": [
         {
+          "name": "build/Plant.fmu",                   what it is called
           "path": "build/Plant.fmu",                   as it was given
           "passed": true, "verdict": "warning",        the verdict that decides
           "seconds": 1.5,
@@ -77,6 +78,7 @@ def _examined(one: "Examined") -> dict[str, Any]:
     from .report import worst
 
     return {
+        "name": one.label,
         "path": str(one.path),
         "passed": one.passed,
         "verdict": worst(one.findings).value,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def save(report: "Report", path: Path) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
-    names = labels([one.path for one in report.examined])
+    names = labels([one.label for one in report.examined])
     suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
     root = _element(
         "testsuites",
@@ -37,7 +37,7 @@ def save(report: "Report", path: Path) -> None:
 def _suite(one: "Examined", name: str, report: "Report") -> Any:
     suite = _element(
         "testsuite",
-        name=one.path,
+        name=one.label,
         tests=len(one.findings),
         failures=len(one.of(Verdict.FAILED)),
         errors=0,

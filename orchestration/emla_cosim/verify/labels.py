@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 
-def labels(paths: Sequence[Path]) -> list[str]:
-    """The names of files, with as many of their folders as it takes to tell them apart."""
+def labels(names: Sequence[str]) -> list[str]:
+    """The last parts of names that are paths, as many as it takes to tell them apart."""
+    paths = [Path(name) for name in names]
     found = [path.name for path in paths]
     for depth in range(2, max((len(p.parts) for p in paths), default=0) + 1):
         count = Counter(found)

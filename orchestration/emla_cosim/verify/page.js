@@ -2,27 +2,35 @@
 "use strict";
 (() => {
   const all = (selector, within = document) => [...within.querySelectorAll(selector)];
-  const search = document.querySelector(".filters input"), status = document.querySelector(".shown"), none = document.querySelector(".nothing");
+  const search = document.querySelector(".filters input"),
+    status = document.querySelector(".shown"),
+    none = document.querySelector(".nothing");
   const buttons = all(".filters [data-verdict]");
   const fmus = all(".fmu").map((element) => ({
-    element, open: element.open, row: document.querySelector(`[data-fmu="${element.id}"]`),
+    element,
+    open: element.open,
+    row: document.querySelector(`[data-fmu="${element.id}"]`),
     groups: all(".group", element).map((group) => ({ element: group, findings: all(".finding", group) })),
   }));
   const texts = new Map();
-  const text = (element) => texts.get(element) ?? texts.set(element, element.textContent.toLowerCase()).get(element);
+  const text = (element) =>
+    texts.get(element) ?? texts.set(element, element.textContent.toLowerCase()).get(element);
 
   function filter() {
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
     const verdicts = new Set(buttons.filter((b) => b.ariaPressed === "true").map((b) => b.dataset.verdict));
     const filtered = words.length > 0 || verdicts.size > 0;
-    let shown = 0, total = 0;
+    let shown = 0,
+      total = 0;
     for (const fmu of fmus) {
       const about = text(fmu.element.querySelector("summary")) + text(fmu.element.querySelector(".facts"));
       let here = 0;
       for (const group of fmu.groups) {
         let some = 0;
         for (const finding of group.findings) {
-          const fits = (!verdicts.size || verdicts.has(finding.dataset.verdict)) && words.every((w) => about.includes(w) || text(finding).includes(w));
+          const fits =
+            (!verdicts.size || verdicts.has(finding.dataset.verdict)) &&
+            words.every((w) => about.includes(w) || text(finding).includes(w));
           finding.hidden = !fits;
           some += fits;
         }
@@ -45,29 +53,47 @@
     filter();
   }
 
-  function follow() { // a link leads to what it names, even if that is closed or filtered out
+  function follow() {
+    // a link leads to what it names, even if that is closed or filtered out
     const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
     if (!target) return;
     if (target.closest("[hidden]")) reset();
-    for (let element = target; element; element = element.parentElement?.closest("details")) if (element.tagName === "DETAILS") element.open = true;
+    for (let element = target; element; element = element.parentElement?.closest("details"))
+      if (element.tagName === "DETAILS") element.open = true;
     target.closest("details").open = true;
     target.scrollIntoView();
   }
 
   search.addEventListener("input", filter);
-  for (const button of buttons) button.addEventListener("click", () => { button.ariaPressed = String(button.ariaPressed !== "true"); filter(); });
-  none.querySelector("button").addEventListener("click", () => { reset(); search.focus(); });
-  for (const fmu of fmus) fmu.element.querySelector("summary").addEventListener("click", () => { if (!status.textContent) fmu.open = !fmu.element.open; });
-  for (const button of all(".signal button")) button.addEventListener("click", () => {
-    const row = document.getElementById(button.getAttribute("aria-controls"));
-    row.hidden = !row.hidden;
-    button.ariaExpanded = String(!row.hidden);
+  for (const button of buttons)
+    button.addEventListener("click", () => {
+      button.ariaPressed = String(button.ariaPressed !== "true");
+      filter();
+    });
+  none.querySelector("button").addEventListener("click", () => {
+    reset();
+    search.focus();
   });
+  for (const fmu of fmus)
+    fmu.element.querySelector("summary").addEventListener("click", () => {
+      if (!status.textContent) fmu.open = !fmu.element.open;
+    });
+  for (const button of all(".signal button"))
+    button.addEventListener("click", () => {
+      const row = document.getElementById(button.getAttribute("aria-controls"));
+      row.hidden = !row.hidden;
+      button.ariaExpanded = String(!row.hidden);
+    });
   document.addEventListener("keydown", (event) => {
-    if (event.key === "/" && document.activeElement !== search) { event.preventDefault(); search.focus(); }
+    if (event.key === "/" && document.activeElement !== search) {
+      event.preventDefault();
+      search.focus();
+    }
     if (event.key === "Escape" && document.activeElement === search) reset();
   });
   addEventListener("hashchange", follow);
-  document.addEventListener("click", (event) => { if (event.target.closest?.(`a[href="${location.hash}"]`)) setTimeout(follow); });
+  document.addEventListener("click", (event) => {
+    if (event.target.closest?.(`a[href="${location.hash}"]`)) setTimeout(follow);
+  });
   if (location.hash) follow();
 })();

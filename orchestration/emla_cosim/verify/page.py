@@ -32,7 +32,7 @@ def save(report: "Report", path: Path) -> None:
 def page(report: "Report") -> str:
     """The text of the page."""
     plots = Plots()
-    names = labels([one.path for one in report.examined])
+    names = labels([one.label for one in report.examined])
     parts = [
         _Part(k, one, name, plots)
         for k, (one, name) in enumerate(zip(report.examined, names, strict=True), 1)
@@ -47,6 +47,7 @@ def page(report: "Report") -> str:
         groups=groups,
         verdicts=list(Verdict),
         headline=_headline(report),
+        thing=_thing(report),
         started=_moment(report.started),
         seconds=sum(one.seconds for one in report.examined),
     )
@@ -166,13 +167,18 @@ def _word(name: str) -> str:
 
 
 def _headline(report: "Report") -> str:
-    count = len(report.examined)
+    count, thing = len(report.examined), _thing(report)
     bad = sum(not one.passed for one in report.examined)
+    how = "failed" if bad else "passed"
     if count == 1:
-        return "The FMU failed" if bad else "The FMU passed"
-    if not bad:
-        return f"All {count} FMUs passed"
-    return f"All {count} FMUs failed" if bad == count else f"{bad} of {count} FMUs failed"
+        return f"The {thing} {how}"
+    return f"{bad} of {count} {thing}s {how}" if 0 < bad < count else f"All {count} {thing}s {how}"
+
+
+def _thing(report: "Report") -> str:
+    """What was examined: FMUs, or systems."""
+    systems = [one.path.suffix.lower() not in ("", ".fmu") for one in report.examined]
+    return "system" if systems and all(systems) else "FMU"
 
 
 def _moment(text: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..fmu.interface import Interface
+from .declared import Declared, declared
 from .settings import Settings
 
 DESCRIPTION = "modelDescription.xml"
@@ -42,6 +43,11 @@ class Subject:
         return fmpy.read_model_description(str(self.path), validate=False)
 
     @cached_property
+    def declared(self) -> Declared:
+        """What the model description declares, as far as the schema goes: needs `description.schema`."""
+        return declared(self.tree)
+
+    @cached_property
     def interface(self) -> Interface:
         """Variables and units by name."""
         return Interface(self.description)
@@ -54,11 +60,7 @@ class Subject:
     @property
     def kinds(self) -> list[str]:
         """What the FMU is for: `CoSimulation`, `ModelExchange`, or both, in this order."""
-        found = {
-            "CoSimulation": self.description.coSimulation,
-            "ModelExchange": self.description.modelExchange,
-        }
-        return [name for name, means in found.items() if means is not None]
+        return [name for name in ("CoSimulation", "ModelExchange") if self.tree.find(name) is not None]
 
     def means(self, kind: str) -> Any:
         """The element of the model description for a kind, as fmpy reads it; None where the FMU has none."""

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..channel import Channel
 from ..errors import CommandError
+from ..files import temporary_folder
 from ..processes import how_it_ended, started
 from ..progress import Progress
 from ..ssp.reader.reading import read_ssp
@@ -19,7 +20,7 @@ from ..tubes.tolerance import Tolerance
 from ..values import converted
 from .asking import finding
 from .catalogue import CHECKS
-from .examination import check_names, chosen
+from .examination import check_names, needed
 from .examiner import Job
 from .references.recording import Recording, check_recording
 from .report import Examined, Report
@@ -60,9 +61,11 @@ def verify(
     with ExitStack() as held:
         jobs = [job for name, path in named.items() for job in _jobs(name, path, settings, held)]
         if record is not None:
-            check_recording(record, [job.path.stem for job in jobs])
-        told.begin("verifying", len(chosen(settings)) * len(jobs), "checks")
-        found = _Examiners(lambda: told.advance(1)).examined(jobs)
+            check_recording(record, [job.path for job in jobs])
+        count = sum(1 if job.system else len(needed(job.settings)) for job in jobs)
+        told.begin("verifying", count, "checks")
+        folder = held.enter_context(temporary_folder("emla-verify-"))
+        found = _Examiners(folder, lambda: told.advance(1)).examined(jobs)
     return Report(found, version("emla-cosim"), datetime.now(UTC).isoformat(timespec="seconds"))
 
 
@@ -115,18 +118,21 @@ def _settings(
 def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[Job]:
     """What is to be examined: an FMU, or every FMU of a system, each once, and the system."""
     if path.suffix.lower() not in _SYSTEMS:
-        return [Job(path.absolute(), settings, name)]
+        return [Job(path.absolute(), settings, name, path)]
+    if settings.recording is not None:
+        raise CommandError(f"references are recorded of FMUs, one by one; '{path}' is a system.")
     document = held.enter_context(read_ssp(path))
     alone = replace(settings, reference=None)
     files = dict.fromkeys(c.fmu for c in document.system.components if c.fmu is not None)
-    inside = [Job(file, alone, f"{name}/{file.name}") for file in files]
-    return [*inside, Job(path.absolute(), settings, name, system=True)]
+    inside = [Job(file, alone, f"{name}/{file.name}", path / file.name) for file in files]
+    return [*inside, Job(path.absolute(), settings, name, path, system=True)]
 
 
 @dataclass
 class _Examiners:
-    """Processes that examine, each one job after the other."""
+    """Processes that examine, one for each job, with their temporary files in a folder."""
 
+    folder: Path
     advance: Callable[[], None]
     running: list[subprocess.Popen[bytes]] = field(default_factory=list)
     ended: bool = False
@@ -145,14 +151,14 @@ class _Examiners:
     def _examined(self, job: Job) -> Examined:
         if self.ended:
             return _lost(job, "interrupted")
-        process = started(_EXAMINER)
+        process = started(_EXAMINER, str(self.folder))
         self.running.append(process)
         channel = Channel(process.stdout, process.stdin, lambda: process.poll() is None)
         try:
             channel.send(job)
             while isinstance(answer := channel.receive(), str):
                 self.advance()
-            return answer
+            return replace(answer, path=job.given, name=job.name)
         except (EOFError, OSError):
             return _lost(job, how_it_ended(process.wait()))
         finally:
@@ -165,4 +171,4 @@ class _Examiners:
 def _lost(job: Job, how: str) -> Examined:
     """What is said where not even the examiner came to its end."""
     found = finding(CHECKS[0], failed(f"Its examination ended ({how})."))
-    return Examined(job.path, {}, (found,), 0.0, job.name)
+    return Examined(job.given, {}, (found,), 0.0, job.name)

@@ -84,7 +84,7 @@ def test_control_characters_are_shown(tmp_path: Path) -> None:
 
 
 def test_fmus_are_called_apart() -> None:
-    paths = [Path(p) for p in ("a/x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu")]
+    paths = ["a/x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu"]
     assert labels(paths) == ["x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu"]
-    assert labels([Path("P.fmu"), Path("P.fmu")]) == ["P.fmu", "P.fmu"]
+    assert labels(["P.fmu", "P.fmu"]) == ["P.fmu", "P.fmu"]
     assert labels([]) == []

@@ -8,12 +8,14 @@ import html5lib
 import numpy as np
 import pytest
 
+from emla_cosim.report.curves import thinned
 from emla_cosim.report.page import Plots, rendered
-from emla_cosim.report.plot import Band, Line, Plot, thinned
+from emla_cosim.report.plot import Band, Line, Plot
 from emla_cosim.report.text import number, shortened, visible
 from emla_cosim.verify.page import page
 from emla_cosim.verify.report import Report
-from tests.support.reports import hostile, ordinary, report, ten
+from emla_cosim.verify.verdict import passed
+from tests.support.reports import examined, finding, hostile, ordinary, report, ten
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
 
@@ -79,11 +81,26 @@ def test_the_matrix_has_every_fmu_and_group() -> None:
     assert text_of(elements(parsed(page(alone)), "h1")[0]) == "The FMU failed"
 
 
+@pytest.mark.parametrize(
+    ("paths", "headline"),
+    [
+        (["a.fmu"], "The FMU passed"),
+        (["a.fmu", "b.ssp"], "All 2 FMUs passed"),
+        (["a.ssp"], "The system passed"),
+        (["a.ssp", "b.ssp"], "All 2 systems passed"),
+        ([], "All 0 FMUs passed"),
+    ],
+)
+def test_systems_are_called_so(paths: list[str], headline: str) -> None:
+    given = report(*(examined(path, [finding("a.b", passed("It is."))]) for path in paths))
+    assert text_of(elements(parsed(page(given)), "h1")[0]) == headline
+
+
 def test_hostile_texts_make_no_elements() -> None:
     text = page(hostile())
     root = parsed(text)
     assert not elements(root, "img")
-    allowed = {"theme.js", "plots.js", "page.js"}
+    allowed = {"theme.js", "curves.js", "plots.js", "page.js"}
     assert len([s for s in elements(root, "script") if not s.get("type")]) == len(allowed)
     assert not [e for e in root.iter() for name in e.attrib if name.startswith("on")]
     assert "{{7*7}}" in text_of(elements(root, "main")[0])
@@ -134,8 +151,35 @@ def test_curves_are_as_they_were_where_it_can_be_seen() -> None:
     band = Band("tube", time, values - 1e-6, values + 1e-6)
     found = drawn(Plot("m", (Line("result", time, values),), band))
     assert np.allclose(found["lines"][0]["y"], values, rtol=0, atol=2e-8)
-    assert np.allclose(found["lines"][0]["x"], time, rtol=1e-11)
+    assert found["lines"][0]["x"] == {"first": 0, "last": 100, "count": 700}
     assert found["y"][0] < 9999 < 10001 < found["y"][1]
+
+
+def test_times_that_are_not_even() -> None:
+    time = np.sort(np.concatenate([np.linspace(0, 1, 50), np.linspace(1e-4, 2e-4, 7), [0.5]]))
+    found = drawn(Plot("", (Line("a", time, time),)))["lines"][0]["x"]
+    assert np.allclose(found, time, rtol=0, atol=1e-6)
+    late = 1e6 + np.cumsum([0, 1e-3, 1e-3, 2e-3])
+    assert np.allclose(drawn(Plot("", (Line("a", late, late),)))["lines"][0]["x"], late, rtol=0, atol=1e-5)
+
+
+def test_differences_are_right_however_many_points_there_are() -> None:
+    """They are taken before points are left out: neither curve alone knows what the other was."""
+    time = np.linspace(0, 100, 200_000)
+    reference = np.sin(40 * time)
+    values = reference + 1e-3 * np.sin(time)
+    values[123_456] += 0.01
+    band = Band("tube", time, reference - 1e-3, reference + 1e-3)
+    found = drawn(
+        Plot("m", (Line("result", time, values), Line("reference", time, reference)), band, against=1)
+    )
+    line = found["lines"][0]
+    off = np.array(line["y"]) - np.array(line["base"])
+    at = np.interp(line["x"], time, values - reference)
+    assert np.allclose(off, at, rtol=0, atol=2e-5) and off.max() > 9e-3
+    width = np.array(found["band"]["upper"]) - np.array(found["band"]["base"])
+    assert np.allclose(width, 1e-3, rtol=0, atol=2e-5)
+    assert len(line["x"]) <= 2402 and found["base"] == "reference"
 
 
 def test_a_line_that_runs_away_does_not_hide_the_rest() -> None:
@@ -150,10 +194,10 @@ def test_a_line_that_runs_away_does_not_hide_the_rest() -> None:
 def test_what_no_axis_can_show_is_left_out(value: float) -> None:
     time = np.arange(4.0)
     found = drawn(Plot("", (Line("a", time, np.array([0.0, value, 1.0, 2.0])),), mark=(1.0, "worst")))
-    assert found["lines"][0]["y"] == [0, None, 1, 2]
-    assert np.isfinite(found["y"]).all() and found["mark"]["at"] in ([0, 0], [2, 1])
+    assert (found["lines"][0]["y"], found["lines"][0]["missing"]) == ([0, None, 1, 2], 1)
+    assert np.isfinite(found["y"]).all() and (found["mark"]["x"], found["mark"]["y"]) in [(0, 0), (2, 1)]
     nothing = drawn(Plot("", (Line("a", time, np.full(4, value)),), mark=(1.0, "worst")))
-    assert "mark" not in nothing and np.isfinite(nothing["y"]).all()
+    assert nothing["mark"] is None and np.isfinite(nothing["y"]).all()
 
 
 def test_lines_without_points_and_without_height() -> None:
@@ -177,8 +221,10 @@ def test_a_page_without_plots_has_no_library() -> None:
 
 
 def _empty() -> dict[str, Any]:
-    return {"report": report(), "parts": [], "groups": [], "verdicts": [], "headline": "Nothing",
-            "started": {"machine": None, "people": "then"}, "seconds": 0.0}  # fmt: skip
+    return {
+        "report": report(), "parts": [], "groups": [], "verdicts": [], "headline": "Nothing", "thing": "FMU",
+        "started": {"machine": None, "people": "then"}, "seconds": 0.0,
+    }  # fmt: skip
 
 
 # ---- texts -----------------------------------------------------------------------------------------

@@ -145,6 +145,10 @@ def test_plots_are_drawn_when_they_are_seen(opened: Open) -> None:
     page.click("[id='fmu-2-reference.tube'] summary")
     page.draw("plot-4")
     page.until("return document.querySelector('[data-plot=plot-4] .legend').innerText.includes('reference')")
+    line = "drawn.get(document.querySelector('[data-plot=plot-4]')).data.lines[0]"
+    assert page.run(f"return [{line}.x.length, {line}.x[1], {line}.x.at(-1)]") == pytest.approx(
+        [500, 5 / 499, 5]
+    )
     assert page.pixels("plot-4", (0x2F, 0x6D, 0xB3)) > 100
     assert page.range("plot-4") == pytest.approx([-0.05, 5.05])
 

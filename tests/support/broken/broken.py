@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from emla_cosim.verify.settings import Settings
+from emla_cosim.verify.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -13,7 +14,7 @@ class Broken:
 
     `what` is that thing, as the documentation's table says it, and `check` the name of the check that
     has to fail for it, and alone: what needs it is skipped, and everything else passes. `build` makes
-    the FMU in a folder and returns its file.
+    the FMU in a folder and returns its file. `verdict` is WARNING for what the standard allows.
     """
 
     name: str
@@ -21,3 +22,4 @@ class Broken:
     check: str
     build: Callable[[Path], Path]
     settings: Settings = field(default_factory=Settings)
+    verdict: Verdict = Verdict.FAILED

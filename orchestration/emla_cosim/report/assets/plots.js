@@ -4,12 +4,13 @@ const drawn = new Map(); // figure elements and what is drawn in them
 
 (() => {
   const parsed = (id) => JSON.parse(document.getElementById(id).textContent);
-  const numbers = (values) => Float64Array.from(values, (v) => (v === null ? NaN : v));
   const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(6))) : "–");
-  const make = (tag, className, text) => Object.assign(document.createElement(tag), { className, textContent: text ?? "" });
+  const make = (tag, className, text) =>
+    Object.assign(document.createElement(tag), { className, textContent: text ?? "" });
 
   const probe = make("i", "probe");
-  const color = (name) => { // as the page has it now
+  const color = (name) => {
+    // as the page has it now
     probe.style.color = `var(--${name})`;
     return getComputedStyle(probe).color;
   };
@@ -34,78 +35,51 @@ const drawn = new Map(); // figure elements and what is drawn in them
     const plot = views.roots[0].model;
     const model = (name) => plot.document.get_model_by_name(name);
     if (data.since) model("since").setv({ location: data.since.at, visible: true });
-    const one = { element, plot, model, given: read(data), unit: data.unit };
+    const one = { element, plot, model, given: curves.read(data), unit: data.unit };
     one.data = one.given;
     drawn.set(element, one);
     const button = legend(one);
     show(one, one.given);
-    if (data.since && button && thin(one.given)) button.click();
+    if (data.since && button && curves.thin(one.given)) button.click();
     paint(one);
     plot.on_event("doubletap", () => view(one));
     element.addEventListener("keydown", (event) => keys(one, event));
     element.dataset.drawn = "yes";
   }
 
-  // What JSON has as null is no number.
-  function read(data) {
-    const lines = data.lines.map((line) => ({ ...line, x: numbers(line.x), y: numbers(line.y) }));
-    const band = data.band && { ...data.band, x: numbers(data.band.x), lower: numbers(data.band.lower), upper: numbers(data.band.upper) };
-    return { ...data, lines, band };
-  }
-
-  // The same as differences from one of the lines.
-  function difference(data) {
-    const base = data.lines[data.against], less = (x, y) => y.map((v, k) => v - at(base, x[k]));
-    const lines = data.lines.map((line) => ({ ...line, y: less(line.x, line.y) }));
-    const band = data.band && { ...data.band, lower: less(data.band.x, data.band.lower), upper: less(data.band.x, data.band.upper) };
-    const mark = data.mark && { ...data.mark, at: [data.mark.at[0], data.mark.at[1] - at(base, data.mark.at[0])] };
-    return { ...data, lines, band, mark, y: around([...(band ? [band.lower, band.upper] : []), ...lines.map((l) => l.y)], band) };
-  }
-
-  function thin({ band, y }) { // whether it cannot be seen where the band is left
-    const widths = band ? [...band.upper].map((v, k) => v - band.lower[k]).filter(Number.isFinite).sort((a, b) => a - b) : [];
-    return widths.length > 0 && widths[widths.length >> 1] < 0.03 * (y[1] - y[0]);
-  }
-
-  function at({ x, y }, time) { // linear between points
-    const k = before(x, time);
-    if (time <= x[k] || k + 1 >= x.length) return y[k];
-    const part = (time - x[k]) / (x[k + 1] - x[k]);
-    return time >= x[k + 1] ? y[k + 1] : y[k] + part * (y[k + 1] - y[k]);
-  }
-
-  function around(curves, band) { // all there is, as far as it is near the band
-    let low = Infinity, high = -Infinity, least = -Infinity, most = Infinity;
-    for (const curve of curves) for (const v of curve) { if (v < low) low = v; if (v > high) high = v; }
-    if (band) {
-      let edge = 0;
-      for (const curve of [band.lower, band.upper]) for (const v of curve) if (Math.abs(v) > edge) edge = Math.abs(v);
-      if (edge > 0) [least, most] = [-8 * edge, 8 * edge];
-    }
-    low = Math.max(low, least); high = Math.min(high, most);
-    const room = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;
-    return Number.isFinite(room) ? [low - room, high + room] : [-1, 1];
-  }
-
   function show(one, data) {
     const { plot, model } = one;
     one.data = data;
-    data.lines.forEach(({ x, y }, k) => { model(`line-${k}-data`).data = { x, y }; });
-    if (data.band) model("band-data").data = { x: data.band.x, lower: data.band.lower, upper: data.band.upper };
-    if (data.mark) model("mark-data").data = { x: [data.mark.at[0]], y: [data.mark.at[1]] };
+    data.lines.forEach(({ x, y }, k) => {
+      model(`line-${k}-data`).data = { x, y };
+    });
+    if (data.band)
+      model("band-data").data = { x: data.band.x, lower: data.band.lower, upper: data.band.upper };
+    if (data.mark) model("mark-data").data = { x: [data.mark.x], y: [data.mark.y] };
     plot.left[0].axis_label = one.unit;
     view(one);
   }
 
-  function view({ plot, data }) { // all of it; reset comes back here
-    for (const [range, [start, end]] of [[plot.x_range, data.x], [plot.y_range, data.y]]) range.setv({ start, end, reset_start: start, reset_end: end });
+  function view({ plot, data }) {
+    // all of it; reset comes back here
+    for (const [range, [start, end]] of [
+      [plot.x_range, data.x],
+      [plot.y_range, data.y],
+    ])
+      range.setv({ start, end, reset_start: start, reset_end: end });
   }
 
   function keys(one, event) {
     const { plot } = one;
-    const range = plot.x_range, width = range.end - range.start, middle = (range.start + range.end) / 2;
-    const to = { "+": [middle - width / 4, middle + width / 4], "-": [middle - width, middle + width],
-                 ArrowLeft: [range.start - width / 8, range.end - width / 8], ArrowRight: [range.start + width / 8, range.end + width / 8] }[event.key];
+    const range = plot.x_range,
+      width = range.end - range.start,
+      middle = (range.start + range.end) / 2;
+    const to = {
+      "+": [middle - width / 4, middle + width / 4],
+      "-": [middle - width, middle + width],
+      ArrowLeft: [range.start - width / 8, range.end - width / 8],
+      ArrowRight: [range.start + width / 8, range.end + width / 8],
+    }[event.key];
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key === "0") view(one);
     else if (to) range.setv({ start: to[0], end: to[1] });
@@ -114,11 +88,27 @@ const drawn = new Map(); // figure elements and what is drawn in them
   }
 
   function paint({ plot, data, model }) {
-    const ink = color("soft"), line = color("line"), font = getComputedStyle(document.body).fontFamily;
-    for (const axis of [...plot.below, ...plot.left]) axis.setv({ axis_label_text_color: ink, major_label_text_color: ink, axis_line_color: line,
-      major_tick_line_color: line, axis_label_text_font: font, major_label_text_font: font, axis_label_text_font_size: "12px", major_label_text_font_size: "11px" });
+    const ink = color("soft"),
+      line = color("line"),
+      font = getComputedStyle(document.body).fontFamily;
+    for (const axis of [...plot.below, ...plot.left])
+      axis.setv({
+        axis_label_text_color: ink,
+        major_label_text_color: ink,
+        axis_line_color: line,
+        major_tick_line_color: line,
+        axis_label_text_font: font,
+        major_label_text_font: font,
+        axis_label_text_font_size: "12px",
+        major_label_text_font_size: "11px",
+      });
     for (const grid of plot.center) if (grid.dimension === 1) grid.grid_line_color = line;
-    data.lines.forEach((curve, k) => model(`line-${k}`).glyph.setv({ line_color: color(curve.color), line_dash: curve.dashed ? [5, 3] : [] }));
+    data.lines.forEach((curve, k) =>
+      model(`line-${k}`).glyph.setv({
+        line_color: color(curve.color),
+        line_dash: curve.dashed ? [5, 3] : [],
+      }),
+    );
     if (data.band) {
       model("band").glyph.setv({ fill_color: color("band"), fill_alpha: 1 });
       for (const edge of ["lower", "upper"]) model(`band-${edge}`).glyph.line_color = color("band-edge");
@@ -131,9 +121,12 @@ const drawn = new Map(); // figure elements and what is drawn in them
   // Says what is what, and what it is where the mouse points.
   function legend(one) {
     const { element, plot, data } = one;
-    const list = make("figcaption", "legend"), entries = [];
+    const list = make("figcaption", "legend"),
+      entries = [];
     const entry = (label, className, curve, told) => {
-      const item = make("span", "entry"), swatch = make("i", `swatch ${className}`), value = make("output", "value");
+      const item = make("span", "entry"),
+        swatch = make("i", `swatch ${className}`),
+        value = make("span", "value");
       item.append(swatch, make("bdi", "", label), value);
       list.append(item);
       entries.push([value, curve, told]);
@@ -141,48 +134,68 @@ const drawn = new Map(); // figure elements and what is drawn in them
     };
     const time = make("span", "entry at");
     for (const [k, line] of data.lines.entries()) {
-      const swatch = entry(line.label, line.dashed ? "dashed" : "", () => one.data.lines[k], (curve, i) => shown(curve.y[i]));
+      const gaps = line.missing ? `, ${line.missing} point${line.missing === 1 ? "" : "s"} not drawn` : "";
+      const swatch = entry(
+        line.label + gaps,
+        line.dashed ? "dashed" : "",
+        () => one.data.lines[k],
+        (curve, i) => shown(curve.y[i]),
+      );
       swatch.style.setProperty("--swatch", `var(--${line.color})`);
     }
-    if (data.band) entry(data.band.label, "filled", () => one.data.band, (curve, i) => `${shown(curve.lower[i])} … ${shown(curve.upper[i])}`);
-    if (data.mark) entry(`${data.mark.label} at ${shown(data.mark.at[0])} s`, "ring");
+    if (data.band)
+      entry(
+        data.band.label,
+        "filled",
+        () => one.data.band,
+        (curve, i) => `${shown(curve.lower[i])} … ${shown(curve.upper[i])}`,
+      );
+    if (data.mark) entry(`${data.mark.label} at ${shown(data.mark.x)} s`, "ring");
     if (data.since) entry(`${data.since.label} at ${shown(data.since.at)} s`, "upright");
     list.append(time);
-    const button = data.against === undefined ? null : switcher(one);
+    const button = data.base === null ? null : switcher(one);
     if (button) list.append(button);
     element.prepend(list);
     plot.on_event("mousemove", ({ x }) => {
       time.textContent = `t = ${shown(x)} s`;
-      for (const [value, curve, told] of entries) if (curve) value.textContent = told(curve(), nearest(curve().x, x));
+      for (const [value, curve, told] of entries)
+        if (curve) value.textContent = told(curve(), curves.nearest(curve().x, x));
     });
-    plot.on_event("mouseleave", () => { time.textContent = ""; for (const [value] of entries) value.textContent = ""; });
+    plot.on_event("mouseleave", () => {
+      time.textContent = "";
+      for (const [value] of entries) value.textContent = "";
+    });
     return button;
   }
 
   function switcher(one) {
     const button = make("button", "difference", "Difference");
-    Object.assign(button, { type: "button", ariaPressed: "false", title: `Show all as differences from the ${one.data.lines[one.data.against].label}` });
+    Object.assign(button, {
+      type: "button",
+      ariaPressed: "false",
+      title: `Show all as differences from the ${one.data.base}`,
+    });
     button.addEventListener("click", () => {
       const wanted = button.ariaPressed !== "true";
       button.ariaPressed = String(wanted);
-      show(one, wanted ? difference(one.given) : one.given);
+      show(one, wanted ? curves.difference(one.given) : one.given);
     });
     return button;
   }
 
-  function before(times, x) { // the index of the last time that is not later
-    let low = 0, high = times.length;
-    while (high - low > 1) { const middle = (low + high) >> 1; if (times[middle] <= x) low = middle; else high = middle; }
-    return low;
-  }
-
-  function nearest(times, x) {
-    const k = before(times, x);
-    return k + 1 < times.length && times[k + 1] - x < x - times[k] ? k + 1 : k;
-  }
-
-  const eyes = new IntersectionObserver((seen) => { for (const { isIntersecting, target } of seen) if (isIntersecting) { eyes.unobserve(target); draw(target); } }, { rootMargin: "200px" });
+  const eyes = new IntersectionObserver(
+    (seen) => {
+      for (const { isIntersecting, target } of seen)
+        if (isIntersecting) {
+          eyes.unobserve(target);
+          draw(target);
+        }
+    },
+    { rootMargin: "200px" },
+  );
   document.body.append(probe);
   for (const element of document.querySelectorAll("[data-plot]")) eyes.observe(element);
-  document.addEventListener("theme", () => { for (const one of drawn.values()) if (one) paint(one); });
+  document.addEventListener("theme", () => {
+    for (const one of drawn.values()) if (one) paint(one);
+  });
 })();

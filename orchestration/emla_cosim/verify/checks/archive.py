@@ -1,28 +1,126 @@
-"""The file itself: an archive that does no harm."""
+"""The file itself: an archive that does no harm, and is laid out as the standard says."""
 
 import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
 
 from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..check import check
+from ..declared import repeated
+from ..saying import judged, listed
 from ..subject import Subject
 from ..verdict import Clause, Outcome, failed, passed
+
+_LARGEST = 256 * 2**20
+"""Bytes that an archive may unpack to whatever it is compressed from."""
+_RATIO = 100
+"""How many times larger than its file an archive may be that unpacks to more than that."""
+_KNOWN = (
+    "modelDescription.xml",
+    "model.png",
+    "documentation",
+    "sources",
+    "binaries",
+    "resources",
+    "extra",
+    "terminalsAndIcons",
+)
+_STORED_OR_DEFLATED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_VERSION = 20
+_STREAMED = 1 << 3
 
 
 @check(
     "archive.safe",
     "The archive can be unpacked, and does no harm",
-    Clause("2.3", "An FMU is distributed in one zip file."),
-    "Make the FMU anew with a zip tool that writes relative names with forward slashes.",
+    Clause("2.3", "All relevant files are stored in a ZIP file with a pre-defined structure."),
+    "Make the FMU anew with a zip tool that writes relative names with forward slashes, each once.",
 )
 def safe(subject: Subject) -> Outcome:
     """It is a zip file, whole, whose entries all belong into its folder; it is unpacked there."""
     if not subject.path.is_file():
         return failed("There is no such file.", hint="Name an FMU file.")
     try:
+        with zipfile.ZipFile(subject.path) as archive:
+            entries = archive.infolist()
+        _refuse(entries, subject.path)
         unpack(subject.path, subject.folder)
     except UnsafeArchiveError as error:
         return failed(f"It {error}.")
-    except (zipfile.BadZipFile, NotImplementedError, ValueError, EOFError, RuntimeError) as error:
-        return failed(f"It cannot be unpacked: {error}.")
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, ValueError, EOFError, RuntimeError) as error:
+        return failed(f"It cannot be unpacked: {_words(error)}.")
+    except OSError as error:
+        return failed(f"It cannot be unpacked: {error.strerror or _words(error)}.")
+    return judged((), f"Its {len(entries)} entries were unpacked.", _colliding(entries))
+
+
+def _refuse(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
+    """Raise UnsafeArchiveError for what `unpack` allows, but an FMU cannot mean."""
+    if twice := repeated(e.filename for e in entries):
+        raise UnsafeArchiveError(f"has more than one entry '{twice[0]}', of which tools read different ones")
+    size, whole = sum(e.file_size for e in entries), path.stat().st_size
+    if size > max(_LARGEST, _RATIO * whole):
+        raise UnsafeArchiveError(
+            f"would unpack from {whole / 2**20:.3g} MiB to {size / 2**20:.4g} MiB, as zip bombs do"
+        )
+
+
+def _colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
+    """Files that overwrite each other where case does not count."""
+    files = [e.filename for e in entries if not e.is_dir()]
+    folded = repeated(name.casefold() for name in files)
+    together = [[name for name in files if name.casefold() == one] for one in folded]
+    return [
+        f"{' and '.join(names)} are one file where case does not count, as on Windows." for names in together
+    ]
+
+
+@check(
+    "archive.format",
+    "The archive is one that every zip tool reads",
+    Clause(
+        "2.3",
+        "The compression method for all files stored in the ZIP archive must be either 8 (deflate), "
+        "or 0 (store).",
+    ),
+    "Zip the FMU's folder with the method `deflate`.",
+    needs=("archive.safe",),
+)
+def format_(subject: Subject) -> Outcome:
+    """Entries are stored or deflated, and need nothing newer than version 2.0 of the format."""
     with zipfile.ZipFile(subject.path) as archive:
-        return passed(f"Its {len(archive.infolist())} entries were unpacked.")
+        entries = archive.infolist()
+    problems = [
+        f"{e.filename} is compressed with method {e.compress_type}."
+        for e in entries
+        if e.compress_type not in _STORED_OR_DEFLATED
+    ]
+    newer = [e.filename for e in entries if e.extract_version > _VERSION and not problems]
+    streamed = [
+        e.filename
+        for e in entries
+        if e.flag_bits & _STREAMED and e.compress_type == zipfile.ZIP_STORED and not e.is_dir()
+    ]
+    doubts = [f"{listed(newer)} needs a newer version of the format than 2.0."] if newer else []
+    doubts += [f"{listed(streamed)} is stored without its size before it (bit 3)."] if streamed else []
+    return judged(problems, f"{len(entries)} entries are stored or deflated.", doubts)
+
+
+@check(
+    "archive.layout",
+    "Everything is where tools look for it",
+    Clause("2.3", "This ZIP file has the following structure:"),
+    "Zip what is inside the FMU's folder, not the folder; other data belong into `resources` or `extra`.",
+    needs=("archive.safe",),
+)
+def layout(subject: Subject) -> Outcome:
+    """At the top there is nothing that the standard does not know."""
+    unknown = sorted(p.name for p in subject.folder.iterdir() if p.name not in _KNOWN)
+    if unknown:
+        return judged((), "", [f"At the top there is {listed(unknown)}, which the standard does not know."])
+    return passed("At the top there is only what the standard knows.")
+
+
+def _words(error: Exception) -> str:
+    return " ".join(str(error).split()).rstrip(".") or type(error).__name__

@@ -1,9 +1,34 @@
-"""Instances: made, and freed."""
+"""Instances: made, one beside the other, reset, and freed."""
+
+import gc
+import os
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 
 from ..check import check
-from ..host.instance import Instance
+from ..host.afresh import EndedError, afresh
+from ..host.drive import Trajectory, alone, driven, outputs
+from ..host.experiment import Experiment, experiment
+from ..host.instance import CallError, Instance
+from ..host.log import LOG
 from ..subject import Subject
-from ..verdict import Clause, Outcome, passed
+from ..verdict import Clause, Outcome, Verdict, failed, passed, skipped, warned
+from ._sameness import compared
+
+_SEVERAL = Clause(
+    "2.1.5",
+    "An FMU can be instantiated many times (provided capability flag "
+    "canBeInstantiatedOnlyOncePerProcess = false).",
+)
+_FREED = Clause(
+    "2.1.5",
+    "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
+    "other resources that have been allocated by the functions of the FMU interface.",
+)
 
 
 @check(
@@ -11,9 +36,241 @@ from ..verdict import Clause, Outcome, passed
     "An instance can be made and freed",
     Clause("2.1.5", "The function returns a new instance of an FMU."),
     "The log says why; a GUID in the library that is not that of modelDescription.xml is the usual reason.",
-    needs=("description.readable",),
+    needs=("binaries.loads",),
 )
 def created(subject: Subject) -> Outcome:
     """fmi2Instantiate gives an instance, and fmi2FreeInstance takes it back."""
     Instance(subject).free()
     return passed("An instance was made and freed.")
+
+
+@check(
+    "instance.guid",
+    "A wrong GUID is refused",
+    Clause("2.1.5", "It must be identical to the one stored inside the fmi2Instantiate function."),
+    "Compare the argument fmuGUID with the GUID that the library was compiled for, and return NULL.",
+    needs=("instance.created",),
+)
+def guid(subject: Subject) -> Outcome:
+    """An instance of another model is not made by mistake."""
+    wrong = "{00000000-0000-0000-0000-000000000000}"
+    try:
+        Instance(subject, guid=wrong)
+    except CallError:
+        return passed("fmi2Instantiate refused a wrong GUID.")
+    return warned(f"fmi2Instantiate made an instance for the GUID {wrong}, which is not that of the FMU.")
+
+
+_BATCHES = 5
+_WARM_UP = 0.02
+"""Seconds of cycles before memory is measured; each batch is as long."""
+
+_FEWEST = 10
+"""Cycles of a batch, unless they take long."""
+
+_LEAK = 200.0
+"""Bytes per cycle that nobody needs to look for."""
+
+_SERIOUS = 2.0**14
+"""Bytes per cycle that a host with many instances would notice."""
+
+_PAGES = 2.0**13
+"""Bytes by which each batch has to grow, so that a page here or there is no leak."""
+
+
+@check(
+    "instance.cycles",
+    "Instances give their memory back",
+    _FREED,
+    "Run it in a memory checker, such as valgrind, and free in fmi2FreeInstance what it allocated.",
+    needs=("run.completes",),
+    patience=4.0,
+)
+def cycles(subject: Subject) -> Outcome:
+    """Instances made, run, reset and freed again and again do not let the process grow."""
+    if not Path("/proc/self/statm").exists():
+        return skipped("This system does not tell how much memory a process has.")
+    instance, course = Instance(subject), experiment(subject, 2)
+    instance.free()
+    count, began = 0, time.monotonic()
+    while (spent := time.monotonic() - began) < _WARM_UP or (count < _FEWEST and spent < 1.0):
+        _cycle(instance, course)
+        count += 1
+    grown = _growth(instance, course, count)
+    if _leaks(grown, count):  # once more, and longer, before it is said
+        count *= 2
+        grown = _growth(instance, course, count)
+    figures = {"bytes_per_cycle": float(np.median(grown)) / count, "cycles": _BATCHES * count}
+    if _leaks(grown, count):
+        told = failed if figures["bytes_per_cycle"] > _SERIOUS else warned
+        return told(
+            f"The process grew by {figures['bytes_per_cycle']:,.0f} bytes with each of {figures['cycles']} "
+            "instances that were made, run, reset, run again, terminated and freed.",
+            figures=figures,
+        )
+    return passed(f"{figures['cycles']} instances were made, run, reset and freed.", figures=figures)
+
+
+def _cycle(instance: Instance, course: Experiment) -> None:
+    instance.instantiate()
+    driven(instance, course)
+    instance.reset()
+    driven(instance, course)
+    instance.close()
+    LOG.lines.clear()
+
+
+def _growth(instance: Instance, course: Experiment, count: int) -> list[float]:
+    """Bytes by which each batch lets the process grow."""
+    used = [_used()]
+    for _ in range(_BATCHES):
+        for _ in range(count):
+            _cycle(instance, course)
+        used.append(_used())
+    return list(np.diff(used))
+
+
+def _leaks(grown: list[float], count: int) -> bool:
+    least, middle = min(grown), float(np.median(grown))
+    return least > max(_PAGES, 0.5 * _LEAK * count) and middle > _LEAK * count
+
+
+def _used() -> float:
+    """Bytes of this process that are in memory, without what Python would collect sooner or later."""
+    gc.collect()
+    return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+@check(
+    "instance.independent",
+    "Instances share nothing",
+    _SEVERAL,
+    "Keep what evolves in the instance, not in static variables, or say canBeInstantiatedOnlyOncePerProcess.",
+    needs=("run.deterministic",),
+    patience=6.0,
+)
+def independent(subject: Subject) -> Outcome:
+    """Two instances that take turns, and one after them, give what each gives alone."""
+    if subject.can("canBeInstantiatedOnlyOncePerProcess"):
+        return skipped("It says canBeInstantiatedOnlyOncePerProcess.")
+    courses = _courses(subject, 2)
+    wanted = [alone(subject, course) for course in courses]
+    found = afresh(_in_turns, subject, courses)
+    beside = "An instance beside another one"
+    outcomes = [compared(f, w, beside) for f, w in zip(found, wanted, strict=False)]
+    outcomes.append(compared(found[-1], wanted[0], "An instance after others"))
+    return _worst(outcomes) or passed("Two instances that took turns gave what each gives alone.")
+
+
+def _courses(subject: Subject, count: int) -> list[Experiment]:
+    """Experiments that begin with different inputs."""
+    course = experiment(subject)
+    shift = max(1, len(course.times) // (count + 1))
+    return [
+        replace(course, inputs={name: np.roll(v, k * shift) for name, v in course.inputs.items()})
+        for k in range(count)
+    ]
+
+
+def _in_turns(subject: Subject, courses: list[Experiment]) -> list[Trajectory]:
+    """Each of as many instances as courses begins some steps after the one before; one more after all."""
+    instances = [Instance(subject, f"examined {k}") for k in range(len(courses))]
+    names = outputs(subject)
+    rows: list[list[list[float]]] = [[] for _ in courses]
+    last = len(courses[0].times) - 1
+    delay = min(3, last)
+    for turn in range(last + 1 + delay * (len(courses) - 1)):
+        for k, (instance, course) in enumerate(zip(instances, courses, strict=True)):
+            at = turn - k * delay
+            if at == 0:
+                instance.initialize(course.at(0), float(course.times[0]))
+            elif 0 < at <= last and not instance.terminated:
+                instance.set(course.at(at - 1))
+                instance.step(float(course.times[at - 1]), course.step)
+            else:
+                continue
+            if not instance.terminated:
+                rows[k].append(instance.get(names))
+    taken = [
+        Trajectory(c.times[: len(r)], names, np.array(r, dtype=float).reshape(len(r), len(names)))
+        for c, r in zip(courses, rows, strict=True)
+    ]
+    for instance in instances:
+        instance.close()
+    return [*taken, driven(Instance(subject), courses[0])]
+
+
+def _worst(outcomes: list[Outcome]) -> Outcome | None:
+    for verdict in (Verdict.FAILED, Verdict.WARNING):
+        for outcome in outcomes:
+            if outcome.verdict == verdict:
+                return outcome
+    return None
+
+
+_THREADS = 4
+
+
+@check(
+    "instance.threads",
+    "Instances may run in threads",
+    Clause("2.1", "FMI functions of one instance do not need to be thread-safe."),
+    "Keep buffers in the instance; hosts that run each instance in a thread of its own are common.",
+    needs=("instance.independent",),
+    patience=9.0,
+)
+def threads(subject: Subject) -> Outcome:
+    """Instances, each in a thread, give what each gives alone; the standard does not promise it."""
+    courses = _courses(subject, _THREADS)
+    wanted = [alone(subject, course) for course in courses]
+    try:
+        found = afresh(_in_threads, subject, courses)
+    except (CallError, EndedError) as error:
+        return warned(f"With {_THREADS} instances, each in a thread: {error}")
+    outcomes = [compared(f, w, "An instance in a thread") for f, w in zip(found, wanted, strict=True)]
+    worse = _worst(outcomes)
+    return (
+        replace(worse, verdict=Verdict.WARNING)
+        if worse
+        else passed(f"{_THREADS} instances, each in a thread, gave what each gives alone.")
+    )
+
+
+def _in_threads(subject: Subject, courses: list[Experiment]) -> list[Trajectory]:
+    instances = [Instance(subject, f"examined {k}") for k in range(len(courses))]
+    with ThreadPoolExecutor(len(courses)) as pool:
+        return list(pool.map(driven, instances, courses))
+
+
+@check(
+    "instance.reset",
+    "Reset makes an instance new",
+    Clause("2.1.6", "The FMU goes into the same state as if fmi2Instantiate would have been called."),
+    "Let fmi2Reset set every variable and every hidden state as fmi2Instantiate does.",
+    needs=("run.deterministic",),
+    patience=5.0,
+)
+def reset(subject: Subject) -> Outcome:
+    """A run after fmi2Reset is that of a new instance, made after an equal first run."""
+    if subject.can("canBeInstantiatedOnlyOncePerProcess"):
+        wanted = alone(subject)
+    else:
+        wanted = afresh(_twice, subject, False)
+    return compared(afresh(_twice, subject, True), wanted, "A run after fmi2Reset")
+
+
+def _twice(subject: Subject, again: bool) -> Trajectory:
+    """The second of two runs, of the same instance or of a second one.
+
+    What is left in static variables is left in both cases; that is no matter of the reset.
+    """
+    course = experiment(subject)
+    instance = Instance(subject)
+    half = replace(course, inputs={name: np.flip(v) for name, v in course.inputs.items()})
+    driven(instance, half)
+    if again:
+        instance.reset()
+    else:
+        instance.close()
+        instance = Instance(subject)
+    return driven(instance, course)

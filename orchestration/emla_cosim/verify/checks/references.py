@@ -42,7 +42,7 @@ def agrees(subject: Subject) -> Outcome:
 def _judged(subject: Subject, reference: Reference) -> Outcome:
     strange = [n for n in reference.solution if n != "time" and n not in subject.variables]
     if strange:
-        return failed(f"The reference has the column '{strange[0]}', which is no variable of the FMU.")
+        raise CommandError(f"the reference has the column '{strange[0]}', which is no variable of the FMU.")
     found = followed(subject, reference)
     wanted = dict(reference.tolerance) | dict(subject.settings.tolerance)
     comparisons = tuple(

@@ -1,13 +1,19 @@
 """Runs through the default experiment."""
 
+import math
+import time
+
 import numpy as np
 
 from ..check import check
-from ..host.drive import driven
-from ..host.experiment import experiment
+from ..host.afresh import afresh
+from ..host.drive import Trajectory, alone, driven
+from ..host.experiment import experiment, number
 from ..host.instance import Instance
+from ..host.junk import FIRST, SECOND, Junk, littered
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed
+from ..verdict import Clause, Outcome, failed, passed, warned
+from ._sameness import compared
 
 
 @check(
@@ -20,15 +26,20 @@ from ..verdict import Clause, Outcome, failed, passed
 def completes(subject: Subject) -> Outcome:
     """It can be initialized, stepped with inputs that move, terminated and freed."""
     instance, course = Instance(subject), experiment(subject)
-    driven(instance, course)
+    found = driven(instance, course)
     instance.close()
-    return passed(f"{len(course.times) - 1} steps of {course.step:g} s were done.")
+    done = len(found.times) - 1
+    if instance.terminated:
+        return warned(
+            f"It asked to end the run after {done} of {len(course.times) - 1} steps of {course.step:g} s."
+        )
+    return passed(f"{done} steps of {course.step:g} s were done.")
 
 
 @check(
     "run.finite",
     "Outputs are numbers all along",
-    Clause("2.1.3", "fmi2Error ... the simulation cannot be continued with this FMU instance"),
+    Clause("2.1.3", "fmi2OK – all well"),
     "A step that gives no numbers should answer fmi2Discard or fmi2Error, and say in the log why.",
     needs=("run.completes",),
 )
@@ -41,3 +52,60 @@ def finite(subject: Subject) -> Outcome:
         name = found.names[int(np.argmax(wrong[k]))]
         return failed(f"{name} is {found.values[k][wrong[k]][0]} at t = {found.times[k]:.9g} s.")
     return passed(f"{len(found.names)} outputs are finite at {len(found.times)} times.")
+
+
+@check(
+    "run.ranges",
+    "Outputs stay between their min and max",
+    Clause("2.2.7", "Minimum value of variable"),
+    "Widen min and max in modelDescription.xml, or limit what the model gives.",
+    needs=("run.finite",),
+)
+def ranges(subject: Subject) -> Outcome:
+    """No output leaves the range that is declared for it; the standard leaves it open what happens then."""
+    found = alone(subject)
+    details = [
+        line
+        for n, values in zip(found.names, found.values.T, strict=True)
+        if (line := _outside(subject, n, values, found))
+    ]
+    if details:
+        return warned(
+            f"{len(details)} outputs leave their declared range: {details[0]}", details=tuple(details)
+        )
+    return passed(f"{len(found.names)} outputs stay within what is declared for them.")
+
+
+def _outside(subject: Subject, name: str, values: np.ndarray, found: Trajectory) -> str:
+    variable = subject.variables[name]
+    low, high = number(variable.min, -math.inf), number(variable.max, math.inf)
+    slack = 1e-12 * max((abs(x) for x in (low, high) if math.isfinite(x)), default=0.0)
+    wrong = (values < low - slack) | (values > high + slack)
+    if not wrong.any():
+        return ""
+    k = int(np.argmax(wrong))
+    return f"{name} is {values[k]:.9g} at t = {found.times[k]:.9g} s, outside of {low:g} to {high:g}."
+
+
+@check(
+    "run.deterministic",
+    "Two runs are the same",
+    Clause("run.deterministic", "The same inputs give the same outputs.", document="emla verify"),
+    "Initialize all memory, seed random numbers by a parameter, and do not look at clocks or addresses.",
+    needs=("run.completes",),
+    patience=3.0,
+)
+def deterministic(subject: Subject) -> Outcome:
+    """Two processes with other addresses, in other seconds, whose fresh memory holds other junk, agree.
+
+    The standard has no sentence for it; but nothing can be compared with a run that is another each time.
+    """
+    first = afresh(_run_in_junk, subject, FIRST)
+    time.sleep(1.0 - time.time() % 1.0 + 1e-3)  # for whoever takes the second as a seed
+    second = afresh(_run_in_junk, subject, SECOND)
+    return compared(second, first, "A second run")
+
+
+def _run_in_junk(subject: Subject, junk: Junk) -> Trajectory:
+    with littered(junk):
+        return driven(Instance(subject), experiment(subject))

@@ -34,7 +34,7 @@ class Experiment:
 def experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
     """The beginning of the FMU's default experiment, with its step, and at most so many of them."""
     start, step, count = span(subject)
-    times = start + step * np.arange(min(steps, count) + 1)
+    times = start + step * np.arange(min(steps, count) + 1, dtype=np.float64)
     inputs = subject.of_causality("input")
     return Experiment(times, {v.name: _moved(v, i, times) for i, v in enumerate(inputs)})
 
@@ -42,15 +42,16 @@ def experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
 def span(subject: Subject) -> tuple[float, float, int]:
     """Start and step in s, and the number of steps, of the FMU's default experiment."""
     given = subject.description.defaultExperiment
-    start = _number(given.startTime if given else None, 0.0)
-    stop = _number(given.stopTime if given else None, start + 1.0)
+    start = number(given.startTime if given else None, 0.0)
+    stop = number(given.stopTime if given else None, start + 1.0)
     stop = stop if stop > start else start + 1.0
-    step = _number(given.stepSize if given else None, (stop - start) / MOST_STEPS)
+    step = number(given.stepSize if given else None, (stop - start) / MOST_STEPS)
     step = step if 0.0 < step <= stop - start else (stop - start) / MOST_STEPS
     return start, step, max(1, round((stop - start) / step))
 
 
-def _number(value: Any, otherwise: float) -> float:
+def number(value: Any, otherwise: float) -> float:
+    """What an attribute of the model description says, or something else where it is no finite number."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -58,12 +59,12 @@ def _number(value: Any, otherwise: float) -> float:
     return number if math.isfinite(number) else otherwise
 
 
-def _moved(variable: ModelVariable, number: int, times: Vector) -> Vector:
+def _moved(variable: ModelVariable, index: int, times: Vector) -> Vector:
     """A sine around the start value, of a tenth of the range, and with a period of its own."""
-    middle = _number(variable.start, 0.0)
-    low, high = _number(variable.min, -math.inf), _number(variable.max, math.inf)
-    typical = abs(_number(variable.nominal, middle or 1.0))
+    middle = number(variable.start, 0.0)
+    low, high = number(variable.min, -math.inf), number(variable.max, math.inf)
+    typical = abs(number(variable.nominal, middle or 1.0))
     width = 0.1 * (high - low if math.isfinite(high - low) else typical)
-    periods = 2.0 + 0.5 * (number % 7)
+    periods = 2.0 + 0.5 * (index % 7)
     phase = 2.0 * np.pi * periods * (times - times[0]) / (times[-1] - times[0])
     return np.clip(middle + width * np.sin(phase), low, high)

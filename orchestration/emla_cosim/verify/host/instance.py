@@ -1,15 +1,18 @@
 """One instance of an FMU: every call is noted before it is made, and checked after it."""
 
 import contextlib
+import time as clock
 from collections.abc import Iterable, Iterator, Mapping
+from ctypes import byref, c_int
 from typing import Any
 
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Model, FMU2Slave
+from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2DoStepStatus, fmi2Terminated
 
 from ..apart import note
 from ..subject import Subject
-from .log import LOG, Line
+from .integration import Integration
+from .log import LOG, Line, whole
 
 STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
@@ -22,15 +25,30 @@ class CallError(Exception):
     def __init__(self, call: str, status: int, lines: Iterable[Line] = ()) -> None:
         said = " ".join(line.text for line in list(lines)[-2:])
         name = STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is no status"
-        super().__init__(f"{call} answered {name}{f': {said}' if said else '.'}")
+        super().__init__(f"{call} answered {name}{f': {whole(said)}' if said else '.'}")
         self.call, self.status = call, status
+
+    def __reduce__(self) -> Any:
+        """Its sentence goes with it to another process, not the lines that it was made of."""
+        return _told_again, (str(self), self.call, self.status)
+
+
+def _told_again(sentence: str, call: str, status: int) -> CallError:
+    error = CallError(call, status)
+    error.args = (sentence,)
+    return error
 
 
 class _Noted:
-    """Says what is called before it is, and takes no answer for fine that is no status."""
+    """Says what is called before it is, and takes no answer for fine that is no status.
+
+    `circumstance` is said with every call: ` with u = nan`.
+    """
+
+    circumstance = ""
 
     def _call(self, fname: str, *args: Any) -> Any:
-        note(_words(fname, args))
+        note(_words(fname, args) + self.circumstance)
         answer = super()._call(fname, *args)  # type: ignore[misc]
         if fname not in _WITHOUT_STATUS and answer not in (OK, WARNING):
             raise FMICallException(fname, answer)
@@ -50,7 +68,7 @@ class Instance:
 
     `fmu` is fmpy's object for calls that have no method here: `with instance.calling(): ...` turns
     what it raises into CallError. `kind` is `CoSimulation` or `ModelExchange`, the first that the FMU
-    has by default.
+    has by default. `terminated` tells that the FMU asked to end the run.
     """
 
     def __init__(
@@ -66,18 +84,30 @@ class Instance:
         self.kind = kind or subject.kinds[0]
         library = subject.library(self.kind)
         note("loading its library")
-        self.fmu: Any = (FMU2NotedSlave if self.kind == "CoSimulation" else FMU2NotedModel)(
-            guid=subject.description.guid if guid is None else guid,
-            modelIdentifier=subject.means(self.kind).modelIdentifier,
-            unzipDirectory=str(subject.folder),
-            instanceName=name,
-            libraryPath=str(library),
-        )
+        kind_of_fmu = FMU2NotedSlave if self.kind == "CoSimulation" else FMU2NotedModel
+        try:
+            self.fmu: Any = kind_of_fmu(
+                guid=subject.description.guid if guid is None else guid,
+                modelIdentifier=subject.means(self.kind).modelIdentifier,
+                unzipDirectory=str(subject.folder),
+                instanceName=name,
+                libraryPath=str(library),
+            )
+        except Exception as error:  # fmpy raises bare ones
+            raise _told_again(
+                f"Its library cannot be loaded: {whole(str(error))}", "dlopen", ERROR
+            ) from error
+        # one for all instances of this object: fmpy's solver keeps some of its memory when it goes
+        self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
+        self.instantiate(logging)
+
+    def instantiate(self, logging: bool = False) -> None:
+        """Instantiate anew, after `free`, with the library that is loaded."""
         self.terminated = False
         try:
             self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
         except Exception as error:  # fmpy raises a bare one for NULL
-            raise _null(LOG.of(name)) from error
+            raise _null(LOG.of(self.name)) from error
 
     @contextlib.contextmanager
     def calling(self) -> Iterator[None]:
@@ -99,18 +129,32 @@ class Instance:
         self, values: Mapping[str, Any] | None = None, start: float = 0.0, stop: float | None = None
     ) -> None:
         """Set values by name, set up the experiment, and go through initialization mode."""
+        self.enter_initialization(values, start, stop)
+        self.exit_initialization()
+
+    def enter_initialization(
+        self, values: Mapping[str, Any] | None = None, start: float = 0.0, stop: float | None = None
+    ) -> None:
+        """Set values by name, set up the experiment, and enter initialization mode."""
         with self.calling():
             self.set(values or {})
             self.fmu.setupExperiment(startTime=start, stopTime=stop)
             self.fmu.enterInitializationMode()
+
+    def exit_initialization(self) -> None:
+        """Leave initialization mode; a model is in event mode then, its first events done."""
+        with self.calling():
             self.fmu.exitInitializationMode()
+            if self._integration is not None:
+                self._integration.begin()
+                self.terminated = self._integration.terminated
 
     def set(self, values: Mapping[str, Any]) -> None:
         """Set variables by name, those of one type in one call, in the order given."""
         with self.calling():
             for kind, names in _by_type(self.subject, values).items():
                 call = getattr(self.fmu, f"set{kind}")
-                call([self._reference(n) for n in names], [values[n] for n in names])
+                call([self.reference(n) for n in names], [values[n] for n in names])
 
     def get(self, names: Iterable[str]) -> list[Any]:
         """Values of variables by name, those of one type in one call."""
@@ -119,18 +163,57 @@ class Instance:
         with self.calling():
             for kind, some in _by_type(self.subject, wanted).items():
                 call = getattr(self.fmu, f"get{kind}")
-                found.update(zip(some, call([self._reference(n) for n in some]), strict=True))
+                found.update(zip(some, call([self.reference(n) for n in some]), strict=True))
         return [found[n] for n in wanted]
 
     def step(self, time: float, length: float) -> None:
-        """Step from `time` by `length`, both in s; CallError also for a step that is discarded."""
+        """Step from `time` by `length`, both in s; CallError also for a step that is discarded.
+
+        A model is integrated, and is in event mode afterwards as it was before.
+        """
         with self.calling():
-            self.fmu.doStep(time, length)
+            if self._integration is not None:
+                self._integrate(self._integration, time, length)
+                return
+            try:
+                self.fmu.doStep(time, length, noSetFMUStatePriorToCurrentPoint=0)
+            except FMICallException as error:
+                if error.status == PENDING and self.subject.can("canRunAsynchronuously"):
+                    self._wait()
+                elif error.status == DISCARD and self._asks_to_end():
+                    self.terminated = True
+                else:
+                    raise CallError(
+                        f"fmi2DoStep at t = {time:.9g} s", error.status, LOG.of(self.name, WARNING)
+                    ) from error
+
+    def _integrate(self, integration: Integration, time: float, length: float) -> None:
+        try:
+            integration.step(time, length)
+        except RuntimeError as error:  # of the solver
+            sentence = f"The model cannot be integrated from t = {time:.9g} s on: {whole(str(error))}"
+            raise _told_again(sentence, "the solver", ERROR) from error
+        self.terminated = integration.terminated
+
+    def _wait(self) -> None:
+        """Until a pending step is done."""
+        answer = c_int(PENDING)
+        while answer.value == PENDING:
+            clock.sleep(0.001)
+            self.fmu.fmi2GetStatus(self.fmu.component, fmi2DoStepStatus, byref(answer))
+        if answer.value not in (OK, WARNING):
+            raise FMICallException("fmi2DoStep", answer.value)
+
+    def _asks_to_end(self) -> bool:
+        answer = c_int(0)
+        asked = self.status("fmi2GetBooleanStatus", fmi2Terminated, byref(answer))
+        return asked == OK and bool(answer.value)
 
     def reset(self) -> None:
         """Become as it was when it was new."""
         with self.calling():
             self.fmu.reset()
+        self.terminated = False
 
     def close(self) -> None:
         """Terminate and free it; the library stays loaded."""
@@ -142,7 +225,8 @@ class Instance:
         """Free it without terminating it."""
         self.fmu.fmi2FreeInstance(self.fmu.component)
 
-    def _reference(self, name: str) -> int:
+    def reference(self, name: str) -> int:
+        """Value reference of a variable."""
         return self.subject.variables[name].valueReference
 
 
@@ -150,7 +234,7 @@ def _null(lines: Iterable[Line]) -> CallError:
     """That there is no instance, and what was said of it."""
     said = " ".join(line.text for line in list(lines)[-2:])
     error = CallError("fmi2Instantiate", ERROR)
-    error.args = (f"fmi2Instantiate answered NULL{f': {said}' if said else '.'}",)
+    error.args = (f"fmi2Instantiate answered NULL{f': {whole(said)}' if said else '.'}",)
     return error
 
 

@@ -17,6 +17,12 @@ class Line(NamedTuple):
     text: str
 
 
+def whole(text: str) -> str:
+    """What an FMU says, as the end of a sentence."""
+    line = " ".join(text.split())
+    return line if line.endswith((".", "!", "?")) else f"{line}."
+
+
 class Log:
     """All messages of all instances of this process, oldest first.
 

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ...arrays import Vector
+from ..host.experiment import number
 from ..subject import Subject
 
 
@@ -42,29 +42,21 @@ def excited(subject: Subject, shape: str, times: Vector) -> dict[str, Vector]:
     phase = (times - times[0]) / (times[-1] - times[0])
     found = {"time": times}
     inputs = [v for v in subject.description.modelVariables if v.causality == "input" and v.type != "String"]
-    for number, variable in enumerate(inputs):
-        found[variable.name] = _moved(variable, SHAPES[shape](phase, number))
+    for index, variable in enumerate(inputs):
+        found[variable.name] = _moved(variable, SHAPES[shape](phase, index))
     return found
 
 
 def _moved(variable: ModelVariable, wave: Vector) -> Vector:
     if variable.type == "Boolean":
         return (wave > 0.5).astype(float)
-    low, high = _number(variable.min, -math.inf), _number(variable.max, math.inf)
-    start = _number(variable.start, 0.0)
+    low, high = number(variable.min, -math.inf), number(variable.max, math.inf)
+    start = number(variable.start, 0.0)
     if variable.type == "Enumeration" and variable.declaredType is not None:
         values = [int(str(item.value)) for item in variable.declaredType.items or []]
         low, high = (float(min(values)), float(max(values))) if values else (start, start)
     bounded = math.isfinite(low) and math.isfinite(high)
     middle = 0.5 * (low + high) if bounded else start
-    width = 0.25 * (high - low) if bounded else 0.1 * abs(_number(variable.nominal, start or 1.0))
+    width = 0.25 * (high - low) if bounded else 0.1 * abs(number(variable.nominal, start or 1.0))
     found = np.clip(middle + width * wave, low, high)
     return found if variable.type == "Real" else np.round(found)
-
-
-def _number(value: Any, otherwise: float) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        return otherwise
-    return number if math.isfinite(number) else otherwise

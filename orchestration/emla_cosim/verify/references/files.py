@@ -27,7 +27,11 @@ _KEYS = ("made_by", "set", "tolerance")
 
 @dataclass(frozen=True)
 class Reference:
-    """A solution, and what it belongs to: columns by name, `time` in s first; times of the run in s."""
+    """A solution, and what it belongs to: columns by name, `time` in s first; times of the run in s.
+
+    `interval` is the time between the solution's rows, where they are further apart than a `step`; a
+    solution says nothing between its rows. Both are None where nobody says.
+    """
 
     folder: Path
     solution: Mapping[str, Vector]
@@ -35,6 +39,7 @@ class Reference:
     start: float
     stop: float
     step: float | None
+    interval: float | None = None
     start_values: Mapping[str, Any] = field(default_factory=dict)
     tolerance: Mapping[str, Tolerance] = field(default_factory=dict)
     made_by: str = ""
@@ -69,6 +74,7 @@ def read_reference(folder: Path, name: str) -> Reference:
         start=options.get("StartTime", float(time[0])),
         stop=options.get("StopTime", float(time[-1])),
         step=step if step > 0.0 else None,
+        interval=options.get("OutputIntervalLength"),
         **about,
     )
 

@@ -49,7 +49,10 @@ def inputs_at(subject: Subject, columns: Mapping[str, Vector], times: Vector) ->
 
 
 def followed(subject: Subject, reference: Reference) -> Trajectory:
-    """What the FMU gives for the columns of a reference that it has. Raises CallError, CommandError."""
+    """What the FMU gives for the columns of a reference that it has, at the latter's intervals.
+
+    Raises CallError, CommandError.
+    """
     along = course(subject, reference)
     instance = Instance(subject)
     values = start_values(subject, reference.start_values) | along.at(0)
@@ -57,7 +60,8 @@ def followed(subject: Subject, reference: Reference) -> Trajectory:
     names = [n for n in reference.solution if n in subject.variables]
     found = stepped(instance, along, names=names)
     instance.close()
-    return found
+    every = max(1, round((reference.interval or 0.0) / along.step))
+    return Trajectory(found.times[::every], found.names, found.values[::every])
 
 
 def start_values(subject: Subject, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,16 +12,16 @@ import numpy as np
 
 from ...arrays import Vector
 from ...errors import CommandError
-from ...files import place_of, written_whole
+from ...files import place_of, writing_to, written_whole
 from ..host.drive import outputs
 from ..host.experiment import span
 from ..subject import Subject
 from .excitation import excited
 from .files import Reference, read_columns
-from .following import followed
+from .following import followed, inputs_at, start_values
 
 MOST_STEPS = 100_000
-"""Of a run that is recorded without a word about how long it is to be."""
+"""Of a run that is recorded."""
 
 _ROWS = 1000
 """Of generated inputs and of the recorded outputs, about, unless a step is said."""
@@ -49,13 +49,31 @@ class Recording:
         return [self.folder / f"{name}_{kind}" for kind in ("in.csv", "ref.csv", "ref.opt", "ref.toml")]
 
 
-def check_recording(recording: Recording, names: Iterable[str]) -> None:
-    """Raise CommandError where files are there that would be overwritten, or cannot be written."""
-    for name in names:
-        for path in recording.files(name):
+def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
+    """Raise CommandError where files are there that would be overwritten, or cannot be written.
+
+    Also for start values and inputs that FMUs do not have, where their model descriptions can be read.
+    """
+    with writing_to(recording.folder):
+        recording.folder.mkdir(parents=True, exist_ok=True)
+    written: set[Path] = set()
+    for fmu in fmus:
+        for path in recording.files(fmu.stem):
             place_of(path, "the reference")
+            if path in written:
+                raise CommandError(f"two FMUs are called {fmu.stem}; record one at a time.")
             if path.exists() and not recording.overwrite:
                 raise CommandError(f"there is '{path}' already; --overwrite replaces it.")
+            written.add(path)
+        subject = Subject(fmu, recording.folder)
+        try:
+            _ = subject.description
+        except Exception:  # which the checks tell better
+            continue
+        _course(subject, recording)
+        start_values(subject, recording.values)
+        if recording.inputs is not None:
+            inputs_at(subject, read_columns(recording.inputs, "the inputs"), np.zeros(2))
 
 
 def recorded(subject: Subject, recording: Recording) -> list[Path]:
@@ -63,16 +81,8 @@ def recorded(subject: Subject, recording: Recording) -> list[Path]:
 
     Raises CallError where the FMU refuses a call, CommandError for inputs that do not fit, OSError.
     """
-    start, step, count = span(subject)
-    step = recording.step or step
-    stop = start + step * round((recording.stop - start) / step) if recording.stop else start + step * count
-    if not stop > start:
-        raise CommandError(f"the stop time {recording.stop:g} s must be after the start, {start:g} s.")
-    count = round((stop - start) / step)
-    if count > MOST_STEPS:
-        raise CommandError(
-            f"{count} steps of {step:g} s are too many to record; give --stop-time or --step-size."
-        )
+    start, step, count = _course(subject, recording)
+    stop = start + count * step
     every = max(1, count // _ROWS)
     times = np.asarray(start + step * np.arange(0, count + 1, every), dtype=np.float64)
     if recording.inputs is not None:
@@ -81,9 +91,9 @@ def recorded(subject: Subject, recording: Recording) -> list[Path]:
         inputs = excited(subject, recording.shape, times)
     names = outputs(subject)
     wanted = {"time": times} | dict.fromkeys(names, times)
-    plan = Reference(recording.folder, wanted, inputs, start, stop, step, recording.values)
+    plan = Reference(recording.folder, wanted, inputs, start, stop, step, every * step, recording.values)
     found = followed(subject, plan)
-    rows = {"time": found.times[::every]} | {n: found.values[::every, i] for i, n in enumerate(found.names)}
+    rows = {"time": found.times} | {n: found.values[:, i] for i, n in enumerate(found.names)}
     texts = {
         "ref.csv": _csv(rows),
         "ref.opt": _options(start, stop, step, every * step),
@@ -91,7 +101,27 @@ def recorded(subject: Subject, recording: Recording) -> list[Path]:
     }
     if len(inputs) > 1:
         texts["in.csv"] = _csv(inputs)
+    else:  # what an earlier recording left would be taken for its inputs
+        (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
     return [_written(recording.folder / f"{subject.path.stem}_{kind}", text) for kind, text in texts.items()]
+
+
+def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
+    """Start and step in s, and the number of steps; CommandError where they do not fit."""
+    start, step, count = span(subject)
+    if recording.step is not None:
+        if not recording.step > 0.0:
+            raise CommandError(f"the step size {recording.step:g} s must be a positive number.")
+        step, count = recording.step, max(1, round(count * step / recording.step))
+    if recording.stop is not None:
+        if not recording.stop > start:
+            raise CommandError(f"the stop time {recording.stop:g} s must be after the start, {start:g} s.")
+        count = max(1, round((recording.stop - start) / step))
+    if count > MOST_STEPS:
+        raise CommandError(
+            f"{count} steps of {step:g} s are too many to record; give --stop-time or --step-size."
+        )
+    return start, step, count
 
 
 def _written(path: Path, text: str) -> Path:
@@ -139,4 +169,4 @@ def _quoted(text: str) -> str:
 def _escaped(letter: str) -> str:
     if letter in '"\\':
         return f"\\{letter}"
-    return letter if letter.isprintable() else f"\\u{ord(letter):04x}"
+    return letter if letter.isprintable() else f"\\U{ord(letter):08x}"

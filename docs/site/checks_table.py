@@ -1,0 +1,18 @@
+"""The table of checks, from where each is written down."""
+
+from collections.abc import Iterator
+
+from emla_cosim.verify.catalogue import CHECKS
+
+PLACE = "<!-- table of checks -->"
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Put the table into its place."""
+    return markdown.replace(PLACE, "\n".join(_lines())) if PLACE in markdown else markdown
+
+
+def _lines() -> Iterator[str]:
+    yield "| Check | What it asks | Rests on |\n|---|---|---|"
+    for check in CHECKS:
+        yield f"| `{check.name}` | {check.title} | {check.clause} |"

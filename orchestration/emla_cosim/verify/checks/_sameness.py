@@ -1,0 +1,31 @@
+"""How far apart two runs may be that should be one, and the sentence that says so."""
+
+from ..host.drive import Trajectory
+from ..verdict import Outcome, failed, passed, warned
+
+ROUNDING = 1e-9
+"""Of an output's range: what another alignment of memory, or another order of a sum, may do."""
+
+
+def compared(found: Trajectory, wanted: Trajectory, what: str, allowed: float = ROUNDING) -> Outcome:
+    """Passed where two runs are the same to the last bit, failed where they are further apart than allowed.
+
+    `what` begins the sentence: `A second run`. `allowed` is in parts of an output's range; what is
+    closer than that, and not the same, is worth a warning.
+    """
+    if found.same(wanted):
+        return passed(
+            f"{what} gave the same {len(wanted.times)} x {len(wanted.names)} values to the last bit."
+        )
+    name, time = found.first_difference(wanted)
+    apart = found.distance(wanted)
+    worst = int(apart.argmax()) if len(apart) else 0
+    figures = {"largest_difference": float(apart[worst]) if len(apart) else 0.0}
+    sentence = f"{what} differs from {name} at t = {time:.9g} s on{_most(wanted, worst, figures)}."
+    return (failed if figures["largest_difference"] > allowed else warned)(sentence, figures=figures)
+
+
+def _most(wanted: Trajectory, worst: int, figures: dict[str, float]) -> str:
+    if not wanted.names:
+        return ""
+    return f", most in {wanted.names[worst]}, by {figures['largest_difference']:.3g} of its range"

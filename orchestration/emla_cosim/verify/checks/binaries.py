@@ -1,0 +1,129 @@
+"""Binaries: there, whole, with all functions, and nothing else that they need."""
+
+import ctypes
+import os
+from collections.abc import Iterator
+
+import fmpy
+
+from ...fmu.library import missing_bytes
+from ..apart import note
+from ..check import check
+from ..functions import required
+from ..libraries import Library, exported, libraries, parsed, platforms
+from ..saying import judged, listed, short
+from ..subject import Subject
+from ..verdict import Clause, Outcome, failed, passed, skipped, warned
+
+_HERE = (fmpy.platform_tuple, fmpy.platform)
+
+
+@check(
+    "binaries.present",
+    "There is something to run",
+    Clause(
+        "2.3",
+        "The FMU must be distributed with at least one implementation, in other words, either sources or one "
+        "of the binaries for a particular machine.",
+    ),
+    "Put `<modelIdentifier>.so`, `.dll` or `.dylib` into `binaries/<platform>`.",
+    needs=("description.schema",),
+)
+def present(subject: Subject) -> Outcome:
+    """There is a library for this platform, for another one, or at least sources."""
+    found = libraries(subject)
+    sources = [e.get("name") for e in subject.tree.iterfind(".//SourceFiles/File")]
+    without = [k for k in subject.kinds if not any(k in one.kinds for one in found)]
+    if without and not sources:
+        folders = ", ".join(p.name for p in platforms(subject)) or "no platform"
+        name = subject.tree.find(without[0]).get("modelIdentifier")
+        return failed(
+            f"There are binaries for {folders}, but none is called {name}, and there are no sources."
+        )
+    names = listed(sorted({one.platform for one in found}))
+    if not found:
+        return warned("There are sources only; most tools need a binary.")
+    if not any(one.platform in _HERE for one in found):
+        return warned(f"There are binaries for {names}, but none for {fmpy.platform}.")
+    return passed(f"There are binaries for {names}.")
+
+
+@check(
+    "binaries.symbols",
+    "Libraries export all functions",
+    Clause(
+        "2.3",
+        "Specifically it is required that all functions specified for Model Exchange and/or Co-Simulation "
+        "are present, even if they are only needed for capabilities that the FMU does not support.",
+    ),
+    "Export them from the library, without a prefix; those for what the FMU cannot do may answer fmi2Error.",
+    needs=("binaries.present",),
+)
+def symbols(subject: Subject) -> Outcome:
+    """Each platform's library has every function of the FMI for what the FMU is."""
+    found = libraries(subject)
+    if not found:
+        return skipped("There are no binaries.")
+    problems = [p for one in found for p in _lacking(one)]
+    return judged(problems, f"All functions are exported by {listed([str(one) for one in found])}.")
+
+
+def _lacking(library: Library) -> Iterator[str]:
+    if missing := missing_bytes(library.path):
+        if library.platform not in _HERE:  # of those here, binaries.loads says it
+            yield f"{library} is cut off: its last {missing} bytes are missing."
+        return
+    note(f"reading {library}")
+    binary = parsed(library.path)
+    if binary is None:
+        yield f"{library} is no shared library that can be read."
+        return
+    names = exported(binary)
+    wanted = list(dict.fromkeys(name for kind in library.kinds for name in required(kind)))
+    if lacking := [name for name in wanted if name not in names]:
+        yield f"{library} does not export {listed(lacking)}."
+
+
+@check(
+    "binaries.loads",
+    "The library can be loaded here",
+    Clause(
+        "2.3",
+        "FMUs should contain all resources that are required to load and execute a shared library, link "
+        "against a static library, or compile from source.",
+    ),
+    "`ldd` says what a library needs; link that statically, or ship it and set the RPATH to $ORIGIN.",
+    needs=("binaries.symbols",),
+)
+def loads(subject: Subject) -> Outcome:
+    """The system's loader takes the library for this platform."""
+    here = [one for one in libraries(subject) if one.platform in _HERE]
+    if not here:
+        return skipped(f"There is no binary for {fmpy.platform}.")
+    for library in here:
+        if missing := missing_bytes(library.path):
+            return failed(f"{library} is cut off: its last {missing} bytes are missing.")
+    for library in here:
+        note(f"loading {library}")
+        try:
+            ctypes.CDLL(str(library.path))
+        except UnicodeDecodeError:  # what the loader says quotes the library
+            return failed(f"{library} cannot be loaded, for a reason that is no text.")
+        except OSError as error:
+            said = str(error).replace(f"{library.path.parent}{os.sep}", "")
+            sentence = f"{library} cannot be loaded: {short(said).rstrip('.')}"
+            others = _dependencies(subject)
+            return skipped(f"{sentence}; {others} tells what it needs.") if others else failed(f"{sentence}.")
+    try:
+        _ = subject.description
+    except MemoryError:
+        raise
+    except Exception as error:
+        return skipped(f"FMPy cannot read the model description: {short(str(error)).rstrip('.')}.")
+    return passed(f"{listed([str(one) for one in here])} can be loaded.")
+
+
+def _dependencies(subject: Subject) -> str:
+    """The file that tells on what an FMU depends that it does not bring; empty where there is none."""
+    names = [f"documentation/externalDependencies.{kind}" for kind in ("txt", "html")]
+    return next((name for name in names if (subject.folder / name).is_file()), "")

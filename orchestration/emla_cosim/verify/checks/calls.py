@@ -1,0 +1,177 @@
+"""Calls that a careful host does not make."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from fmpy.fmi2 import fmi2Real, fmi2ValueReference
+from fmpy.model_description import ModelVariable
+
+from ..check import check
+from ..host.drive import outputs
+from ..host.experiment import experiment, number, span
+from ..host.instance import FATAL, OK, WARNING, CallError, Instance
+from ..subject import Subject
+from ..verdict import Clause, Outcome, passed, warned
+
+_PHASES = ("before initialization", "in initialization mode", "after initialization", "after fmi2Terminate")
+
+
+class _Forbidden(NamedTuple):
+    """A call that the standard's table of calling sequences has no entry for in a phase."""
+
+    phase: str
+    function: str
+    call: Callable[[Instance], int]
+
+
+def _plain(phase: str, function: str) -> _Forbidden:
+    return _Forbidden(phase, function, lambda instance: instance.status(function))
+
+
+def _step(phase: str) -> _Forbidden:
+    def call(instance: Instance) -> int:
+        start, step, _ = span(instance.subject)
+        return instance.status("fmi2DoStep", start, step, 0)
+
+    return _Forbidden(phase, "fmi2DoStep", call)
+
+
+def _set_up(instance: Instance) -> int:
+    return instance.status("fmi2SetupExperiment", 0, 0.0, span(instance.subject)[0], 0, 0.0)
+
+
+_BEFORE, _INITIALIZING, _AFTER, _TERMINATED = _PHASES
+_OF_BOTH = (
+    _plain(_BEFORE, "fmi2ExitInitializationMode"),
+    _plain(_BEFORE, "fmi2Terminate"),
+    _plain(_INITIALIZING, "fmi2EnterInitializationMode"),
+    _plain(_AFTER, "fmi2EnterInitializationMode"),
+    _plain(_AFTER, "fmi2ExitInitializationMode"),
+    _Forbidden(_AFTER, "fmi2SetupExperiment", _set_up),
+    _plain(_TERMINATED, "fmi2EnterInitializationMode"),
+)
+_OF = {
+    "CoSimulation": (_step(_BEFORE), _step(_INITIALIZING), _step(_TERMINATED)),
+    "ModelExchange": (
+        _plain(_BEFORE, "fmi2EnterContinuousTimeMode"),
+        _plain(_INITIALIZING, "fmi2EnterContinuousTimeMode"),
+        _plain(_TERMINATED, "fmi2EnterContinuousTimeMode"),
+    ),
+}
+
+
+@check(
+    "calls.phases",
+    "Calls in the wrong phase are refused",
+    Clause("4.2.4", "The following state machine defines the supported calling sequences."),
+    "Keep the phase in the instance, and answer fmi2Error, with a message, to what does not belong there.",
+    needs=("run.completes",),
+    patience=2.0,
+)
+def phases(subject: Subject) -> Outcome:
+    """A call that the state machine forbids is answered with fmi2Error; above all it does no harm."""
+    asked = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject)]
+    taken = [f"{f.function} {f.phase}" for f in asked if _answer(subject, f) in (OK, WARNING)]
+    if taken:
+        return warned(
+            f"{len(taken)} of {len(asked)} calls in a wrong phase were answered with fmi2OK: {taken[0]}.",
+            details=tuple(f"{t} was answered with fmi2OK." for t in taken),
+        )
+    return passed(f"{len(asked)} calls in a wrong phase were refused.")
+
+
+def _parameters(subject: Subject) -> Iterator[_Forbidden]:
+    """That a fixed parameter is set after initialization."""
+    fixed = [v for v in subject.of_causality("parameter") if v.variability == "fixed" and v.start is not None]
+    for variable in fixed[:1]:
+        reference = (fmi2ValueReference * 1)(variable.valueReference)
+        value = (fmi2Real * 1)(number(variable.start, 0.0))
+        name = f"fmi2SetReal of the fixed parameter {variable.name}"
+        yield _Forbidden(_AFTER, name, lambda i, r=reference, v=value: i.status("fmi2SetReal", r, 1, v))
+
+
+def _answer(subject: Subject, forbidden: _Forbidden) -> int:
+    """The status of a call in its phase; the instance is reset, if it lives, and freed."""
+    instance, start = Instance(subject), span(subject)[0]
+    reached = _PHASES.index(forbidden.phase)
+    if reached >= 1:
+        instance.enter_initialization(None, start)
+    if reached >= 2:
+        instance.exit_initialization()
+    if reached >= 3:
+        with instance.calling():
+            instance.fmu.terminate()
+    instance.fmu.circumstance = f" {forbidden.phase}"
+    status = forbidden.call(instance)
+    instance.fmu.circumstance = f" after {forbidden.function} {forbidden.phase}"
+    if status != FATAL:
+        instance.status("fmi2Reset")
+    instance.free()
+    return status
+
+
+_MOST_VARIABLES = 40
+_STEPS = 3
+
+
+@check(
+    "calls.nonfinite",
+    "Values that are no numbers do no harm",
+    Clause("2.1.3", "fmi2OK – all well"),
+    "Answer fmi2Discard or fmi2Error to what is no number, and say in the log which variable it was.",
+    needs=("run.completes",),
+)
+def nonfinite(subject: Subject) -> Outcome:
+    """NaN or infinity in an input or a parameter is refused, or has no effect; it never ends the process."""
+    variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
+    variables = [v for v in variables if v.variability != "constant" and v.start is not None][
+        :_MOST_VARIABLES
+    ]
+    until = time.monotonic() + 0.5 * subject.settings.seconds
+    silent, tried = [], 0
+    for variable in variables:
+        if time.monotonic() > until:
+            break  # where instances take long to make
+        tried += 1
+        silent += [
+            f"{variable.name} = {value} gives {name} = {got}, and every call answers fmi2OK."
+            for value in (math.nan, math.inf)
+            for name, got in _spoiled(subject, variable, value)
+        ]
+    if silent:
+        return warned(
+            f"{len(silent)} times a value that is no number was taken without a word: {silent[0]}",
+            details=tuple(silent),
+        )
+    return passed(f"NaN and infinity were set to {tried} inputs and parameters, and none did harm.")
+
+
+def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]]:
+    """An output that is no number after this was set; none where a call refused it, or none was."""
+    course = experiment(subject, _STEPS)
+    instance = Instance(subject)
+    instance.fmu.circumstance = f" with {variable.name} = {value}"
+    names = outputs(subject)
+    found: list[float] = []
+    try:
+        if variable.causality == "input":
+            instance.initialize(course.at(0), float(course.times[0]))
+            values = {variable.name: value}
+        else:
+            instance.initialize({**course.at(0), variable.name: value}, float(course.times[0]))
+            values = {}
+        for k in range(len(course.times) - 1):
+            instance.set({**course.at(k), **values})
+            instance.step(float(course.times[k]), course.step)
+        found = instance.get(names)
+    except CallError:
+        return []
+    finally:
+        instance.free()
+    wrong = ~np.isfinite(np.array(found, dtype=float))
+    return (
+        [(names[int(np.argmax(wrong))], float(np.array(found, dtype=float)[wrong][0]))] if wrong.any() else []
+    )

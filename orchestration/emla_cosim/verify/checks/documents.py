@@ -1,0 +1,30 @@
+"""Documents: what a person needs to know of an FMU, and may do with it."""
+
+from ..check import check
+from ..saying import judged
+from ..subject import Subject
+from ..verdict import Clause, Outcome
+
+
+@check(
+    "documents.present",
+    "It brings documentation and a licence",
+    Clause(
+        "2.3",
+        "It is strongly recommended to include all license and copyright related information in the licenses "
+        "folder of an FMU",
+    ),
+    "Write documentation/index.html and documentation/licenses/license.txt.",
+    needs=("description.readable",),
+)
+def present(subject: Subject) -> Outcome:
+    """There is a first page, and a licence or its name."""
+    folder = subject.folder / "documentation"
+    doubts = []
+    if not (folder / "index.html").is_file():
+        others = sorted(p.name for p in folder.glob("*.*") if p.suffix in (".pdf", ".md", ".htm"))
+        doubts.append(f"documentation/index.html is missing{f'; there is {others[0]}' if others else ''}.")
+    licences = [folder / "licenses" / f"license.{kind}" for kind in ("txt", "html")]
+    if not any(p.is_file() for p in licences) and not subject.tree.get("license"):
+        doubts.append("Nobody says under which licence it may be used.")
+    return judged((), "It has a first page, and a licence.", doubts)

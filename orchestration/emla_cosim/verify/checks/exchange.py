@@ -1,0 +1,106 @@
+"""The same run, its values exchanged and its steps cut in another way."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..check import check
+from ..host.afresh import afresh
+from ..host.drive import Trajectory, alone, outputs
+from ..host.experiment import Experiment, experiment
+from ..host.instance import Instance
+from ..subject import Subject
+from ..verdict import Clause, Outcome, Verdict, passed, skipped, warned
+from ._sameness import compared
+
+
+@check(
+    "exchange.order",
+    "The order of values does not matter",
+    Clause(
+        "2.1.7",
+        "Set parameters, inputs, start values and re-initialize caching of variables that depend on these "
+        "variables",
+    ),
+    "Compute from what is set when the step begins, and let no call that gets a value change anything.",
+    needs=("run.deterministic",),
+    patience=4.0,
+)
+def order(subject: Subject) -> Outcome:
+    """Inputs set and outputs read one by one, forwards, backwards, and twice, change nothing."""
+    wanted = alone(subject)
+    for what, backwards in (("one by one", False), ("one by one in reverse", True)):
+        found = afresh(_one_by_one, subject, experiment(subject), backwards)
+        outcome = compared(found, wanted, f"A run with values exchanged {what}")
+        if outcome.verdict != Verdict.PASSED:
+            return outcome
+    return passed(f"Values set and got one by one, in both orders, gave the same {len(wanted.times)} rows.")
+
+
+def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Trajectory:
+    instance, names = Instance(subject), outputs(subject)
+
+    def order_of(all_names: Sequence[str]) -> list[str]:
+        return list(all_names)[::-1] if backwards else list(all_names)
+
+    def give(k: int) -> None:
+        values = course.at(k)
+        for name in order_of(list(values)):
+            instance.set({name: values[name]})
+
+    def take() -> list[float]:
+        first = {n: instance.get([n])[0] for n in order_of(names)}
+        again = {n: instance.get([n])[0] for n in order_of(names)} if backwards else first
+        return [again[n] for n in names]
+
+    give(0)
+    instance.initialize(None, float(course.times[0]))
+    rows = [take()]
+    for k in range(len(course.times) - 1):
+        give(k)
+        instance.step(float(course.times[k]), course.step)
+        if instance.terminated:
+            break
+        rows.append(take())
+    values = np.array(rows, dtype=float).reshape(len(rows), len(names))
+    return Trajectory(course.times[: len(rows)], names, values)
+
+
+_CLOSE = 1e-3
+"""Of an output's range: what two step sizes may differ by."""
+
+
+@check(
+    "steps.split",
+    "Two half steps are one step",
+    Clause("4.3.1", "The slave can handle variable communication step size."),
+    "Integrate with shorter steps inside, or say canHandleVariableCommunicationStepSize = false.",
+    needs=("run.deterministic", "run.finite"),
+    patience=4.0,
+)
+def split(subject: Subject) -> Outcome:
+    """Half steps with the inputs held are taken, and end where whole ones do."""
+    if subject.kinds[0] != "CoSimulation":
+        return skipped("A model is integrated by its host.")
+    if not subject.can("canHandleVariableCommunicationStepSize"):
+        return skipped("It does not say canHandleVariableCommunicationStepSize.")
+    course = experiment(subject)
+    whole, halves = alone(subject, course), alone(subject, _halved(course))
+    rows = min(len(whole.times), (len(halves.times) + 1) // 2)  # where it asks to end the run
+    every_other = Trajectory(whole.times[:rows], whole.names, halves.values[: 2 * rows : 2])
+    apart = whole.until(rows).distance(every_other)
+    far = [(name, float(d)) for name, d in zip(whole.names, apart, strict=True) if d > _CLOSE]
+    if far:
+        lines = tuple(f"{name} differs by {d:.3g} of its range with half steps." for name, d in far)
+        return warned(
+            f"{len(far)} of {len(whole.names)} outputs depend on the step size: {lines[0]}",
+            details=lines,
+            hint="Take shorter steps inside, unless a state is sampled once per step on purpose.",
+        )
+    return passed(f"Half steps end within {max(apart, default=0.0):.1g} of the range where whole ones do.")
+
+
+def _halved(course: Experiment) -> Experiment:
+    """The same inputs, held for two half steps."""
+    times = course.times[0] + 0.5 * course.step * np.arange(2 * len(course.times) - 1)
+    return Experiment(times, {name: np.repeat(v, 2)[:-1] for name, v in course.inputs.items()})

@@ -1,0 +1,81 @@
+"""What an FMU says, and where."""
+
+import ctypes
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+from typing import Any
+
+from ..check import check
+from ..host.afresh import afresh
+from ..host.drive import driven
+from ..host.experiment import experiment
+from ..host.instance import OK, Instance
+from ..host.log import LOG, Line, whole
+from ..subject import Subject
+from ..verdict import Clause, Outcome, failed, passed, warned
+
+_MOST_CATEGORIES = 6
+_ALL = "logAll"
+"""The category that section 2.2.4 proposes for all messages."""
+
+_STEPS = 10
+
+
+@check(
+    "log.categories",
+    "Messages come only when they are asked for",
+    Clause("2.1.5", "If loggingOn=fmi2True, debug logging is enabled, otherwise it is switched off."),
+    "Look at loggingOn and at the categories before the logger is called with fmi2OK; print nothing.",
+    needs=("run.completes",),
+    patience=2.0,
+)
+def categories(subject: Subject) -> Outcome:
+    """Debug messages come in the categories that are on, and nothing goes to standard output."""
+    declared = [str(e.get("name")) for e in subject.tree.iterfind("LogCategories/Category")]
+    quiet, printed = afresh(_said, subject, False, ())
+    for line in quiet:
+        if line.status == OK:
+            return failed(f"With debug logging off it logs in {_category(line)}: {whole(line.text)}")
+    for category in [c for c in declared if c != _ALL][:_MOST_CATEGORIES]:
+        for line in afresh(_said, subject, True, (category,))[0]:
+            if line.status == OK and line.category != category:
+                return failed(
+                    f"With {category} alone switched on it logs in {_category(line)}: {whole(line.text)}"
+                )
+    everything, _ = afresh(_said, subject, True, tuple(declared))
+    strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
+    if strange and declared:
+        return warned(f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare.")
+    if printed:
+        return warned(f"It writes to standard output: {whole(printed)}")
+    return passed(f"{len(everything)} messages came when they were asked for, in {len(declared)} categories.")
+
+
+def _category(line: Line) -> str:
+    return f"category {line.category!r}" if line.category else "no category"
+
+
+def _said(subject: Subject, logging: bool, names: Sequence[str]) -> tuple[list[Line], str]:
+    """Messages of a short run, and the first line that it prints."""
+    with tempfile.TemporaryFile() as stream:
+        os.dup2(stream.fileno(), 1)
+        instance, course = Instance(subject, logging=logging), experiment(subject, _STEPS)
+        with instance.calling():
+            instance.fmu.setDebugLogging(logging, list(names))
+        driven(instance, course)
+        instance.close()
+        _flush()
+        stream.seek(0)
+        text = stream.read().decode(errors="replace").strip()
+    return LOG.lines, text.partition("\n")[0]
+
+
+def _flush() -> None:
+    """What C and Python keep for later."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
+    flush: Any = getattr(ctypes.CDLL(None), "fflush", None)
+    if flush is not None:
+        flush(None)

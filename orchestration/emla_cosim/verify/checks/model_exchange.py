@@ -1,0 +1,55 @@
+"""The part of an FMU that is for Model Exchange, where it has one for Co-Simulation too."""
+
+from ..check import check
+from ..host.drive import alone, driven
+from ..host.experiment import experiment
+from ..host.instance import Instance
+from ..subject import Subject
+from ..verdict import Clause, Outcome, passed, skipped, warned
+
+_CLOSE = 1e-3
+"""Of an output's range: what two solvers may differ by."""
+
+
+@check(
+    "model_exchange.runs",
+    "The model can be integrated",
+    Clause("3.2.3", "The following state machine defines the supported calling sequences."),
+    "Integrate the model with another tool, and look at the call that goes wrong.",
+    needs=("instance.created",),
+    patience=2.0,
+)
+def runs(subject: Subject) -> Outcome:
+    """It is initialized, its events are done, a solver integrates it, and it is terminated and freed."""
+    if "ModelExchange" not in subject.kinds:
+        return skipped("It is not for Model Exchange.")
+    instance, course = Instance(subject, kind="ModelExchange"), experiment(subject)
+    found = driven(instance, course)
+    instance.close()
+    states = subject.description.numberOfContinuousStates
+    return passed(f"{states} states were integrated to t = {found.times[-1]:.9g} s.")
+
+
+@check(
+    "model_exchange.agrees",
+    "The model and the slave give the same",
+    Clause("2.2.1", "different types of models are included in the FMU"),
+    "Integrate with shorter steps inside, or say in the documentation what the two parts do differently.",
+    needs=("model_exchange.runs", "run.finite"),
+    patience=3.0,
+)
+def agrees(subject: Subject) -> Outcome:
+    """Both parts go the same way; the standard does not ask for it, but who uses one for the other does."""
+    if "CoSimulation" not in subject.kinds:
+        return skipped("It is not for Co-Simulation.")
+    slave, model = alone(subject, kind="CoSimulation"), alone(subject, kind="ModelExchange")
+    rows = min(len(slave.times), len(model.times))  # where one asks to end the run
+    apart = model.until(rows).distance(slave.until(rows))
+    far = [(name, float(d)) for name, d in zip(slave.names, apart, strict=True) if d > _CLOSE]
+    if far:
+        lines = tuple(f"{name} differs by {d:.3g} of its range." for name, d in far)
+        return warned(
+            f"{len(far)} of {len(slave.names)} outputs differ between model and slave: {lines[0]}",
+            details=lines,
+        )
+    return passed(f"Both parts agree within {max(apart, default=0.0):.1g} of each output's range.")

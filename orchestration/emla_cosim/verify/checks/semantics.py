@@ -1,0 +1,49 @@
+"""What fmpy says of the model description, where no other check has found anything."""
+
+import fmpy
+from fmpy.validation import validate_model_description
+
+from ..check import check
+from ..saying import judged, short
+from ..subject import Subject
+from ..verdict import Clause, Outcome, Verdict, passed, warned
+from . import description, starts, structure, types, units, variables
+
+_SAY_IT_BETTER = (
+    description.capabilities,
+    types.types,
+    units.defined,
+    variables.names,
+    variables.attributes,
+    starts.presence,
+    structure.outputs,
+    structure.derivatives,
+    structure.initial_unknowns,
+    structure.dependencies,
+)
+
+
+@check(
+    "description.semantics",
+    "FMPy finds nothing else",
+    Clause(
+        "2.2",
+        "All static information related to an FMU is stored in the text file modelDescription.xml in XML "
+        "format.",
+    ),
+    "Tools that are based on FMPy may refuse the FMU.",
+    needs=("description.schema",),
+)
+def semantics(subject: Subject) -> Outcome:
+    """What FMPy's validator says that no other check does."""
+    if any(one.examine(subject).verdict != Verdict.PASSED for one in _SAY_IT_BETTER):
+        return passed("Other checks have findings, which FMPy's would repeat.")
+    try:
+        read = subject.description
+    except MemoryError:
+        raise
+    except Exception as error:
+        return warned(f"FMPy cannot read the model description: {short(str(error)).rstrip('.')}.")
+    found = validate_model_description(read, validate_model_structure=True)
+    doubts = [f"FMPy says: {line.strip().rstrip('.')}." for line in found]
+    return judged((), f"FMPy {fmpy.__version__} finds nothing else.", doubts)

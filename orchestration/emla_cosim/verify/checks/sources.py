@@ -1,0 +1,100 @@
+"""Sources: what is shipped as C compiles."""
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from ..apart import note
+from ..check import check
+from ..saying import judged, short
+from ..subject import Subject
+from ..verdict import Clause, Outcome, failed, passed, skipped, warned
+
+_BUILD_DESCRIPTION = "buildDescription.xml"
+_C = (".c",)
+_ERROR = re.compile(r"(?:error|undefined reference|multiple definition|cannot find)[^\n]*", re.IGNORECASE)
+_MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or directory| file not found)")
+
+
+@check(
+    "sources.compile",
+    "Sources compile",
+    Clause(
+        "2.3",
+        "// all needed C sources and C header files to compile and link the FMU",
+    ),
+    "List every file that is compiled, and only those, in SourceFiles, and ship what they include.",
+    needs=("description.schema",),
+    patience=6.0,
+)
+def compile_(subject: Subject) -> Outcome:
+    """All listed source files are there, with their headers, and compile and link to a library."""
+    folder = subject.folder / "sources"
+    lists = {kind: _listed(subject, kind) for kind in subject.kinds}
+    if not any(lists.values()):
+        if folder.is_dir() and any(folder.rglob("*.c")):
+            return warned("It ships sources, but does not say which of them to compile (SourceFiles).")
+        return skipped("It ships no sources.")
+    if missing := sorted({name for names in lists.values() for name in names if not _inside(folder, name)}):
+        return judged([f"The source file {name} is not in `sources`." for name in missing], "")
+    if (folder / _BUILD_DESCRIPTION).is_file():
+        return skipped(f"{_BUILD_DESCRIPTION} says how its sources are compiled, which is not done here.")
+    for names in {tuple(names) for names in lists.values() if names}:
+        if any(Path(name).suffix not in _C for name in names):
+            return skipped("Not all of its sources are C.")
+        if (outcome := _compiled(folder, names)) is not None:
+            return outcome
+    return passed(
+        f"{', '.join(dict.fromkeys(n for names in lists.values() for n in names))} compile and link."
+    )
+
+
+def _listed(subject: Subject, kind: str) -> list[str]:
+    return [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
+
+
+def _inside(folder: Path, name: str) -> bool:
+    path = (folder / name).resolve() if "\0" not in name else folder
+    return path.is_relative_to(folder.resolve()) and path.is_file()
+
+
+def _compiled(folder: Path, names: Sequence[str]) -> Outcome | None:
+    """What the compiler has against these files; None for nothing."""
+    with (
+        tempfile.TemporaryDirectory(dir=folder.parent.parent) as scratch,
+        as_file(files("fmpy") / "c-code") as headers,
+    ):
+        command = [*_compiler(), "-shared", "-fPIC", "-O0", "-w", "-I", str(headers), "-I", str(folder)]
+        command += ["-Wl,--no-undefined"] if sys.platform == "linux" else []
+        command += [str(folder / name) for name in names]
+        command += ["-o", str(Path(scratch, "library")), *([] if sys.platform == "win32" else ["-lm"])]
+        note(f"`{command[0]}` compiling {', '.join(names)}")
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+        except OSError as error:
+            return skipped(f"There is no compiler that runs here: {error.strerror}.")
+    if done.returncode == 0:
+        return None
+    said = _ERROR.search(done.stderr)
+    reason = said[0] if said else done.stderr.strip().rpartition("\n")[2]
+    sentence = short(f"{', '.join(names)} does not compile: {reason.replace(f'{folder}/', '').rstrip('. ')}.")
+    missing = _MISSING.search(done.stderr)
+    if missing and _shipped(folder, missing[1]):
+        return failed(sentence)
+    return warned(sentence)  # it may need options that only its documentation says
+
+
+def _shipped(folder: Path, header: str) -> bool:
+    """Whether a header should have come with the FMU: it is included by its name in quotes."""
+    include = re.compile(rb'#\s*include\s*"' + re.escape(header.encode()) + rb'"')
+    return any(include.search(p.read_bytes()) for p in folder.rglob("*.[ch]"))
+
+
+def _compiler() -> list[str]:
+    found = shutil.which("cc")
+    return [found] if found else [sys.executable, "-m", "ziglang", "cc"]

@@ -1,0 +1,166 @@
+"""FMU states: got, set, freed, and written as bytes."""
+
+import contextlib
+import ctypes
+
+import numpy as np
+
+from ..check import check
+from ..host.afresh import EndedError, afresh
+from ..host.drive import Trajectory, alone, driven, stepped
+from ..host.experiment import Experiment, experiment
+from ..host.instance import CallError, Instance
+from ..subject import Subject
+from ..verdict import Clause, Outcome, Verdict, failed, passed, skipped, warned
+from ._sameness import compared
+
+_ALLOWED = 1e-6
+"""Of an output's range: what a solver may do that starts anew where a state is set."""
+
+_HINT = "Copy all that evolves, and all that was set: hidden states, random numbers, delays, the phase."
+
+
+@check(
+    "state.restored",
+    "A state that is set is the state that was got",
+    Clause(
+        "2.1.8",
+        "fmi2SetFMUstate copies the content of the previously copied FMUstate back and uses it as "
+        "actual new FMU state.",
+    ),
+    _HINT,
+    needs=("run.deterministic",),
+    patience=4.0,
+)
+def restored(subject: Subject) -> Outcome:
+    """From a state that was got and set, several times and at several instants, the run goes on the same."""
+    if not subject.can("canGetAndSetFMUstate"):
+        return skipped("It does not say canGetAndSetFMUstate.")
+    instance, course = Instance(subject), experiment(subject)
+    steps = len(course.times) - 1
+    instants = sorted({0, steps // 3, 2 * steps // 3})
+    instance.initialize(course.at(0), float(course.times[0]))
+    worst = None
+    for first, last in zip(instants, [*instants[1:], steps], strict=True):
+        for outcome in _again(instance, course, first, last):
+            if outcome.verdict == Verdict.FAILED:
+                return outcome
+            worst = outcome if outcome.verdict == Verdict.WARNING else worst
+        if instance.terminated:
+            break
+    instance.close()
+    return worst or passed(
+        f"States of {len(instants)} instants were got, set twice and freed; runs went on the same."
+    )
+
+
+def _again(instance: Instance, course: Experiment, first: int, last: int) -> list[Outcome]:
+    with instance.calling():
+        state = instance.fmu.getFMUstate()
+    wanted = stepped(instance, course, first, last)
+    outcomes = []
+    for _ in range(2):
+        with instance.calling():
+            instance.fmu.setFMUstate(state)
+        instance.terminated = False
+        found = stepped(instance, course, first, last)
+        outcomes.append(
+            compared(found, wanted, f"A run from the state of t = {course.times[first]:.9g} s", _ALLOWED)
+        )
+    with instance.calling():
+        instance.fmu.freeFMUstate(state)
+    return outcomes
+
+
+_LARGEST = 2**28
+"""Bytes of a state that nobody sends anywhere."""
+
+
+@check(
+    "state.serialized",
+    "A state survives as bytes",
+    Clause(
+        "2.1.8",
+        "fmi2DeSerializeFMUstate deserializes the byte vector serializedState of length size, constructs "
+        "a copy of the FMU state and returns FMUstate, the pointer to this copy.",
+    ),
+    _HINT + " Check the size and a version before bytes are taken for a state.",
+    needs=("state.restored",),
+    patience=3.0,
+)
+def serialized(subject: Subject) -> Outcome:
+    """A new instance that is given the bytes of another one's state goes on the same."""
+    if not subject.can("canSerializeFMUstate"):
+        return skipped("It does not say canSerializeFMUstate.")
+    course = experiment(subject)
+    middle = (len(course.times) - 1) // 2
+    whole = alone(subject, course)
+    data = afresh(_bytes_at, subject, course, middle)
+    if isinstance(data, int):
+        return failed(f"fmi2SerializedFMUstateSize says {data} bytes, which is no size of a state.")
+    if len(whole.times) <= middle + 1:
+        return skipped("It asked to end the run before its state could be taken.")
+    found = afresh(_from_bytes, subject, course, middle, data)
+    wanted = Trajectory(whole.times[middle:], whole.names, whole.values[middle:])
+    outcome = compared(
+        found, wanted, f"A run from the bytes of the state of t = {course.times[middle]:.9g} s", _ALLOWED
+    )
+    return outcome if outcome.verdict != Verdict.PASSED else _damaged(subject, data)
+
+
+def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
+    """A state's bytes, or its size where that is none."""
+    instance = Instance(subject)
+    instance.initialize(course.at(0), float(course.times[0]))
+    stepped(instance, course, 0, middle)
+    with instance.calling():
+        state = instance.fmu.getFMUstate()
+        size = ctypes.c_size_t()
+        instance.fmu.fmi2SerializedFMUstateSize(instance.fmu.component, state, ctypes.byref(size))
+        if not 0 < size.value <= _LARGEST:
+            return size.value
+        data = instance.fmu.serializeFMUstate(state)
+        instance.fmu.freeFMUstate(state)
+    return data
+
+
+def _from_bytes(subject: Subject, course: Experiment, middle: int, data: bytes) -> Trajectory:
+    instance = Instance(subject)
+    instance.initialize(course.at(0), float(course.times[0]))
+    with instance.calling():
+        state = instance.fmu.deSerializeFMUstate(data)
+        instance.fmu.setFMUstate(state)
+        instance.fmu.freeFMUstate(state)
+    return stepped(instance, course, middle)
+
+
+def _damaged(subject: Subject, data: bytes) -> Outcome:
+    """Bytes that were cut, or changed, are refused, or at least do no harm."""
+    random = np.random.default_rng(1)
+    cases = {"half of the bytes": data[: len(data) // 2], "one byte": data[:1]}
+    for k in range(4):
+        spoiled = bytearray(data)
+        for place in random.integers(0, len(data), 1 + len(data) // 16):
+            spoiled[place] ^= int(random.integers(1, 256))
+        cases[f"damaged bytes ({k + 1})"] = bytes(spoiled)
+    try:
+        afresh(_take, subject, cases)
+    except EndedError as error:
+        return warned(f"{error.call} ends the process ({error.how}).")
+    return passed(f"A new instance went on from {len(data)} bytes as the old one; damaged bytes did no harm.")
+
+
+def _take(subject: Subject, cases: dict[str, bytes]) -> None:
+    """Go on from each of these as far as it goes."""
+    course = experiment(subject, 2)
+    for name, data in cases.items():
+        instance = Instance(subject)
+        instance.fmu.circumstance = f" with a state made of {name}"
+        with contextlib.suppress(CallError):
+            driven(instance, course)
+            with instance.calling():
+                state = instance.fmu.deSerializeFMUstate(data)
+                instance.fmu.setFMUstate(state)
+                instance.fmu.freeFMUstate(state)
+            instance.step(float(course.times[-1]), course.step)
+        instance.free()

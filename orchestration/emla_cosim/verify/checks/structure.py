@@ -1,0 +1,221 @@
+"""The model structure: what is computed, and from what."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from ..check import check
+from ..declared import Declared, Unknown, Variable, repeated
+from ..saying import judged, listed
+from ..subject import Subject
+from ..verdict import Clause, Outcome
+
+_LINEAR = ("constant", "fixed", "tunable", "discrete")
+"""Kinds of dependencies that are for Real unknowns only."""
+
+
+@check(
+    "structure.outputs",
+    "All outputs are listed",
+    Clause(
+        "2.2.8",
+        "Ordered list of all outputs, in other words, a list of ScalarVariable indices where every "
+        'corresponding ScalarVariable must have causality = "output" (and every variable with '
+        'causality="output" must be listed here).',
+    ),
+    "ModelStructure/Outputs has one Unknown for each output; index counts ScalarVariables from 1.",
+    needs=("description.schema",),
+)
+def outputs(subject: Subject) -> Outcome:
+    """ModelStructure/Outputs has every output, once, and nothing else."""
+    declared = subject.declared
+    wanted = {v.index for v in declared.variables if v.causality == "output"}
+    problems = [
+        *_listing("Outputs", declared.outputs, declared),
+        *_compared("Outputs", wanted, declared.outputs, declared),
+    ]
+    return judged(problems, f"{len(wanted)} outputs are listed.")
+
+
+@check(
+    "structure.derivatives",
+    "State derivatives are what they should be",
+    Clause(
+        "2.2.7",
+        "All ScalarVariables listed in this element must have attribute derivative (in order that the "
+        "continuous-time states are uniquely defined).",
+    ),
+    "Give the variable the attribute `derivative` with the index of its state, counted from 1.",
+    needs=("description.schema",),
+)
+def derivatives(subject: Subject) -> Outcome:
+    """Each of ModelStructure/Derivatives is the derivative of a continuous state of its own."""
+    declared = subject.declared
+    problems = [
+        *_listing("Derivatives", declared.derivatives, declared),
+        *_no_derivatives(declared),
+        *(p for v in declared.variables for p in _misdirected(v, declared)),
+    ]
+    return judged(problems, f"{len(declared.derivatives)} state derivatives are listed.")
+
+
+def _no_derivatives(declared: Declared) -> Iterator[str]:
+    """What in the list gives no state of its own."""
+    listed_ones = [v for u in declared.derivatives if (v := declared.variable(u.index)) is not None]
+    for variable in listed_ones:
+        if "derivative" not in variable.own:
+            yield f"{variable} is listed in Derivatives, but is no derivative of a variable."
+        elif (state := declared.variable(int(variable.own["derivative"]))) is not None:
+            yield from _no_state(state)
+    states = [v.own["derivative"].strip() for v in _distinct(listed_ones) if "derivative" in v.own]
+    for index in repeated(states):
+        yield f"More than one of Derivatives is the derivative of {declared.variable(int(index)) or index}."
+
+
+def _no_state(state: Variable) -> Iterator[str]:
+    if state.causality not in ("local", "output") or state.variability != "continuous":
+        yield (
+            f"The state {state} is {state.variability} and {state.causality}; "
+            "it has to be continuous, and local or an output."
+        )
+
+
+def _misdirected(variable: Variable, declared: Declared) -> Iterator[str]:
+    if "derivative" not in variable.own:
+        return
+    index = int(variable.own["derivative"])
+    of = declared.variable(index)
+    if of is None:
+        yield f"{variable} is the derivative of variable {index}; there are {len(declared.variables)}."
+    elif of.index == variable.index:
+        yield f"{variable} is its own derivative."
+    elif of.type != "Real":
+        yield f"{variable} is the derivative of {of}, which is of type {of.type}."
+
+
+@check(
+    "structure.initial_unknowns",
+    "All initial unknowns are listed, in order",
+    Clause(
+        "2.2.8",
+        "The Unknowns in this list must be ordered according to their ScalarVariable index (for example, if "
+        "for two variables A and B the ScalarVariable index of A is less than the index of B, then A must "
+        "appear before B in InitialUnknowns).",
+    ),
+    "List outputs, states and derivatives that are `calculated` or `approx`, and calculated parameters.",
+    needs=("structure.derivatives",),
+)
+def initial_unknowns(subject: Subject) -> Outcome:
+    """ModelStructure/InitialUnknowns has what initialization computes, once, by ascending index."""
+    declared = subject.declared
+    found = [u.index for u in declared.initial_unknowns]
+    doubtful = {v.index for v in declared.variables if not v.possible}
+    wanted = _initially_unknown(declared) - doubtful
+    problems = [
+        *_listing("InitialUnknowns", declared.initial_unknowns, declared),
+        *_compared("InitialUnknowns", wanted, declared.initial_unknowns, declared, doubtful),
+    ]
+    if not problems and found != sorted(found):
+        k = next(k for k in range(1, len(found)) if found[k] < found[k - 1])
+        problems.append(
+            f"InitialUnknowns has {declared.variable(found[k])} after {declared.variable(found[k - 1])}, "
+            "whose index is greater."
+        )
+    return judged(problems, f"{len(wanted)} initial unknowns are listed, in order.")
+
+
+def _initially_unknown(declared: Declared) -> set[int]:
+    either = declared.states() | {u.index for u in declared.derivatives}
+    return {
+        v.index
+        for v in declared.variables
+        if v.causality == "calculatedParameter"
+        or ((v.causality == "output" or v.index in either) and v.initial in ("approx", "calculated"))
+    }
+
+
+@check(
+    "structure.dependencies",
+    "Dependencies are on variables that are known",
+    Clause("2.2.8", "The indices are ordered according to magnitude, starting with the smallest index."),
+    "`dependencies` are indices of inputs, states and the independent variable, in InitialUnknowns also of "
+    "what is `exact`; `dependenciesKind` has one word for each.",
+    needs=("structure.derivatives",),
+)
+def dependencies(subject: Subject) -> Outcome:
+    """Dependencies exist, ascend, have a kind each or none, and are on knowns."""
+    declared = subject.declared
+    known = declared.states() | _free(declared)
+    exact = _free(declared) | {v.index for v in declared.variables if v.initial == "exact"}
+    lists = [
+        ("Outputs", declared.outputs, known),
+        ("Derivatives", declared.derivatives, known),
+        ("InitialUnknowns", declared.initial_unknowns, exact),
+    ]
+    problems, doubts = [], []
+    for name, unknowns, knowns in lists:
+        for unknown in unknowns:
+            who = f"{declared.variable(unknown.index) or unknown.index} in {name}"
+            problems += _ill_formed(who, unknown, declared)
+            doubts += _unknown_knowns(who, unknown, knowns, declared)
+    count = sum(len(u.dependencies or ()) for _, unknowns, _ in lists for u in unknowns)
+    return judged(problems, f"{count} dependencies are on variables that are known.", doubts)
+
+
+def _free(declared: Declared) -> set[int]:
+    return {v.index for v in declared.variables if v.causality in ("input", "independent")}
+
+
+def _ill_formed(who: str, unknown: Unknown, declared: Declared) -> Iterator[str]:
+    indices, kinds = unknown.dependencies, unknown.kinds
+    beyond = [i for i in indices or () if declared.variable(i) is None]
+    if beyond:
+        yield f"{who} depends on variable {beyond[0]}; there are {len(declared.variables)}."
+    elif indices is not None and list(indices) != sorted(set(indices)):
+        yield f"The dependencies of {who} do not ascend."
+    if kinds is None:
+        return
+    if len(indices or ()) != len(kinds) or indices is None:
+        yield f"{who} has {len(kinds)} kinds for {len(indices or ())} dependencies."
+    variable = declared.variable(unknown.index)
+    linear = [kind for kind in kinds if kind in _LINEAR]
+    if variable is not None and variable.type != "Real" and linear:
+        yield f"{who} is of type {variable.type}, but has a dependency of the kind {linear[0]}."
+
+
+def _unknown_knowns(who: str, unknown: Unknown, knowns: set[int], declared: Declared) -> Iterator[str]:
+    others = [
+        v for i in unknown.dependencies or () if i not in knowns and (v := declared.variable(i)) is not None
+    ]
+    if others:
+        yield f"{who} depends on {listed([v.name for v in others])}, which is not known when it is computed."
+
+
+def _listing(name: str, unknowns: Sequence[Unknown], declared: Declared) -> Iterator[str]:
+    """What is wrong with indices, whatever they mean."""
+    for unknown in unknowns:
+        if declared.variable(unknown.index) is None:
+            yield f"{name} lists variable {unknown.index}; there are {len(declared.variables)}."
+    for twice in repeated(str(u.index) for u in unknowns):
+        yield f"{name} lists {declared.variable(int(twice)) or twice} more than once."
+
+
+def _compared(
+    name: str,
+    wanted: set[int],
+    unknowns: Sequence[Unknown],
+    declared: Declared,
+    doubtful: Iterable[int] = (),
+) -> Iterator[str]:
+    """What of the wanted indices is missing, and what is there besides those and the doubtful ones."""
+    found = {u.index for u in unknowns}
+    if missing := sorted(wanted - found):
+        yield f"{name} lacks {listed(_names(missing, declared))}."
+    if surplus := [i for i in sorted(found.difference(wanted, doubtful)) if declared.variable(i) is not None]:
+        yield f"{name} lists {listed(_names(surplus, declared))}, which does not belong there."
+
+
+def _names(indices: Iterable[int], declared: Declared) -> list[str]:
+    return [str(declared.variable(i)) for i in indices]
+
+
+def _distinct(variables: Iterable[Variable]) -> list[Variable]:
+    return list({v.index: v for v in variables}.values())

@@ -1,0 +1,51 @@
+"""Types: SimpleTypes, and the variables declared with them."""
+
+from collections.abc import Iterator
+
+from ..check import check
+from ..declared import Declared, Type, repeated
+from ..saying import judged
+from ..subject import Subject
+from ..verdict import Clause, Outcome
+
+
+@check(
+    "description.types",
+    "Types are defined, and used for what they are",
+    Clause("2.2.7", "If present, name of type defined with TypeDefinitions / SimpleType."),
+    "Define every type once, with a name that no variable has, and of the type of its variables.",
+    needs=("description.schema",),
+)
+def types(subject: Subject) -> Outcome:
+    """Every declared type is defined once, and is of the variable's own type."""
+    declared = subject.declared
+    problems = [*_names(declared), *_uses(declared), *(p for t in declared.types for p in _items(t))]
+    return judged(problems, f"{len(declared.types)} types are defined and used as they should be.")
+
+
+def _names(declared: Declared) -> Iterator[str]:
+    variables = {v.name for v in declared.variables}
+    for name in repeated(t.name for t in declared.types):
+        yield f"More than one SimpleType is called {name}."
+    for one in declared.types:
+        if one.name in variables:
+            yield f"The SimpleType {one.name} has the name of a variable."
+
+
+def _uses(declared: Declared) -> Iterator[str]:
+    by_name = {t.name: t for t in declared.types}
+    for variable in declared.variables:
+        name = variable.own.get("declaredType")
+        if name is None:
+            continue
+        if name not in by_name:
+            yield f"{variable} is declared as {name}, which is no SimpleType."
+        elif by_name[name].type != variable.type:
+            other = by_name[name].type
+            yield f"{variable} is of type {variable.type}, but declared as {name}, which is {other}."
+
+
+def _items(one: Type) -> Iterator[str]:
+    for attribute in ("name", "value"):
+        for twice in repeated(item[attribute] for item in one.items):
+            yield f"More than one item of the enumeration {one.name} has the {attribute} {twice}."

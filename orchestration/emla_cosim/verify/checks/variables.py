@@ -1,0 +1,124 @@
+"""Variables: their names, what they are, and which of them are one."""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+
+from ..check import check
+from ..declared import Declared, Variable, repeated
+from ..saying import judged
+from ..subject import Subject
+from ..verdict import Clause, Outcome
+
+_NONDIGIT = "_a-zA-Z"
+_QUOTED = r"'(?:[_a-zA-Z0-9!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
+_PART = rf"(?:[{_NONDIGIT}][{_NONDIGIT}0-9]*|{_QUOTED})(?:\[[0-9]+(?:,[0-9]+)*\])?"
+_IDENTIFIER = rf"{_PART}(?:\.{_PART})*"
+_STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
+
+
+@check(
+    "variables.names",
+    "Variables have names of their own",
+    Clause("2.2.9", "The names must be unique, non-empty strings."),
+    "Rename them; with variableNamingConvention `flat` every name is allowed.",
+    needs=("description.schema",),
+)
+def names(subject: Subject) -> Outcome:
+    """Names are unique, and structured where the FMU says that they are."""
+    found = [v.name for v in subject.declared.variables]
+    problems = [f"More than one variable is called {name}." for name in repeated(found)]
+    problems += [f"Variable {i} has no name." for i, name in enumerate(found, start=1) if not name]
+    if subject.tree.get("variableNamingConvention") == "structured":
+        problems += [
+            f"{name} is no structured name." for name in found if name and not _STRUCTURED.fullmatch(name)
+        ]
+    return judged(problems, f"{len(found)} variables have names of their own.")
+
+
+@check(
+    "variables.attributes",
+    "Variables can be what they say",
+    Clause("2.2.7", "The following combinations of variability/causality settings are allowed:"),
+    "The tables of section 2.2.7 say what goes together; the default of variability is `continuous`.",
+    needs=("description.schema",),
+)
+def attributes(subject: Subject) -> Outcome:
+    """Causality, variability, initial and type of every variable go together."""
+    declared = subject.declared
+    problems = [p for v in declared.variables for p in _impossible(v)]
+    independent = [v.name for v in declared.variables if v.causality == "independent"]
+    if len(independent) > 1:
+        problems.append(f"Both {independent[0]} and {independent[1]} are independent.")
+    if "ModelExchange" not in subject.kinds:
+        problems += [p for v in declared.variables for p in _exchanged(v)]
+    return judged(problems, f"{len(declared.variables)} variables can be what they say.")
+
+
+def _impossible(variable: Variable) -> Iterator[str]:
+    what = f"{variable} is {variable.variability} and {_article(variable.causality)}"
+    if variable.initials is None:
+        yield f"{what}, which do not go together."
+    elif not variable.possible:
+        yield f"{what}; its initial cannot be {variable.given_initial}."
+    if variable.variability == "continuous" and variable.type != "Real":
+        yield f"{variable} is continuous, but of type {variable.type}; only a Real can be."
+
+
+def _exchanged(variable: Variable) -> Iterator[str]:
+    if "reinit" in variable.own:
+        yield f"{variable} has reinit, which is for Model Exchange only."
+    if variable.multiple_sets:
+        yield f"{variable} has canHandleMultipleSetPerTimeInstant, which is for Model Exchange only."
+
+
+def _article(causality: str) -> str:
+    if causality in ("local", "independent"):
+        return causality
+    return f"an {causality}" if causality[0] in "aeiou" else f"a {causality}"
+
+
+@check(
+    "variables.aliases",
+    "Variables with one value reference can be one variable",
+    Clause(
+        "2.2.7",
+        "At most one variable of the same alias set of variables with variability ≠ constant can have a "
+        "start attribute.",
+    ),
+    "Give them value references of their own, or the same unit, and a start value to one of them only.",
+    needs=("description.schema",),
+)
+def aliases(subject: Subject) -> Outcome:
+    """Variables of one value reference agree in unit and constancy, and one of them at most is set."""
+    sets = _alias_sets(subject.declared)
+    problems = [p for several in sets for p in _apart(several)]
+    return judged(problems, f"{len(sets)} value references are shared, by variables that can be one.")
+
+
+def _alias_sets(declared: Declared) -> list[list[Variable]]:
+    found: dict[tuple[str, int], list[Variable]] = defaultdict(list)
+    for variable in declared.variables:
+        base = "Integer" if variable.type == "Enumeration" else variable.type
+        found[base, variable.reference].append(variable)
+    return [several for several in found.values() if len(several) > 1]
+
+
+def _apart(several: Sequence[Variable]) -> Iterator[str]:
+    both = (
+        f"{several[0]} and {several[1]}"
+        if len(several) == 2
+        else f"{several[0]} and its {len(several) - 1} aliases"
+    )
+    constant = [v for v in several if v.variability == "constant"]
+    started = [v.name for v in several if v.start is not None and v.variability != "constant"]
+    if len(started) > 1:
+        yield f"{started[0]} and {started[1]} have one value reference, and a start value each."
+    if constant and len(constant) < len(several):
+        yield f"{both} have one value reference, but only some of them are constant."
+    elif len({v.start for v in constant}) > 1:
+        yield f"{both} have one value reference, and constant values that differ."
+    if started and any(v.causality == "independent" for v in several):
+        yield f"{started[0]} has the value reference of the independent variable."
+    if len({v.unit for v in several}) > 1:
+        yield f"{both} have one value reference, but units that differ."

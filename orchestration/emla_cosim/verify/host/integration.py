@@ -1,0 +1,153 @@
+"""A model for Model Exchange, integrated from one communication point to the next, events included."""
+
+import ctypes
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+from fmpy.sundials import CVodeSolver
+
+from ..subject import Subject
+
+RELATIVE_TOLERANCE = 1e-9
+"""Of the integration, which starts anew at each communication point and adds up what each start costs."""
+
+_DISCARD = 2
+
+_MOST_STEPS = 50_000
+"""Of the solver, from one communication point to the next."""
+
+_MOST_ITERATIONS = 1000
+"""Of one event, and events from one communication point to the next."""
+
+
+class _NoInput:
+    """Inputs are held over a step."""
+
+    def apply(self, time: float) -> None:
+        """Nothing changes."""
+
+
+class _Solver(CVodeSolver):
+    """fmpy's solver, for models that may refuse a call."""
+
+    refused: FMICallException | None = None
+
+    def advance(self, time: float, until: float) -> tuple[bool, float]:
+        """Whether an event was found, and how far it came; raises RuntimeError where it gives up."""
+        self.refused = None
+        try:
+            found, _, reached = self.step(time, until)
+        except (RuntimeError, TypeError) as error:  # the latter where there is nothing to say
+            raise self.refused or RuntimeError(f"the solver gave up ({error})") from error
+        return bool(found), float(reached)
+
+    def f(self, *arguments: Any) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Derivatives, or that the solver should try a shorter step."""
+        return self._told(super().f, arguments)
+
+    def g(self, *arguments: Any) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Event indicators."""
+        return self._told(super().g, arguments)
+
+    def _told(self, call: Callable[..., int], arguments: tuple[Any, ...]) -> int:
+        try:
+            return call(*arguments)
+        except FMICallException as error:
+            self.refused = error
+            return 1 if error.status == _DISCARD else -1
+
+
+class Integration:
+    """Takes a model on with CVode. Between steps the model is in event mode.
+
+    `fmu` is fmpy's object, which may have one instance after another. `terminated` tells that the
+    model asked to end the run.
+    """
+
+    def __init__(self, fmu: Any, subject: Subject) -> None:
+        """Prepare to integrate; nothing is called before `begin`."""
+        self.terminated = False
+        self._fmu = fmu
+        self._states = int(subject.description.numberOfContinuousStates)
+        self._indicators = int(subject.description.numberOfEventIndicators or 0)
+        self._tells = not subject.means("ModelExchange").completedIntegratorStepNotNeeded
+        self._next_event = math.inf
+        self._solver: Any = None
+
+    def begin(self) -> None:
+        """Do the events of the initialization, which has just ended."""
+        self.terminated = False
+        self._do_events()
+
+    def step(self, time: float, length: float) -> None:
+        """Integrate from `time` by `length`, both in s; raises RuntimeError where the solver gives up."""
+        end = time + length
+        self._do_events()
+        for _ in range(_MOST_ITERATIONS):
+            self._fmu.enterContinuousTimeMode()
+            time = self._to_event(time, end)
+            self._fmu.enterEventMode()
+            self._do_events()
+            if time >= end or self.terminated:
+                return
+        raise RuntimeError(f"it has more than {_MOST_ITERATIONS} events up to t = {time:.9g} s")
+
+    def _to_event(self, time: float, end: float) -> float:
+        """Integrate until an event or the end; when that is."""
+        solver = self._restarted(time)
+        close = 1e-12 * max(abs(end), end - time)
+        while time < end:
+            until = min(end, max(self._next_event, time))
+            found = False
+            if until > time:
+                found, time = solver.advance(time, until)
+            self._fmu.setTime(time)
+            entered = self._tells and self._completed()
+            if found or entered or self.terminated or time >= self._next_event - close:
+                break
+        return end if end - time <= close else time
+
+    def _completed(self) -> bool:
+        enter, terminate = self._fmu.completedIntegratorStep(noSetFMUStatePriorToCurrentPoint=0)
+        self.terminated = self.terminated or terminate
+        return enter
+
+    def _do_events(self) -> None:
+        for _ in range(_MOST_ITERATIONS):
+            needed, terminate, _, _, defined, time = self._fmu.newDiscreteStates()
+            self.terminated = self.terminated or terminate
+            if not needed or terminate:
+                break
+        else:
+            raise FMICallException("fmi2NewDiscreteStates, asked for again and again,", 3)
+        self._next_event = time if defined else math.inf
+
+    def _restarted(self, time: float) -> Any:
+        """The solver, without memory of what was before `time`."""
+        if self._solver is None:
+            fmu = self._fmu
+            self._solver = _Solver(
+                nx=self._states,
+                nz=self._indicators,
+                get_x=fmu.getContinuousStates,
+                set_x=fmu.setContinuousStates,
+                get_dx=fmu.getDerivatives,
+                get_z=fmu.getEventIndicators,
+                get_nominals=self._nominals,
+                set_time=fmu.setTime,
+                input=_NoInput(),
+                startTime=time,
+                relativeTolerance=RELATIVE_TOLERANCE,
+                maxNumSteps=_MOST_STEPS,
+            )
+        self._solver.reset(time)
+        return self._solver
+
+    def _nominals(self, values: Any, count: int) -> None:
+        """Nominal values of the states, 1 where the model gives none that a tolerance can be made of."""
+        self._fmu.getNominalsOfContinuousStates(values, count)
+        found = np.ctypeslib.as_array(ctypes.cast(values, ctypes.POINTER(ctypes.c_double)), (count,))
+        found[~(np.isfinite(found) & (found > 0.0))] = 1.0

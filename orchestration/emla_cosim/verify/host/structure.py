@@ -1,0 +1,45 @@
+"""What the model structure says depends on what."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from fmpy.model_description import Unknown
+
+from ..subject import Subject
+
+
+@dataclass(frozen=True)
+class Dependency:
+    """An unknown, and the names of the variables that it may depend on; None where they are not told."""
+
+    unknown: str
+    on: frozenset[str] | None
+
+    def excludes(self, name: str) -> bool:
+        """Whether the unknown is said not to depend on a variable."""
+        return self.on is not None and name not in self.on
+
+
+def at_initialization(subject: Subject) -> list[Dependency]:
+    """Outputs among the initial unknowns, and what they depend on in initialization mode."""
+    return [d for d in _read(subject.description.initialUnknowns) if _is_output(subject, d.unknown)]
+
+
+def at_events(subject: Subject) -> list[Dependency]:
+    """Outputs and derivatives of states, and what they depend on in event and continuous-time mode."""
+    return _read([*subject.description.outputs, *subject.description.derivatives])
+
+
+def _read(unknowns: Iterable[Unknown]) -> list[Dependency]:
+    return [
+        Dependency(
+            u.variable.name,
+            None if u.dependencies is None else frozenset(v.name for v in u.dependencies),
+        )
+        for u in unknowns
+        if u.variable is not None and u.variable.type == "Real"
+    ]
+
+
+def _is_output(subject: Subject, name: str) -> bool:
+    return subject.variables[name].causality == "output"

@@ -1,0 +1,86 @@
+"""The shared libraries that an FMU brings, by platform, and what is in them."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..fmu.library import missing_bytes
+from .subject import Subject
+
+_SUFFIXES = (".so", ".dll", ".dylib")
+
+
+@dataclass(frozen=True)
+class Library:
+    """A library that a model identifier names: for which platform, and for which kinds of FMU."""
+
+    path: Path
+    kinds: tuple[str, ...]
+
+    @property
+    def platform(self) -> str:
+        """The platform's folder: `linux64`."""
+        return self.path.parent.name
+
+    def __str__(self) -> str:
+        return f"{self.platform}/{self.path.name}"
+
+
+def libraries(subject: Subject) -> list[Library]:
+    """All libraries of the FMU itself, by platform."""
+    by_path: dict[Path, list[str]] = {}
+    for kind in subject.kinds:
+        name = subject.tree.find(kind).get("modelIdentifier")
+        for folder in platforms(subject):
+            for path in sorted(folder.iterdir()):
+                if path.is_file() and path.stem == name and path.suffix in _SUFFIXES:
+                    by_path.setdefault(path, []).append(kind)
+    return [Library(path, tuple(kinds)) for path, kinds in by_path.items()]
+
+
+def platforms(subject: Subject) -> list[Path]:
+    """The folders of the platforms for which there are binaries."""
+    binaries = subject.folder / "binaries"
+    return sorted(p for p in binaries.iterdir() if p.is_dir()) if binaries.is_dir() else []
+
+
+def parsed(path: Path) -> Any:
+    """A library as LIEF reads it; None where it is none, or cut off."""
+    import lief  # slow to load, and for three checks only
+
+    lief.logging.disable()
+    if missing_bytes(path):
+        return None
+    with suppress(Exception):  # it has its own
+        found = lief.parse(str(path))
+        if isinstance(found, lief.MachO.FatBinary):
+            return found.at(0)
+        return found
+    return None
+
+
+def exported(binary: Any) -> set[str]:
+    """Names of the functions that a library exports, as C writes them."""
+    import lief
+
+    names = {str(f.name) for f in binary.exported_functions} | set(_symbols(binary))
+    if isinstance(binary, lief.MachO.Binary):
+        return {name.removeprefix("_") for name in names}
+    return names
+
+
+def needed(binary: Any) -> list[str]:
+    """Names of the libraries that a library loads."""
+    import lief
+
+    if not isinstance(binary, lief.MachO.Binary):
+        return [str(name) for name in binary.libraries]
+    own = lief.MachO.LoadCommand.TYPE.ID_DYLIB
+    return [str(command.name) for command in binary.libraries if command.command != own]
+
+
+def _symbols(binary: Any) -> Iterator[str]:
+    for symbol in getattr(binary, "exported_symbols", ()):
+        yield str(symbol.name)

@@ -1,0 +1,37 @@
+"""Verdicts on lists of problems: the first as the sentence, all of them as details."""
+
+from collections.abc import Sequence
+
+from .verdict import Outcome, failed, passed, warned
+
+LONGEST = 400
+"""Characters of a sentence; names in a file of strangers can be of any length."""
+MOST = 50
+"""Lines of details; whoever has more to mend starts with these."""
+
+
+def judged(problems: Sequence[str], fine: str, doubts: Sequence[str] = ()) -> Outcome:
+    """Failed with problems, warned with doubts alone, and otherwise passed with what is fine."""
+    for make, found in ((failed, problems), (warned, doubts)):
+        if found:
+            rest = [*problems, *doubts][1:]
+            more = f" There are {len(rest)} more places." if len(rest) > 1 else ""
+            return make(f"{short(found[0])}{more}", details=_lines([*problems, *doubts]) if rest else ())
+    return passed(fine)
+
+
+def _lines(found: Sequence[str]) -> tuple[str, ...]:
+    rest = (f"There are {len(found) - MOST} more.",) if len(found) > MOST else ()
+    return (*(short(line) for line in found[:MOST]), *rest)
+
+
+def short(text: str) -> str:
+    """A sentence in one line, its middle left out where a name in it is endless."""
+    line = " ".join(text.split())
+    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+
+
+def listed(names: Sequence[str], most: int = 5) -> str:
+    """Names in a row, no more than fit a sentence."""
+    shown = ", ".join(names[:most])
+    return f"{shown} and {len(names) - most} more" if len(names) > most else shown

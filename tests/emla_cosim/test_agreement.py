@@ -1,0 +1,157 @@
+"""Runs held against runs that were kept: `emla run --reference`, and in Python."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import polars
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.errors import CommandError, RunError
+from tests.support.commands import Emla, sentence
+
+SHORT = ("--stop-time", "0.05", "--no-plots")
+
+
+@pytest.fixture(scope="module")
+def simulation(fmu_folder: Path) -> ec.Simulation:
+    return ec.load("lift", fmus=fmu_folder, stop_time=0.05).prepare()
+
+
+@pytest.fixture(scope="module")
+def kept(simulation: ec.Simulation, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("kept")
+    simulation.run().save(folder, plots=False)
+    return folder
+
+
+def test_the_same_run_agrees(simulation: ec.Simulation, kept: Path) -> None:
+    result = simulation.run(reference=kept, tolerance={"*": ec.Tolerance(0.0, time=0.0)})
+    assert len(result.comparisons) == len(simulation.names)
+    assert all(c.inside and c.worst == 0.0 for c in result.comparisons)
+    assert result.record["reference"] == {
+        "run": str(kept / "results.csv"),
+        "signals": len(simulation.names),
+        "left": [],
+    }
+
+
+def test_another_run_says_which_signal_left_first_and_by_how_much(
+    simulation: ec.Simulation, kept: Path
+) -> None:
+    with pytest.raises(RunError, match=r"signals do not agree with '.*results\.csv': lift\.") as raised:
+        simulation.run(reference=kept, set={"lift.plant.motor.R_s": 0.2})
+    result = raised.value.fields["result"]
+    left = result.record["reference"]["left"]
+    assert [x["left_at_s"] for x in left] == sorted(x["left_at_s"] for x in left)
+    assert f"{left[0]['signal']} left its tube at t = {left[0]['left_at_s']:.9g} s" in str(raised.value)
+    worst = next(x for x in left if x["signal"] == "lift.controller.u_q")
+    before = polars.read_csv(kept / "results.csv")["lift.controller.u_q"].to_numpy()
+    off = np.abs(result["lift.controller.u_q"] - before)
+    # the tube's edges are up to half an interval away
+    assert 0.0 < worst["worst"] <= off.max()
+    assert {x["signal"] for x in left} == {c.signal for c in result.comparisons if not c.inside}
+
+
+def test_wider_tubes_let_it_pass(simulation: ec.Simulation, kept: Path) -> None:
+    wide = {"*": ec.Tolerance(1e-9, time=0.0), "lift.*": 10.0}
+    assert simulation.run(reference=kept, tolerance=wide, set={"lift.plant.motor.R_s": 0.2}).problem is None
+
+
+def test_a_result_can_be_compared_later(simulation: ec.Simulation, kept: Path) -> None:
+    result = simulation.run(stop_time=0.02)
+    comparisons = result.compare(kept, {"*": 1e-9})
+    assert [c.signal for c in comparisons] == simulation.names
+    assert all(c.inside for c in comparisons)
+    assert comparisons[0].time[-1] == pytest.approx(0.02)
+
+
+def test_what_was_required_and_what_disagrees_are_both_told(simulation: ec.Simulation, kept: Path) -> None:
+    with pytest.raises(RunError, match=r"not as required: run\.steps < 3.*signals do not agree"):
+        simulation.run(reference=kept, set={"lift.plant.motor.R_s": 0.2}, require=["run.steps < 3"])
+
+
+def test_parquet_and_a_table_of_its_own_are_runs_too(simulation: ec.Simulation, tmp_path: Path) -> None:
+    run = simulation.run(output_format="parquet")
+    run.save(tmp_path / "p", plots=False)
+    assert simulation.run(reference=tmp_path / "p").problem is None
+    assert simulation.run(reference=tmp_path / "p" / "results.parquet").problem is None
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "there is no run at"),
+        ("", "must have 'time' as its first column, and signals"),
+        ("time\n0\n", "must have 'time' as its first column, and signals"),
+        ("time,other.x\n0,1\n", "has none of the signals that are recorded; it has other.x and 0 more"),
+    ],
+)
+def test_a_run_that_cannot_be_compared_is_told_before_anything_runs(
+    content: str | None, said: str, simulation: ec.Simulation, tmp_path: Path
+) -> None:
+    place = tmp_path / "results.csv"
+    if content is not None:
+        place.write_text(content)
+    with pytest.raises(CommandError, match=said):
+        simulation.run(reference=place)
+
+
+def test_a_comparison_needs_a_table(simulation: ec.Simulation, kept: Path) -> None:
+    with pytest.raises(CommandError, match="needs a recorder that keeps a table"):
+        simulation.run(reference=kept, recorders=[])
+
+
+def test_the_command_fails_with_a_table_and_a_sentence(emla: Emla, tmp_path: Path) -> None:
+    assert emla("run", "lift", *SHORT, "--output", "a").exit_code == 0
+    same = emla("run", "lift", *SHORT, "--output", "b", "--reference", "a")
+    assert same.exit_code == 0
+    assert "40 of 40 signals agree with a/results.csv" in same.stdout
+    changed = ("--set", "lift.plant.motor.R_s=0.2")
+    other = emla("run", "lift", *SHORT, "--output", "c", "--reference", "a", *changed)
+    assert "signals do not agree with 'a/results.csv'" in sentence(other, 1)
+    assert "left at / s" in other.stdout
+    record = json.loads((tmp_path / "c" / "run.json").read_text())
+    assert record["status"] != "completed" and record["reference"]["left"]
+    assert (
+        emla(
+            "run", "lift", *SHORT, "--output", "c", "--reference", "a", *changed, "--tolerance", "9"
+        ).exit_code
+        == 0
+    )
+
+
+def test_a_run_is_never_written_over_what_it_is_compared_with(emla: Emla, tmp_path: Path) -> None:
+    assert emla("run", "lift", *SHORT, "--output", "a").exit_code == 0
+    before = (tmp_path / "a" / "results.csv").read_bytes()
+    for reference in ("a", "a/results.csv"):
+        said = sentence(emla("run", "lift", *SHORT, "--output", "a", "--reference", reference), 2)
+        assert "the run to compare with" in said and "write it to another file" in said
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    assert "too; write it" in sentence(emla("run", "lift", *SHORT, "--output", "b", "--reference", "a"), 2)
+    assert (tmp_path / "a" / "results.csv").read_bytes() == before
+
+
+def test_a_missing_reference_is_told_before_fmus_are_prepared(emla: Emla, tmp_path: Path) -> None:
+    said = sentence(emla("run", "lift", *SHORT, "--reference", "nowhere"), 2)
+    assert said == "Error: there is no run at 'nowhere' to compare with."
+    assert not (tmp_path / "results").exists() or not any((tmp_path / "results").rglob("*.csv"))
+
+
+def test_verify_holds_a_package_against_a_run(emla: Emla, tmp_path: Path) -> None:
+    assert emla("export", "lift", "lift.ssp", "--stop-time", "0.05").exit_code == 0
+    assert emla("run", "lift.ssp", "--no-plots", "--output", "a").exit_code == 0
+    good = ec.verify("lift.ssp", reference="a", only="description.readable")
+    assert good.passed
+    assert [e.label for e in good.examined][-1] == "lift.ssp"
+    assert len(good["lift.ssp"]["system.agrees"].outcome.comparisons) == 40
+    table = polars.read_csv(tmp_path / "a" / "results.csv")
+    table = table.with_columns(polars.col("lift.plant.x_L") + 1e-3)
+    shutil.copytree(tmp_path / "a", tmp_path / "b")
+    table.write_csv(tmp_path / "b" / "results.csv")
+    said = emla("verify", "lift.ssp", "--reference", "b", "--only", "description.readable")
+    assert sentence(said, 1) == "Error: 1 check failed."
+    assert "1 of 40 signals do not agree with" in said.stdout
+    assert "lift.plant.x_L left its tube at t = 0 s; it is off by up to 0.001 m" in said.stdout

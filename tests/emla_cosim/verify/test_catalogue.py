@@ -1,0 +1,34 @@
+"""All checks are told of in the same way, and quote the standard."""
+
+import re
+from importlib.resources import files
+
+import pytest
+
+from emla_cosim.verify.catalogue import CHECKS
+from emla_cosim.verify.check import Check
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.name)
+def test_check_is_well_told(check: Check) -> None:
+    assert re.fullmatch(r"[a-z]+\.[a-z_]+", check.name)
+    assert check.title[0].isupper()
+    assert not check.title.endswith(".")
+    assert check.hint.endswith(".")
+    if check.clause.document == "FMI 2.0.4":
+        assert re.fullmatch(r"[1-5](\.\d)*|fmi2\w+\.xsd", check.clause.section)
+
+
+def test_needs_stand_before() -> None:
+    names = [c.name for c in CHECKS]
+    assert len(set(names)) == len(names)
+    for place, check in enumerate(CHECKS):
+        assert set(check.needs) <= set(names[:place]), check.name
+
+
+@pytest.mark.parametrize(
+    "check", [c for c in CHECKS if c.clause.section.endswith(".xsd")], ids=lambda c: c.name
+)
+def test_schema_files_are_quoted_verbatim(check: Check) -> None:
+    schema = files("fmpy").joinpath("schema", "fmi2", check.clause.section).read_text(encoding="utf-8")
+    assert check.clause.sentence in schema

@@ -1,0 +1,164 @@
+"""The host of examined FMUs: runs beside exact solutions, and processes that end."""
+
+import os
+import signal
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from scipy.linalg import expm
+
+from emla_cosim.fmu.unpack import unpack
+from emla_cosim.verify.host.afresh import EndedError, afresh
+from emla_cosim.verify.host.drive import Trajectory, alone
+from emla_cosim.verify.host.experiment import Experiment, experiment
+from emla_cosim.verify.host.instance import CallError
+from emla_cosim.verify.host.integration import Integration
+from emla_cosim.verify.subject import Subject
+from tests.support.broken.dynamic import Fault, build_good_fmu
+
+
+def _subject(folder: Path, fault: Fault = Fault.NONE) -> Subject:
+    path = build_good_fmu(folder, fault)
+    unpack(path, folder / "fmu")
+    return Subject(path, (folder / "fmu").resolve())
+
+
+def _exact(course: Experiment) -> np.ndarray:
+    """Position and speed of a mass on a spring under a force that is held over each step."""
+    matrix = np.array([[0.0, 1.0, 0.0], [-40.0, -1.0, 2.0], [0.0, 0.0, 0.0]])
+    step = expm(course.step * matrix)
+    state = np.array([0.01, 0.0, 0.0])
+    rows = [state[:2]]
+    for k in range(len(course.times) - 1):
+        state[2] = course.inputs["u"][k]
+        state = step @ state
+        rows.append(state[:2])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_a_run_is_the_exact_solution(tmp_path: Path, kind: str) -> None:
+    """Inputs reach the FMU at the right times, and outputs are those of the end of each step."""
+    subject = _subject(tmp_path)
+    course = experiment(subject)
+    found = alone(subject, course, kind)
+    assert found.names[:2] == ["position", "speed"]
+    np.testing.assert_allclose(found.values[:, :2], _exact(course), atol=2e-7)
+
+
+def test_a_run_ends_where_the_fmu_asks_to(tmp_path: Path) -> None:
+    """The step that it did not do has no row."""
+    found = alone(_subject(tmp_path, Fault.ASKS_TO_END))
+    assert found.times[-1] == pytest.approx(0.5)
+
+
+def test_an_error_comes_back_from_another_process(tmp_path: Path) -> None:
+    """With its sentence, its call and its status."""
+    with pytest.raises(CallError, match="there are no consistent values") as caught:
+        alone(_subject(tmp_path, Fault.INITIALIZATION_ERROR))
+    assert (caught.value.call, caught.value.status) == ("fmi2ExitInitializationMode", 3)
+
+
+def test_the_end_of_another_process_is_told() -> None:
+    """By the signal that ended it."""
+    with pytest.raises(EndedError) as caught:
+        afresh(_end)
+    assert caught.value.how == "SIGKILL"
+
+
+def _end() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+class _Model:
+    """x' = slope from x = 0 on; the slope changes its sign at time events, and at x = top."""
+
+    def __init__(self, events: list[float], top: float = 1e9, refuses: int = 0) -> None:
+        self.time, self.x, self.slope = 0.0, 0.0, 1.0
+        self.events, self.top, self.refuses = list(events), top, refuses
+        self.turned = False
+
+    def newDiscreteStates(self) -> tuple[bool, bool, bool, bool, bool, float]:
+        if self.events and self.time >= self.events[0] - 1e-12:
+            self.events.pop(0)
+            self.slope = -self.slope
+        if self.x >= self.top and not self.turned:
+            self.turned, self.slope = True, -1.0
+        return False, False, False, False, bool(self.events), self.events[0] if self.events else 0.0
+
+    def enterEventMode(self) -> None: ...
+
+    def enterContinuousTimeMode(self) -> None: ...
+
+    def completedIntegratorStep(self, **_: Any) -> tuple[bool, bool]:
+        return False, False
+
+    def setTime(self, time: float) -> None:
+        self.time = time
+
+    def getContinuousStates(self, x: Any, count: int) -> None:
+        x[0] = self.x
+
+    def setContinuousStates(self, x: Any, count: int) -> None:
+        self.x = x[0]
+
+    def getDerivatives(self, dx: Any, count: int) -> None:
+        if self.refuses:
+            raise FMICallException("fmi2GetDerivatives", self.refuses)
+        dx[0] = self.slope
+
+    def getEventIndicators(self, z: Any, count: int) -> None:
+        z[0] = self.top - self.x if not self.turned else 1.0
+
+    def getNominalsOfContinuousStates(self, x: Any, count: int) -> None:
+        x[0] = 0.0
+
+
+def _integration(model: _Model) -> Integration:
+    description = SimpleNamespace(numberOfContinuousStates=1, numberOfEventIndicators=1)
+    means = SimpleNamespace(completedIntegratorStepNotNeeded=False)
+    subject: Any = SimpleNamespace(description=description, means=lambda kind: means)
+    integration = Integration(model, subject)
+    integration.begin()
+    return integration
+
+
+def test_time_events_happen_when_they_are_due() -> None:
+    """Two within one step: up for 0.35, down for 0.25, up again."""
+    model = _Model([0.35, 0.6])
+    integration = _integration(model)
+    integration.step(0.0, 0.5)
+    integration.step(0.5, 0.5)
+    assert model.x == pytest.approx(0.35 - 0.25 + 0.4, abs=1e-9)
+
+
+def test_state_events_are_found() -> None:
+    """Up to the top, and down again."""
+    model = _Model([], top=0.7)
+    _integration(model).step(0.0, 1.0)
+    assert model.x == pytest.approx(0.7 - 0.3, abs=1e-6)
+
+
+def test_a_refused_call_is_told_as_such() -> None:
+    """Not as what the solver makes of it."""
+    with pytest.raises(FMICallException) as caught:
+        _integration(_Model([], refuses=3)).step(0.0, 1.0)
+    assert caught.value.function == "fmi2GetDerivatives"
+
+
+def test_events_without_end_are_told() -> None:
+    """Where each event asks for one at the same time again."""
+    model = _Model([])
+    model.newDiscreteStates = lambda: (False, False, False, False, True, 0.0)  # type: ignore[method-assign]
+    with pytest.raises(RuntimeError, match="more than 1000 events"):
+        _integration(model).step(0.0, 1.0)
+
+
+def test_a_run_can_be_cut() -> None:
+    """To its first rows."""
+    run = Trajectory(np.arange(3.0), ["y"], np.arange(3.0)[:, None])
+    assert run.until(2).values.tolist() == [[0.0], [1.0]]

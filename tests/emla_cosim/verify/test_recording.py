@@ -1,0 +1,148 @@
+"""References made of a run of the FMU."""
+
+import os
+import tomllib
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.util import read_csv
+
+import emla_cosim as ec
+from emla_cosim.verify.references.excitation import SHAPES
+from emla_cosim.verify.verdict import Verdict
+from tests.support.commands import Emla, sentence
+from tests.support.toy_fmu import build_toy
+
+
+@pytest.fixture(scope="module")
+def toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_toy("native", tmp_path_factory.mktemp("toy") / "Toy.fmu")
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_what_is_recorded_agrees_with_itself_to_the_last_digits(
+    shape: str, toy_fmu: Path, tmp_path: Path
+) -> None:
+    recording = ec.Recording(tmp_path / "new", shape=shape, values={"body.mass": 3.0})
+    assert ec.verify(toy_fmu, record=recording).passed
+    exact = ec.Tolerance(relative=1e-14, time=0.0)
+    report = ec.verify(toy_fmu, reference=tmp_path / "new", only="reference", tolerance={"*": exact})
+    found = report[toy_fmu]["reference.agrees"]
+    assert found.verdict == Verdict.PASSED, found.sentence
+    assert {c.signal for c in found.outcome.comparisons} == {"power", "inverse", "x", "v[1]", "v[2]"}
+    about = tomllib.loads((tmp_path / "new" / "Toy_ref.toml").read_text())
+    assert about["made_by"].startswith("emla verify --record, ")
+    assert "Toy.fmu" in about["made_by"] and shape in about["made_by"]
+    assert about["set"] == {"body.mass": 3.0}
+
+
+def test_fmpy_gives_the_same(toy_fmu: Path, tmp_path: Path) -> None:
+    """The files mean to others what they mean to us."""
+    ec.verify(toy_fmu, record=ec.Recording(tmp_path, shape="chirps"))
+    expected = read_csv(tmp_path / "Toy_ref.csv")
+    found = fmpy.simulate_fmu(
+        str(toy_fmu),
+        stop_time=2.0,
+        step_size=1e-2,
+        output_interval=1e-2,
+        input=read_csv(tmp_path / "Toy_in.csv"),
+        output=["power", "inverse"],
+    )
+    for name in ("power", "inverse"):
+        assert found[name] == pytest.approx(expected[name], rel=1e-9, abs=1e-12)
+
+
+def test_inputs_stay_within_their_ranges_and_move(fmu_folder: Path, tmp_path: Path) -> None:
+    for shape in SHAPES:
+        ec.verify(
+            fmu_folder / "EmlaObserver" / "EmlaObserver.fmu",
+            record=ec.Recording(tmp_path, shape=shape, stop=0.1, overwrite=True),
+        )
+        inputs = read_csv(tmp_path / "EmlaObserver_in.csv")
+        for name in inputs.dtype.names[1:]:
+            assert len(np.unique(inputs[name])) > 2, name
+
+
+def test_many_steps_become_fewer_rows(fmu_folder: Path, tmp_path: Path) -> None:
+    fmu = fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"
+    assert ec.verify(fmu, record=ec.Recording(tmp_path, stop=0.5, step=1e-4)).passed
+    rows = read_csv(tmp_path / "EmlaPlant_ref.csv")
+    assert len(rows) == 1001
+    assert rows["time"][-1] == 0.5
+    report = ec.verify(
+        fmu, reference=tmp_path, only="reference", tolerance={"*": ec.Tolerance(1e-12, time=0)}
+    )
+    assert report.passed
+
+
+def test_inputs_of_a_file_are_those_of_the_reference(toy_fmu: Path, tmp_path: Path) -> None:
+    given = tmp_path / "given.csv"
+    given.write_text("time,force\n0,0\n1,2.5\n2,-1\n")
+    ec.verify(toy_fmu, record=ec.Recording(tmp_path / "new", inputs=given))
+    assert read_csv(tmp_path / "new" / "Toy_in.csv")["force"].tolist() == [0.0, 2.5, -1.0]
+    assert "given.csv" in (tmp_path / "new" / "Toy_ref.toml").read_text()
+
+
+def test_nothing_is_overwritten_unless_that_is_wanted(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:
+    mine = tmp_path / "Toy_ref.opt"
+    mine.write_text("mine")
+    said = sentence(emla("verify", str(toy_fmu), "--record", str(tmp_path)), 2)
+    assert said == f"Error: there is '{mine}' already; --overwrite replaces it."
+    assert [p.name for p in tmp_path.iterdir()] == ["Toy_ref.opt"]
+    assert emla("verify", str(toy_fmu), "--record", str(tmp_path), "--overwrite").exit_code == 0
+    assert "StepSize" in mine.read_text()
+
+
+def test_inputs_that_an_earlier_recording_left_do_not_drive_a_later_one(
+    fmu_folder: Path, tmp_path: Path
+) -> None:
+    left = tmp_path / "Reference_in.csv"
+    left.write_text("time,x\n0,1\n")
+    fmu = fmu_folder / "Reference" / "Reference.fmu"
+    assert ec.verify(fmu, record=ec.Recording(tmp_path, overwrite=True)).passed
+    assert not left.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--set", "body.mas=3"], "Toy has no variable 'body.mas'; did you mean body.mass?"),
+        (["--set", "body.mass=99"], "Toy.body.mass = 99 kg is out of range"),
+        (["--set", "power=1"], "Toy.power is computed by the FMU and cannot be set."),
+        (["--excite", "bumps"], "there is no shape 'bumps'; choose from steps, ramps and chirps."),
+        (["--input", "nowhere.csv"], "the inputs 'nowhere.csv' cannot be read"),
+        (["--stop-time", "-1"], "the stop time -1 s must be after the start, 0 s."),
+        (["--step-size", "0"], "the step size 0 s must be a positive number."),
+        (
+            ["--step-size", "1e-9"],
+            "steps of 1e-09 s are too many to record; give --stop-time",
+        ),
+    ],
+)
+def test_what_cannot_be_recorded_is_a_wrong_command(
+    arguments: list[str], said: str, toy_fmu: Path, tmp_path: Path, emla: Emla
+) -> None:
+    found = sentence(emla("verify", str(toy_fmu), "--record", "new", *arguments), 2)
+    assert said in found
+    assert not list(tmp_path.glob("new/*"))
+
+
+def test_options_of_a_recording_need_one(toy_fmu: Path, emla: Emla) -> None:
+    assert "belong to --record" in sentence(emla("verify", str(toy_fmu), "--stop-time", "1"), 2)
+
+
+def test_two_fmus_of_one_name_do_not_write_the_same_files(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:
+    other = build_toy("native", tmp_path / "Toy.fmu")
+    said = sentence(emla("verify", str(toy_fmu), str(other), "--record", "new"), 2)
+    assert said == "Error: two FMUs are called Toy; record one at a time."
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links")
+def test_a_link_leads_to_the_file_that_is_written(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "real" / "Toy_ref.csv").write_text("mine")
+    (tmp_path / "Toy_ref.csv").symlink_to(tmp_path / "real" / "Toy_ref.csv")
+    assert "already" in sentence(emla("verify", str(toy_fmu), "--record", str(tmp_path)), 2)
+    assert (tmp_path / "real" / "Toy_ref.csv").read_text() == "mine"

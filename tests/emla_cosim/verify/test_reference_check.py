@@ -1,0 +1,164 @@
+"""FMUs held against reference files: ours, made ones, and files that are wrong in every way."""
+
+import shutil
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.errors import CommandError
+from emla_cosim.models import FLAVOURS, MODELS, build
+from emla_cosim.verify.references.files import read_reference, reference_folder
+from emla_cosim.verify.report import Finding
+from emla_cosim.verify.verdict import Verdict
+from tests.support.paths import ROOT
+
+FMUS = ROOT / "fmus"
+
+
+def held(fmu: Path, reference: Path, **options: object) -> Finding:
+    report = ec.verify(fmu, reference=reference, only="reference.agrees", **options)  # type: ignore[arg-type]
+    return report[fmu]["reference.agrees"]
+
+
+@pytest.fixture
+def plant(fmu_folder: Path, tmp_path: Path) -> Path:
+    """The plant's FMU with its reference beside it, to be changed."""
+    for path in (FMUS / "EmlaPlant").glob("EmlaPlant_*"):
+        shutil.copy(path, tmp_path)
+    return Path(shutil.copy(fmu_folder / "EmlaPlant" / "EmlaPlant.fmu", tmp_path))
+
+
+def changed(path: Path, column: str, by: np.ndarray | float) -> None:
+    """Add something to a column of a CSV file."""
+    rows = np.genfromtxt(path, delimiter=",", names=True, deletechars="", dtype=float)
+    rows[column] += by
+    np.savetxt(path, rows, delimiter=",", header=",".join(rows.dtype.names), comments="", fmt="%.17g")
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+@pytest.mark.parametrize("model", MODELS)
+def test_our_models_agree_with_what_is_independent_of_them(
+    model: str, flavour: str, python_fmu_folder: Path
+) -> None:
+    found = held(build(model, flavour, [], python_fmu_folder), FMUS)
+    assert found.verdict == Verdict.PASSED, found.sentence
+    description = fmpy.read_model_description(str(build(model, flavour, [], python_fmu_folder)))
+    outputs = {v.name for v in description.modelVariables if v.causality == "output"}
+    assert {c.signal for c in found.outcome.comparisons} == outputs
+
+
+def test_the_file_beside_the_fmu_is_taken(plant: Path) -> None:
+    assert ec.verify(plant, only="reference")[plant]["reference.agrees"].verdict == Verdict.PASSED
+
+
+def test_without_reference_files_there_is_nothing_to_hold_it_against(plant: Path, tmp_path: Path) -> None:
+    (tmp_path / "EmlaPlant_ref.csv").unlink()
+    found = ec.verify(plant, only="reference")[plant]["reference.agrees"]
+    assert (found.verdict, found.sentence) == (
+        Verdict.SKIPPED,
+        "There is no EmlaPlant_ref.csv beside the FMU.",
+    )
+
+
+def test_a_drift_of_a_ten_thousandth_is_found_where_tubes_are_narrow(plant: Path, tmp_path: Path) -> None:
+    clean = read_reference(tmp_path, "EmlaPlant")
+    time, i_q = clean.solution["time"], clean.solution["i_q"]
+    drift = 1e-4 * np.ptp(i_q) * time / time[-1]
+    changed(tmp_path / "EmlaPlant_ref.csv", "i_q", drift)
+    found = held(plant, tmp_path)
+    assert found.verdict == Verdict.FAILED
+    assert found.sentence.startswith("i_q left its tube at t = ")
+    (left,) = [c for c in found.outcome.comparisons if not c.inside]
+    assert left.worst == pytest.approx(1e-4 * np.ptp(i_q), rel=1e-3)
+    assert left.worst_at == pytest.approx(time[-1])
+    # the file allows 1e-7 of the range, which the drift passes in the first step or two
+    assert left.left_at is not None and left.left_at < 0.002
+    # by default it would be within the tube, which is 1e-3 of the range
+    assert held(plant, tmp_path, tolerance={"*": ec.Tolerance(1e-3, time=0.0)}).verdict == Verdict.PASSED
+    assert held(plant, tmp_path, tolerance={"i_q": 1.1e-4}).verdict == Verdict.PASSED
+    assert held(plant, tmp_path, tolerance={"i_q": 0.9e-4}).verdict == Verdict.FAILED
+
+
+def test_inputs_that_differ_are_not_forgiven(plant: Path, tmp_path: Path) -> None:
+    changed(tmp_path / "EmlaPlant_in.csv", "F_L", 100.0)
+    found = held(plant, tmp_path)
+    assert found.verdict == Verdict.FAILED
+    assert found.sentence.startswith("a_L left its tube at t = 0 s")
+
+
+def test_start_values_come_from_the_file_beside_the_reference(plant: Path, tmp_path: Path) -> None:
+    about = tmp_path / "EmlaPlant_ref.toml"
+    about.write_text(about.read_text() + '\n[set]\n"motor.R_s" = 0.15\n')
+    assert held(plant, tmp_path).verdict == Verdict.FAILED
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "sentence"),
+    [
+        ("ref.csv", "time,", "t,", "must have 'time' as its first column"),
+        ("ref.csv", "0.0005,", "oops,", "is no table of numbers"),
+        ("ref.csv", "\n0.001,", "\n-0.001,", "must have rows, with times that do not go back"),
+        ("ref.csv", "x_L,", "x_Q,", "has the column 'x_Q', which is no variable of the FMU"),
+        ("in.csv", "F_L", "F_Q", "the column 'F_Q', which is no input of the FMU"),
+        ("in.csv", "F_L", "a_L", "the column 'a_L', which is no input of the FMU"),
+        ("ref.opt", "StepSize, 0.0005", "StepSize, x", "write StepSize, NUMBER"),
+        ("ref.opt", "StopTime, 0.2", "StopTime, nan", "it must be a finite number"),
+        ("ref.opt", "StepSize, 0.0005", "StepSize, 0.3", "no whole number of steps of 0.3 s"),
+        ("ref.opt", "StopTime, 0.2", "StopTime, -1", "no whole number of steps"),
+        ("ref.toml", "made_by", "maid_by", "has 'maid_by'; it may have made_by, set, tolerance"),
+        ("ref.toml", "made_by =", "made_by", "is no TOML"),
+        ("ref.toml", "[tolerance]", '[set]\n"motor.R_q" = 1\n[tolerance]', "has no variable 'motor.R_q'"),
+        ("ref.toml", "[tolerance]", '[set]\n"motor.R_s" = -1\n[tolerance]', "is out of range"),
+        ("ref.toml", "relative = ", "relativ = ", "it must be a number, or { relative = ..."),
+    ],
+)
+def test_files_that_are_wrong_are_told_in_a_sentence(
+    file: str, old: str, new: str, sentence: str, plant: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / f"EmlaPlant_{file}"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    found = held(plant, tmp_path)
+    assert found.verdict == Verdict.FAILED
+    assert sentence in found.sentence
+    assert found.sentence[-1] in ".?"
+    assert found.hint == "Mend the reference files."
+
+
+def test_options_may_have_comments_and_names_that_are_not_ours(plant: Path, tmp_path: Path) -> None:
+    options = tmp_path / "EmlaPlant_ref.opt"
+    options.write_text(
+        "StartTime, 0.0         // in seconds\nStopTime, 0.2\nStepSize, 0.0005 // s\n"
+        "RelTol, 0.0001\nSolverType, FixedStep\n\n"
+    )
+    assert held(plant, tmp_path).verdict == Verdict.PASSED
+
+
+def test_without_options_times_are_those_of_the_rows(plant: Path, tmp_path: Path) -> None:
+    (tmp_path / "EmlaPlant_ref.opt").unlink()
+    found = held(plant, tmp_path, tolerance=1e-3)  # steps are the FMU's own, inputs linear between rows
+    assert {c.signal: c.time[-1] for c in found.outcome.comparisons}["x_L"] == pytest.approx(0.2)
+
+
+def test_names_with_commas_and_quotes_are_names(tmp_path: Path) -> None:
+    (tmp_path / "M_ref.csv").write_text('"time","a[1,2]","say ""x"""\n0,1,2\n1,3,4\n', encoding="utf-8-sig")
+    found = read_reference(tmp_path, "M")
+    assert list(found.solution) == ["time", "a[1,2]", 'say "x"']
+    assert (found.start, found.stop, found.step) == (0.0, 1.0, None)
+
+
+def test_a_folder_may_have_references_of_many(tmp_path: Path) -> None:
+    (tmp_path / "M").mkdir()
+    (tmp_path / "M" / "M_ref.csv").touch()
+    assert reference_folder(Path("/elsewhere/M.fmu"), tmp_path) == tmp_path / "M"
+    assert reference_folder(tmp_path / "M" / "python" / "M.fmu", None) == tmp_path / "M"
+    assert reference_folder(Path("/elsewhere/N.fmu"), tmp_path) is None
+
+
+def test_a_folder_that_is_not_there_is_a_wrong_command(plant: Path, tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match=r"there is no folder '.*nowhere' with references"):
+        ec.verify(plant, reference=tmp_path / "nowhere")

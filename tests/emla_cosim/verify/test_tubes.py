@@ -1,0 +1,170 @@
+"""Tubes: against a brute force one and against pyfunnel's, and what is inside of them."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emla_cosim.errors import CommandError
+from emla_cosim.tubes.comparing import compared, how_it_left, that_left
+from emla_cosim.tubes.comparison import Comparison
+from emla_cosim.tubes.tolerance import Tolerance, read_tolerances, tolerance_of, tolerances_in
+from emla_cosim.tubes.tube import Tube
+
+EXACT = Tolerance(relative=1e-3, time=0.0)
+
+values = st.lists(st.floats(-10.0, 10.0).map(lambda x: round(x, 3)), min_size=2, max_size=12)
+
+
+def against(values: np.ndarray, reference: np.ndarray, tolerance: Tolerance, step: float = 0.1) -> Comparison:
+    time = step * np.arange(len(values))
+    return compared("y", "m", time, values, step * np.arange(len(reference)), reference, tolerance)
+
+
+@given(values=values, width=st.floats(0.0, 3.0), gaps=st.lists(st.integers(1, 5), min_size=12, max_size=12))
+def test_edges_are_the_extremes_of_the_reference_within_the_time(
+    values: list[float], width: float, gaps: list[int]
+) -> None:
+    """Dense sampling, a second and stupid way, is never outside, and reaches the edges."""
+    time, reference = np.cumsum(gaps[: len(values)]).astype(float), np.array(values)
+    at = np.linspace(time[0] - 1.0, time[-1] + 1.0, 23)
+    lower, upper = Tube(0.0, width).edges(at, time, reference)
+    steepest = np.abs(np.diff(reference) / np.diff(time)).max()
+    for k, t in enumerate(at):
+        near = np.linspace(t - width, t + width, 2001)
+        sampled = np.interp(near, time, reference)
+        slack = steepest * width / 1000.0 + 1e-12
+        assert lower[k] - 1e-12 <= sampled.min() <= lower[k] + slack
+        assert upper[k] - slack <= sampled.max() <= upper[k] + 1e-12
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="pyfunnel is here for Linux only")
+@pytest.mark.parametrize(("dt", "dy"), [(0.02, 0.01), (0.0125, 1e-4), (0.06, 0.2)])
+def test_edges_are_those_of_pyfunnel(dt: float, dy: float, tmp_path: Path) -> None:
+    pyfunnel = pytest.importorskip("pyfunnel")
+    time = np.linspace(0.0, 1.0, 81)
+    reference = np.sin(7.0 * time) + 0.2 * np.sin(3.0 * time)
+    pyfunnel.compareAndReport(
+        time, reference, time, reference, outputDirectory=str(tmp_path), atolx=dt, atoly=dy
+    )
+    edges = Tube(dy, dt).edges(time, time, reference)
+    inside = (time > dt) & (time < 1.0 - dt)  # what is beyond the ends is a matter of taste
+    for name, edge in zip(("lower", "upper"), (edges[0] - dy, edges[1] + dy), strict=True):
+        theirs = np.genfromtxt(tmp_path / f"{name}Bound.csv", delimiter=",", skip_header=1)
+        found = np.interp(time, theirs[:, 0], theirs[:, 1])
+        assert found[inside] == pytest.approx(edge[inside], abs=1e-12)
+
+
+def test_a_jump_may_come_earlier_or_later() -> None:
+    time, reference = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    at = np.linspace(0.0, 2.0, 41)
+    for shift, inside in ((0.09, True), (-0.09, True), (0.16, False), (-0.16, False)):
+        late = (at >= 1.0 + shift).astype(float)
+        found = compared("y", "", at, late, time, reference, Tolerance(time=0.1))
+        assert found.inside == inside
+
+
+@given(values=values, shift=st.floats(-0.05, 0.05))
+def test_what_is_shifted_within_the_tube_stays_inside(values: list[float], shift: float) -> None:
+    reference = np.array(values)
+    time = 0.1 * np.arange(len(reference))
+    moved = np.interp(time - shift, time, reference)
+    assert against(moved, reference, Tolerance(time=0.051)).inside
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_the_tube_is_as_wide_as_it_is_said_to_be(factor: float) -> None:
+    reference = np.sin(np.linspace(0.0, 6.0, 61))
+    wrong = reference.copy()
+    wrong[40] += factor * 1e-3 * np.ptp(reference)
+    found = against(wrong, reference, EXACT)
+    assert found.inside == (factor < 1.0)
+    assert found.worst == pytest.approx(factor * 1e-3 * np.ptp(reference))
+    assert found.worst_at == pytest.approx(4.0)
+    assert found.left_at == (None if factor < 1.0 else pytest.approx(4.0))
+
+
+def test_a_drift_is_told_when_it_leaves_and_where_it_is_worst() -> None:
+    reference = np.sin(np.linspace(0.0, 6.0, 601))
+    found = against(reference * (1.0 + 1e-4 * np.arange(601) / 600.0), reference, Tolerance(2e-5, time=0.0))
+    assert found.left_at is not None and found.left_at < found.worst_at
+    outside = (found.values > found.upper) | (found.values < found.lower)
+    assert found.left_at == found.time[outside][0]
+    assert how_it_left(found).startswith(f"y left its tube at t = {found.left_at:.9g} s; it is off by up to")
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_outside(wrong: float) -> None:
+    reference = np.linspace(0.0, 1.0, 11)
+    values = reference.copy()
+    values[7] = wrong
+    found = against(values, reference, Tolerance(relative=1e6))
+    assert found.left_at == pytest.approx(0.7)
+    assert found.worst == np.inf
+
+
+def test_a_reference_that_is_no_number_says_nothing() -> None:
+    reference = np.linspace(0.0, 1.0, 11)
+    gap = reference.copy()
+    gap[3:5] = np.nan
+    assert against(reference, gap, EXACT).inside
+
+
+def test_only_the_common_time_counts() -> None:
+    reference = np.linspace(0.0, 1.0, 11)
+    assert against(reference[:4], reference, EXACT).inside
+    assert against(np.append(reference, 99.0), reference, EXACT).inside
+
+
+@pytest.mark.parametrize(
+    ("constant", "off", "inside"), [(5.0, 4e-3, True), (5.0, 6e-3, False), (0.0, 1e-13, True)]
+)
+def test_a_constant_signal_is_judged_by_its_value(constant: float, off: float, inside: bool) -> None:
+    reference = np.full(5, constant)
+    assert against(reference + off, reference, EXACT).inside == inside
+
+
+def test_one_point_is_a_reference_too() -> None:
+    assert against(np.array([1.0]), np.array([1.0]), EXACT).inside
+    assert not against(np.array([1.1]), np.array([1.0]), EXACT).inside
+
+
+def test_the_first_that_left_comes_first() -> None:
+    reference = np.zeros(11)
+    found = []
+    for k in (7, 2, 5):
+        values = reference.copy()
+        values[k] = 1.0
+        found.append(against(values, reference, EXACT))
+    found.append(against(reference, reference, EXACT))
+    assert [c.left_at for c in that_left(found)] == pytest.approx([0.2, 0.5, 0.7])
+
+
+def test_later_tolerances_fill_and_replace_what_earlier_ones_say() -> None:
+    given = read_tolerances(["1e-4", "a.*=time:0,absolute:1e-9", "a.x=1e-6"])
+    assert tolerance_of("b", given) == Tolerance(1e-4)
+    assert tolerance_of("a.y", given) == Tolerance(1e-4, 1e-9, 0.0)
+    assert tolerance_of("a.x", given) == Tolerance(1e-6, 1e-9, 0.0)
+    assert tolerance_of("z", {}) == Tolerance()
+
+
+@pytest.mark.parametrize("text", ["", "x=", "=1", "x=relativ:1", "x=1,,", "q", "x=1e-3;time:0"])
+def test_a_tolerance_that_cannot_be_read_is_told(text: str) -> None:
+    with pytest.raises(CommandError, match="cannot be read; write NUMBER"):
+        read_tolerances([text])
+
+
+@pytest.mark.parametrize("text", ["-1", "x=nan", "inf", "x=time:-1"])
+def test_a_tolerance_that_is_none_is_told(text: str) -> None:
+    with pytest.raises(CommandError, match="must be 0 or a positive number"):
+        read_tolerances([text])
+
+
+def test_a_file_may_give_numbers_and_parts() -> None:
+    found = tolerances_in({"x": 1e-5, "y": {"time": 0.0}}, "'f'")
+    assert found == {"x": Tolerance(1e-5), "y": Tolerance(time=0.0)}
+    with pytest.raises(CommandError, match=r"'x' in 'tolerance' of 'f' is .*; it must be a number, or"):
+        tolerances_in({"x": {"tme": 0.0}}, "'f'")

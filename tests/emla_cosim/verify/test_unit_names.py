@@ -1,0 +1,126 @@
+"""What units are by their names, compared with tables that others made."""
+
+import math
+
+import pint
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emla_cosim.units import BASE_UNITS
+from emla_cosim.verify.unit_names import _ALONE, _AMBIGUOUS, _COHERENT, _PREFIXES, meaning
+
+PINT = pint.UnitRegistry()
+PINT_NAMES = {
+    "kg": "kilogram",
+    "Ohm": "ohm",
+    "Ω": "ohm",
+    "rev": "turn",
+    "rpm": "rpm",
+    "°": "degree",
+    "%": "percent",
+}
+SPOKEN = [name for name in _COHERENT if name not in _AMBIGUOUS]
+
+
+@pytest.mark.parametrize(
+    "symbol", [n for n in (*_COHERENT, *_ALONE) if "deg" not in n and n not in ("°C", "°F")]
+)
+def test_unit_is_what_pint_takes_it_for(symbol: str) -> None:
+    known = {**_COHERENT, **_ALONE}[symbol]
+    if symbol in ("Hz", "kHz", "MHz"):  # which pint takes for radians per second
+        assert known.exponents == _ALONE["Hz"].exponents
+        return
+    quantity = PINT.Quantity(1.0, PINT_NAMES.get(symbol, symbol)).to_base_units()
+    dimensions = {"[mass]": 0, "[length]": 1, "[time]": 2, "[current]": 3, "[temperature]": 4}
+    dimensions |= {"[substance]": 5, "[luminosity]": 6}
+    found = [0.0] * len(BASE_UNITS)
+    for name, power in quantity.dimensionality.items():
+        found[dimensions[name]] = power
+    assert tuple(found[:-1]) == known.exponents[:-1]
+    assert known.factor == pytest.approx(quantity.magnitude, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "exponents", "factor"),
+    [
+        ("kg.m2/s", {"kg": 1, "m": 2, "s": -1}, 1.0),
+        ("kg.m2/(s2.A)", {"kg": 1, "m": 2, "s": -2, "A": -1}, 1.0),
+        ("mm", {"m": 1}, 1e-3),
+        ("kN", {"kg": 1, "m": 1, "s": -2}, 1e3),
+        ("N.m", {"kg": 1, "m": 2, "s": -2}, 1.0),
+        ("N*m", {"kg": 1, "m": 2, "s": -2}, 1.0),
+        ("mN.mm/deg", {"kg": 1, "m": 2, "s": -2, "rad": -1}, 1e-6 * 180 / math.pi),
+        ("m/s2", {"m": 1, "s": -2}, 1.0),
+        ("m/s^2", {"m": 1, "s": -2}, 1.0),
+        ("s-1", {"s": -1}, 1.0),
+        ("1/min", {"s": -1}, 1 / 60),
+        ("km/h", {"m": 1, "s": -1}, 1 / 3.6),
+        ("cm2", {"m": 2}, 1e-4),
+        ("bar/s", {"kg": 1, "m": -1, "s": -3}, 1e5),
+        ("kW.h", {"kg": 1, "m": 2, "s": -2}, 3.6e6),
+        ("W/(m2.K)", {"kg": 1, "s": -3, "K": -1}, 1.0),
+        ("%/m", {"m": -1}, 1e-2),
+        ("1", {}, 1.0),
+    ],
+)
+def test_names(name: str, exponents: dict[str, int], factor: float) -> None:
+    found = meaning(name)
+    assert found is not None
+    assert dict(zip(BASE_UNITS, found.exponents, strict=True)) == {
+        **dict.fromkeys(BASE_UNITS, 0),
+        **exponents,
+    }
+    assert found.factor == pytest.approx(factor, rel=1e-14)
+
+
+SAY_NOTHING = ["", "Nm", "C", "g", "foo", "m/", "/s", "m//s", "m/s/s", "(m", "m)", "m.", "Euro/PersonYear"]
+SAY_NOTHING += ["m 2", "m200", "°C/W", "(" * 50 + "m", "m." * 5000 + "m", "m99.m99.Tm99.Tm99", "\x00", "µ"]
+SAY_NOTHING += ["kkg", "²", "m²", "٣", "m٣"]
+
+
+@pytest.mark.parametrize("name", SAY_NOTHING)
+def test_names_that_say_nothing_sure(name: str) -> None:
+    assert meaning(name) is None
+
+
+@given(st.text(max_size=60))
+def test_any_text_has_a_meaning_or_none(text: str) -> None:
+    found = meaning(text)
+    assert found is None or (math.isfinite(found.factor) and found.factor > 0.0)
+
+
+symbols = st.tuples(
+    st.sampled_from(["", *_PREFIXES]), st.sampled_from(SPOKEN), st.integers(-3, 3).filter(bool)
+)
+
+
+@given(st.lists(symbols, min_size=1, max_size=4), symbols)
+def test_products_multiply(parts: list[tuple[str, str, int]], below: tuple[str, str, int]) -> None:
+    """The meaning of a whole name is the product of those of its parts, as far as each has one."""
+
+    def written(prefix: str, symbol: str, power: int) -> str:
+        return f"{prefix}{symbol}{power}"
+
+    name = ".".join(written(*part) for part in parts) + f"/{written(*below)}"
+    found = meaning(name)
+    single = [meaning(f"{prefix}{symbol}.s/s") for prefix, symbol, _ in (*parts, below)]
+    if any(one is None for one in single):
+        assert found is None
+        return
+    assert found is not None
+    powers = [power for _, _, power in parts] + [-below[2]]
+    factor = math.prod(one.factor**power for one, power in zip(single, powers, strict=True) if one)
+    assert found.factor == pytest.approx(factor, rel=1e-9)
+    for k in range(len(BASE_UNITS)):
+        assert found.exponents[k] == sum(
+            one.exponents[k] * power for one, power in zip(single, powers, strict=True) if one
+        )
+
+
+def test_temperatures_have_offsets() -> None:
+    celsius, fahrenheit = meaning("degC"), meaning("degF")
+    assert celsius is not None
+    assert fahrenheit is not None
+    assert celsius.factor * 100.0 + celsius.offset == pytest.approx(373.15)
+    assert fahrenheit.factor * 212.0 + fahrenheit.offset == pytest.approx(373.15)

@@ -1,0 +1,163 @@
+"""`emla verify` and `ec.verify`: what is asked, what is shown, and how it ends."""
+
+import hashlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.errors import CommandError
+from emla_cosim.models import MODELS
+from emla_cosim.verify.catalogue import CHECKS, RECORDED
+from emla_cosim.verify.examination import chosen, needed
+from emla_cosim.verify.settings import Settings
+from emla_cosim.verify.verdict import Verdict
+from tests.support.commands import Emla, sentence
+
+
+@pytest.fixture
+def plant(fmu_folder: Path) -> str:
+    return str(fmu_folder / "EmlaPlant" / "EmlaPlant.fmu")
+
+
+def test_a_good_fmu_ends_with_0_and_a_bad_one_with_1(plant: str, tmp_path: Path, emla: Emla) -> None:
+    assert emla("verify", plant, "--only", "run").exit_code == 0
+    bad = tmp_path / "bad.fmu"
+    bad.write_bytes(b"PK no zip")
+    found = emla("verify", plant, str(bad), "--only", "archive.safe")
+    assert sentence(found, 1) == "Error: 1 check failed."
+    assert "bad.fmu: failed archive.safe" in found.stdout
+    assert "FMI 2.0.4, " in found.stdout
+
+
+def test_every_check_says_what_it_rests_on() -> None:
+    names = [c.name for c in (*CHECKS, RECORDED)]
+    assert len(set(names)) == len(names)
+    for i, check in enumerate((*CHECKS, RECORDED)):
+        assert check.title and check.clause.section and check.clause.sentence and check.hint
+        assert set(check.needs) <= set(names[:i]), check.name
+
+
+def test_a_check_brings_what_it_needs_and_does_not_show_it(plant: str) -> None:
+    report = ec.verify(plant, only="run.finite")
+    assert [f.check for f in report[plant].findings] == ["run.finite"]
+    assert {c.name for c in needed(Settings(only=["run.finite"]))} >= {"archive.safe", "run.completes"}
+
+
+def test_groups_and_patterns_choose_checks() -> None:
+    groups = {c.group for c in CHECKS}
+    for group in groups:
+        assert {c.group for c in chosen(Settings(only=[group]))} == {group}
+        assert {c.group for c in chosen(Settings(skip=[group]))} == groups - {group}
+    assert {c.name for c in chosen(Settings(only=["*.safe"]))} == {"archive.safe"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "there is nothing to verify; name an FMU, or more."),
+        (["nowhere.fmu"], "there is no FMU file 'nowhere.fmu'."),
+        (["."], "there is no FMU file '.'."),
+        (["x" * 300 + ".fmu"], "there is no FMU file"),
+        (["PLANT", "--only", "run.complete"], "did you mean run.completes"),
+        (["PLANT", "--skip", "zzz"], "there is no check 'zzz'; `emla verify --list` shows them."),
+        (["PLANT", "--seconds", "0"], "'seconds' is 0; it must be a positive number."),
+        (["PLANT", "--memory", "nan"], "'memory' is nan; it must be a positive number."),
+        (["PLANT", "--tolerance", "a"], "--tolerance a cannot be read"),
+        (["PLANT", "--reference", "nowhere"], "there is no folder 'nowhere' with references."),
+    ],
+)
+def test_what_cannot_be_meant_ends_with_2(arguments: list[str], said: str, plant: str, emla: Emla) -> None:
+    words = [plant if a == "PLANT" else a for a in arguments]
+    assert said in sentence(emla("verify", *words), 2)
+
+
+def test_python_raises_what_the_command_says(plant: str) -> None:
+    for wrong in ({"only": "q"}, {"seconds": -1}, {"tolerance": -1.0}, {"tolerance": "x"}, {"only": [3]}):
+        with pytest.raises(CommandError):
+            ec.verify(plant, **wrong)  # type: ignore[arg-type]
+    with pytest.raises(CommandError, match="must be"):
+        ec.verify([3])  # type: ignore[list-item]
+
+
+def test_a_report_knows_its_fmus_by_path_name_and_label(plant: str) -> None:
+    report = ec.verify({"mine": plant}, only="archive.safe")
+    (one,) = report.examined
+    assert report["mine"] is report[plant] is report["EmlaPlant.fmu"] is one
+    with pytest.raises(KeyError):
+        report["other"]
+    assert report.counts == {Verdict.PASSED: 1}
+    assert one.facts["SHA-256"] == hashlib.sha256(Path(plant).read_bytes()).hexdigest()
+
+
+def test_the_list_has_all_checks(emla: Emla) -> None:
+    shown = emla("verify", "--list").stdout
+    assert all(c.name in shown for c in CHECKS)
+
+
+def test_nothing_is_left_behind(plant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    ec.verify(plant, only="run")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_ends_it(tmp_path: Path, plant: str) -> None:
+    copies = [shutil.copy(plant, tmp_path / f"{i}.fmu").as_posix() for i in range(300)]
+    script = tmp_path / "many.py"
+    script.write_text(f"import emla_cosim as ec\nprint('ready', flush=True)\nec.verify({copies!r})\n")
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    process = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(2.0)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode != 0
+    assert errors.strip().endswith("KeyboardInterrupt")
+    assert list(temporary.iterdir()) == []
+
+
+def test_our_fmus_pass_everything(emla: Emla) -> None:
+    """What CI asks of them: all checks, all models, both flavours."""
+    found = emla("verify", "--all")
+    assert found.exit_code == 0, found.output
+    for model in MODELS:
+        assert f"{model} (native)" in found.stdout
+        assert f"{model} (python)" in found.stdout
+
+
+def test_a_copy_of_an_fmu_elsewhere_is_verified_where_it_is(plant: str, tmp_path: Path) -> None:
+    strange = tmp_path / "ä b&c <i>"
+    strange.mkdir()
+    copy = Path(shutil.copy(plant, strange / "EmlaPlant.fmu"))
+    assert ec.verify(copy, only="run").passed
+
+
+def test_reports_do_not_take_the_place_of_anything(plant: str, tmp_path: Path, emla: Emla) -> None:
+    fmu = Path(shutil.copy(plant, tmp_path / "x.fmu"))
+    before = fmu.read_bytes()
+    (tmp_path / "link.json").symlink_to(fmu)
+    for arguments, said in (
+        (("--json", "x.fmu"), "the JSON report 'x.fmu' is the file to verify too; write it to another file."),
+        (("--html", "link.json"), "the page 'link.json' is the file to verify 'x.fmu' too"),
+        (("--junit", "r", "--json", "r"), "the JSON report 'r' is the JUnit report too"),
+        (("--json", "gone/r"), "the JSON report 'gone/r' cannot be written: there is no folder 'gone'."),
+        (("--json", "."), "the JSON report '.' cannot be written"),
+        (("--json", "/dev/null/x"), "cannot be written"),
+    ):
+        assert said in sentence(emla("verify", "x.fmu", "--only", "archive", *arguments), 2)
+    assert fmu.read_bytes() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["link.json", "x.fmu"]

@@ -1,0 +1,332 @@
+"""FMUs that are wrong in one thing that can be seen without running them."""
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+from lxml import etree
+
+from tests.support.broken.broken import Broken
+from tests.support.broken.editing import (
+    DESCRIPTION,
+    Files,
+    good_bytes,
+    good_files,
+    setting,
+    with_files,
+    with_text,
+    with_tree,
+    without,
+    written,
+)
+
+LIBRARY = f"binaries/{fmpy.platform}/Toy{fmpy.sharedLibraryExtension}"
+_LINK = 0o120777 << 16
+
+
+def _entries(*more: tuple[str | zipfile.ZipInfo, bytes]) -> Callable[[Path], Path]:
+    """Builds the good FMU with more entries in its archive."""
+    return lambda folder: written(folder / "Toy.fmu", [*good_files().items(), *more])
+
+
+def _link() -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo("resources/secret")
+    entry.external_attr = _LINK
+    return entry
+
+
+def _bytes(edit: Callable[[bytearray], object]) -> Callable[[Path], Path]:
+    """Builds the good FMU with the bytes of its archive changed."""
+
+    def build(folder: Path) -> Path:
+        content = bytearray(good_bytes())
+        edit(content)
+        path = folder / "Toy.fmu"
+        path.write_bytes(content)
+        return path
+
+    return build
+
+
+def _cut_off(content: bytearray) -> None:
+    del content[len(content) // 2 :]
+
+
+def _corrupt(content: bytearray) -> None:
+    """Another byte within the first entry, which is compressed."""
+    content[2000] ^= 0xFF
+
+
+def _bomb(folder: Path) -> Path:
+    """300 MiB of zeros, a MiB at a time."""
+    path = written(folder / "Toy.fmu", good_files().items())
+    with (
+        zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("resources/zeros", "w") as stream,
+    ):
+        for _ in range(300):
+            stream.write(bytes(2**20))
+    return path
+
+
+def _bzip2(folder: Path) -> Path:
+    path = written(folder / "Toy.fmu", good_files().items())
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("documentation/more.html", b"<p>More" * 99, zipfile.ZIP_BZIP2)
+    return path
+
+
+def _other_library(files: Files) -> None:
+    """A library of another name, and no sources."""
+    files[f"{Path(LIBRARY).parent}/Other{Path(LIBRARY).suffix}"] = files.pop(LIBRARY)
+    root = etree.fromstring(files[DESCRIPTION])
+    for element in root.xpath("//SourceFiles"):
+        element.getparent().remove(element)
+    files[DESCRIPTION] = etree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    for name in [n for n in files if n.startswith("sources/")]:
+        del files[name]
+
+
+def _renamed(files: Files) -> None:
+    """A model identifier that is no name of the language C, also of the library."""
+    files[str(Path(LIBRARY).with_stem("Toy-1"))] = files.pop(LIBRARY)
+    files[DESCRIPTION] = files[DESCRIPTION].replace(b'modelIdentifier="Toy"', b'modelIdentifier="Toy-1"')
+
+
+def _doubled_category(root: etree._Element) -> None:
+    categories = root.find("LogCategories")
+    categories.append(etree.fromstring(etree.tostring(categories[0])))
+
+
+def _swapped_unknowns(root: etree._Element) -> None:
+    unknowns = root.find("ModelStructure/InitialUnknowns")
+    unknowns.append(unknowns[0])
+
+
+def _in_latin_1(files: Files) -> None:
+    text = files[DESCRIPTION].decode().replace('encoding="UTF-8"', 'encoding="ISO-8859-1"')
+    files[DESCRIPTION] = text.encode("latin-1")
+
+
+def _with_library(edit: Callable[[bytes], bytes]) -> Callable[[Path], Path]:
+    return with_files(lambda files: files.update({LIBRARY: edit(files[LIBRARY])}))
+
+
+def _variable(name: str) -> str:
+    return f"//ScalarVariable[@name='{name}']"
+
+
+_DTD = '<!DOCTYPE fmiModelDescription [<!ENTITY lol "lol">]>\n<fmiModelDescription'
+
+STATIC: list[Broken] = [
+    Broken(
+        "traversal", "An entry that leads out of the archive", "archive.safe", _entries(("../evil", b"!"))
+    ),
+    Broken("link", "A link among the entries", "archive.safe", _entries((_link(), b"/etc/passwd"))),
+    Broken("bomb", "A zip bomb", "archive.safe", _bomb),
+    Broken("cut-archive", "An archive that is cut off", "archive.safe", _bytes(_cut_off)),
+    Broken("corrupt-archive", "A wrong byte in the archive", "archive.safe", _bytes(_corrupt)),
+    Broken("twice", "Two entries of one name", "archive.safe", _entries((DESCRIPTION, b"<other/>"))),
+    Broken("bzip2", "An entry that is compressed with bzip2", "archive.format", _bzip2),
+    Broken(
+        "no-description",
+        "No modelDescription.xml",
+        "description.readable",
+        with_files(lambda files: files.pop(DESCRIPTION)),
+    ),
+    Broken(
+        "ill-formed",
+        "A model description that is no XML",
+        "description.readable",
+        with_text("</ModelVariables>", ""),
+    ),
+    Broken(
+        "fmi-3",
+        "A model description of FMI 3.0",
+        "description.readable",
+        with_text('fmiVersion="2.0"', 'fmiVersion="3.0"'),
+    ),
+    Broken(
+        "dtd",
+        "A document type definition with entities",
+        "description.readable",
+        with_text("<fmiModelDescription", _DTD),
+    ),
+    Broken("latin-1", "A model description in Latin 1", "description.encoding", with_files(_in_latin_1)),
+    Broken(
+        "unknown-attribute",
+        "An attribute that the schema does not know",
+        "description.schema",
+        setting("/fmiModelDescription", colour="blue"),
+    ),
+    Broken(
+        "no-c-name",
+        "A model identifier that is no name in C",
+        "description.identifier",
+        with_files(_renamed),
+    ),
+    Broken(
+        "serializes-nothing",
+        "canSerializeFMUstate without canGetAndSetFMUstate",
+        "description.capabilities",
+        setting("//CoSimulation | //ModelExchange", canGetAndSetFMUstate="false"),
+    ),
+    Broken(
+        "category-twice",
+        "Two log categories of one name",
+        "description.categories",
+        with_tree(_doubled_category),
+    ),
+    Broken(
+        "no-type",
+        "A declared type that is not defined",
+        "description.types",
+        setting(f"{_variable('x')}/Real", declaredType="Distance"),
+    ),
+    Broken("no-unit", "A unit that is not defined", "units.defined", without("//Unit[@name='W']")),
+    Broken(
+        "wrong-exponents",
+        "The unit N/m with the exponents of N",
+        "units.consistent",
+        setting("//Unit[@name='N/m']/BaseUnit", m="1"),
+    ),
+    Broken(
+        "wrong-factor",
+        "The display unit mm with the factor 1",
+        "units.consistent",
+        setting("//DisplayUnit[@name='mm']", factor="1"),
+    ),
+    Broken(
+        "unit-of-derivative",
+        "der(x) in the unit of x",
+        "units.derivatives",
+        setting(f"{_variable('der(x)')}/Real", unit="m", displayUnit=None, declaredType=None),
+    ),
+    Broken(
+        "name-twice",
+        "Two variables of one name",
+        "variables.names",
+        setting(_variable("step_count"), name="random"),
+    ),
+    Broken(
+        "unstructured",
+        "A name that is not structured, where names are said to be",
+        "variables.names",
+        setting(_variable("step_count"), name="steps so far"),
+    ),
+    Broken(
+        "fixed-output",
+        "An output that is fixed",
+        "variables.attributes",
+        setting(_variable("power"), variability="fixed"),
+    ),
+    Broken(
+        "continuous-integer",
+        "An Integer without variability, which makes it continuous",
+        "variables.attributes",
+        setting(_variable("count"), causality="local", variability=None),
+    ),
+    Broken(
+        "no-start",
+        "An input without a start value",
+        "variables.start",
+        setting(f"{_variable('force')}/Real", start=None),
+    ),
+    Broken(
+        "start-of-calculated",
+        "A calculated output with a start value",
+        "variables.start",
+        setting(f"{_variable('power')}/Real", start="1"),
+    ),
+    Broken(
+        "beyond-max",
+        "A start value above its max",
+        "variables.range",
+        setting(f"{_variable('body.mass')}/Real", max="1.0"),
+    ),
+    Broken(
+        "nan-start",
+        "A start value that is NaN",
+        "variables.range",
+        setting(f"{_variable('x_0')}/Real", start="NaN"),
+    ),
+    Broken(
+        "one-reference",
+        "Two parameters of one value reference",
+        "variables.aliases",
+        setting(_variable("count"), valueReference="7"),
+    ),
+    Broken(
+        "output-not-listed",
+        "An output that ModelStructure/Outputs lacks",
+        "structure.outputs",
+        without("//Outputs/Unknown[@index='17']"),
+    ),
+    Broken(
+        "derivative-of-nothing",
+        "A derivative of a variable that is not there",
+        "structure.derivatives",
+        setting(f"{_variable('der(x)')}/Real", derivative="99"),
+    ),
+    Broken(
+        "unknowns-disordered",
+        "InitialUnknowns that are not in order",
+        "structure.initial_unknowns",
+        with_tree(_swapped_unknowns),
+    ),
+    Broken(
+        "unknown-not-listed",
+        "An initial unknown that is not listed",
+        "structure.initial_unknowns",
+        without("//InitialUnknowns/Unknown[@index='16']"),
+    ),
+    Broken(
+        "depends-on-nothing",
+        "A dependency on a variable that is not there",
+        "structure.dependencies",
+        setting("//Outputs/Unknown[@index='16']", dependencies="1 4294967295"),
+    ),
+    Broken(
+        "kinds-missing",
+        "Fewer kinds than dependencies",
+        "structure.dependencies",
+        setting("//Outputs/Unknown[@index='16']", dependenciesKind="dependent"),
+    ),
+    Broken(
+        "no-binary",
+        "No library of the model's name, and no sources",
+        "binaries.present",
+        with_files(_other_library),
+    ),
+    Broken(
+        "missing-symbol",
+        "A function that the library does not export",
+        "binaries.symbols",
+        _with_library(lambda content: content.replace(b"fmi2GetStringStatus\0", b"fmi2GetStringStatuz\0")),
+    ),
+    Broken(
+        "no-library",
+        "A library that is text",
+        "binaries.symbols",
+        _with_library(lambda _: b"Not Found\n" * 99),
+    ),
+    Broken(
+        "cut-library",
+        "A library that is cut off",
+        "binaries.loads",
+        _with_library(lambda content: content[: len(content) // 3]),
+    ),
+    Broken(
+        "no-header",
+        "A header that the sources lack",
+        "sources.compile",
+        with_files(lambda files: files.pop("sources/equations.h")),
+    ),
+    Broken(
+        "no-source",
+        "A source file that is listed, but not there",
+        "sources.compile",
+        setting("//SourceFiles/File", name="elsewhere.c"),
+    ),
+]
