@@ -9,10 +9,13 @@ an FMU to verify.
 from __future__ import annotations
 
 import glob
+import hashlib
+import os
 import warnings
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -21,11 +24,11 @@ if TYPE_CHECKING:
     from .report import Examined, Finding
     from .settings import Settings
 
-_TOGETHER = ("loadfile", "loadscope")
-"""Ways of pytest-xdist to distribute tests by which all of one FMU go to one worker."""
-
 _FMUS = pytest.StashKey[list[str]]()
 """The files of the FMUs."""
+
+_SHARED = pytest.StashKey[TemporaryDirectory[str]]()
+"""Where workers of pytest-xdist leave for each other what they found."""
 
 _MOST_DETAILS = 20
 """Places that are shown where the same is wrong."""
@@ -81,12 +84,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: Any) -> None:
-    """Tell a worker of pytest-xdist which FMUs there are, and whether all tests of one come to it."""
+    """Tell a worker of pytest-xdist which FMUs there are, and where all leave what they found."""
     config: pytest.Config = node.config
-    node.workerinput["emla_verify"] = {
-        "fmus": config.stash[_FMUS],
-        "together": config.getoption("dist") in _TOGETHER,
-    }
+    if _SHARED not in config.stash:
+        config.stash[_SHARED] = TemporaryDirectory(prefix="emla-verify-")
+        config.add_cleanup(config.stash[_SHARED].cleanup)
+    node.workerinput["emla_verify"] = {"fmus": config.stash[_FMUS], "folder": config.stash[_SHARED].name}
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
@@ -126,16 +129,22 @@ class FmuFile(pytest.File):
     def finding(self, item: FmuItem) -> Finding:
         """What a check found, or one that it needs, that failed, and that nobody selected.
 
-        All selected ones are done when the first is asked for; where workers share the tests of this
-        FMU, each is done where it is asked for.
+        All selected ones are done when the first is asked for, by whichever worker that is.
         """
         selected = [i.name for i in self.session.items if i.parent is self]
-        told = _told(self.config)
-        if told is not None and not told["together"]:
-            return _of(item.name, self._verified([item.name]), selected)
         if self._examined is None:
-            self._examined = self._verified(selected)
+            self._examined = self._shared(lambda: self._verified(selected))
         return _of(item.name, self._examined, selected)
+
+    def _shared(self, do: Callable[[], Examined]) -> Examined:
+        """What is to be done, done by one worker of pytest-xdist for all."""
+        told = _told(self.config)
+        if told is None:
+            return do()
+        from .once import once
+
+        name = hashlib.sha256(os.fsencode(self.path)).hexdigest()
+        return once(Path(told["folder"], name), do)
 
     def _verified(self, checks: list[str]) -> Examined:
         from .verifying import verify

@@ -41,25 +41,18 @@ def _table(examined: list[dict[str, Any]]) -> Iterator[str]:
         verdicts = [finding["verdict"] for finding in one["findings"]]
         counts = " | ".join(str(verdicts.count(v) or "") for v in Verdict)
         sign = _SIGNS[Verdict(one["verdict"])]
-        yield f"| {sign} | {_name(one)} | {counts} | {one['seconds']:.1f} |"
+        yield f"| {sign} | {_text(one['name'])} | {counts} | {one['seconds']:.1f} |"
     if len(examined) > _MOST_ROWS:
         yield f"| | and {len(examined) - _MOST_ROWS} more | | | | | |"
 
 
 def _item(kind: Verdict, one: dict[str, Any], finding: dict[str, Any]) -> str:
-    said = f"{_name(one)}: **{_text(finding['check'])}** {_text(finding['sentence'])}"
+    said = f"{_text(one['name'])}: **{_text(finding['check'])}** {_text(finding['sentence'])}"
     if kind == Verdict.FAILED:
         clause = finding["clause"]
         said += f"<br>{_text(clause['document'])}, {_text(clause['section'])}: “{_text(clause['sentence'])}”"
         said += f"<br>{_text(finding['hint'])}"
     return f"- {_SIGNS[kind]} {said}"
-
-
-def _name(one: dict[str, Any]) -> str:
-    """Its path as seen from here, where it lies below."""
-    path = Path(one["path"])
-    here = Path.cwd()
-    return _text(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def _text(text: object) -> str:
