@@ -7,7 +7,7 @@ import os
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,9 @@ from .verdict import Outcome, failed
 _CONTEXT: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn")
 _NOTES = 4096
 """Bytes of the file in which a check notes what it is about to do."""
+
+_FIRST = "its first call"
+"""What is noted before anything else is."""
 
 _PATIENCE = 5.0
 """Seconds that a process has to end after it has answered."""
@@ -45,35 +48,63 @@ def apart(do: Callable[..., Outcome], arguments: tuple[Any, ...], seconds: float
     """What `do` returns, called in another process with these arguments.
 
     A process that ends by itself, does not answer in so many seconds, or needs more than `memory`
-    bytes more than it has now, fails, with what it was doing as it noted it.
+    bytes more than it has now, fails, with what it was doing as it noted it. So does one in which `do`
+    raises anything.
     """
-    with _note_file() as notes:
-        mine, theirs = _CONTEXT.Pipe(duplex=False)
-        process = _CONTEXT.Process(target=_answer, args=(do, arguments, theirs, notes, memory), daemon=False)
-        process.start()
-        theirs.close()
-        try:
-            return _outcome(process, mine, notes, seconds)
-        finally:
-            _end(process)
-            mine.close()
+    return next(apart_each(do, [arguments], seconds, memory))
 
 
-def _outcome(process: Any, answers: Connection, notes: Path, seconds: float) -> Outcome:
+def apart_each(
+    do: Callable[..., Outcome], items: Sequence[tuple[Any, ...]], seconds: float, memory: int
+) -> Iterator[Outcome]:
+    """What `do` returns for each of several arguments, as `apart`, in as few processes as it takes.
+
+    Where one of them ends its process, or has to be ended, the next one gets a new one.
+    """
+    left = list(items)
+    while left:
+        with _note_file() as notes, _child(do, left, notes, memory) as (process, answers):
+            whole = True
+            while left and whole:
+                outcome, whole = _outcome(process, answers, notes, seconds)
+                del left[0]
+                yield outcome
+
+
+@contextlib.contextmanager
+def _child(
+    do: Callable[..., Outcome], items: Sequence[tuple[Any, ...]], notes: Path, memory: int
+) -> Iterator[tuple[Any, Connection]]:
+    """A process that does them, and where its answers come from."""
+    mine, theirs = _CONTEXT.Pipe(duplex=False)
+    process = _CONTEXT.Process(target=_answer, args=(do, items, theirs, notes, memory), daemon=False)
+    process.start()
+    theirs.close()
+    try:
+        yield process, mine
+    finally:
+        _end(process)
+        mine.close()
+
+
+def _outcome(process: Any, answers: Connection, notes: Path, seconds: float) -> tuple[Outcome, bool]:
+    """The next answer, and whether more can come."""
     until = time.monotonic() + seconds
     try:
         while not answers.poll(min(0.05, max(0.0, until - time.monotonic()))):
             if time.monotonic() > until:
-                return failed(f"It did not return from {_read(notes)} within {seconds:g} s.")
+                return failed(f"It did not return from {_read(notes)} within {seconds:g} s."), False
             if not process.is_alive() and not answers.poll(0):
                 raise EOFError
         found = answers.recv()
+        if isinstance(found, Outcome):
+            return found, True
     except (EOFError, OSError):
         process.join(_PATIENCE)
-        return failed(f"It ended the process in {_read(notes)} ({_status(process)}).")
-    if isinstance(found, Outcome):
-        return found
-    raise found
+        return failed(f"It ended the process in {_read(notes)} ({_status(process)})."), False
+    except Exception:  # whatever pickle makes of it
+        found = None
+    return failed(f"It wrote into a file that is not its own, in {_read(notes)}."), False
 
 
 def _status(process: Any) -> str:
@@ -93,7 +124,11 @@ def _end(process: Any) -> None:
 
 
 def _answer(
-    do: Callable[..., Outcome], arguments: tuple[Any, ...], answers: Connection, notes: Path, memory: int
+    do: Callable[..., Outcome],
+    items: Sequence[tuple[Any, ...]],
+    answers: Connection,
+    notes: Path,
+    memory: int,
 ) -> None:
     """In the child: do it, and send what came out."""
     if hasattr(os, "setsid"):
@@ -102,18 +137,20 @@ def _answer(
     with notes.open("r+b") as stream:
         _Notes.memory = mmap.mmap(stream.fileno(), 0)
     _limit(memory)
-    try:
-        answer: Any = do(*arguments)
-    except MemoryError:
-        answer = failed(f"It needs more than {memory / 2**20:.0f} MiB of memory in {_read(notes)}.")
-    except Exception as error:
-        answer = error
-    try:
-        answers.send(answer)
-    except Exception as error:  # what cannot be sent is told
-        answers.send(RuntimeError(repr(error)))
+    for arguments in items:
+        note(_FIRST)
+        answers.send(_answered(do, arguments, memory))
     answers.close()
     os._exit(0)  # libraries of the FMU have no say in how this process ends
+
+
+def _answered(do: Callable[..., Outcome], arguments: tuple[Any, ...], memory: int) -> Outcome:
+    try:
+        return do(*arguments)
+    except MemoryError:
+        return failed(f"It needs more than {memory / 2**20:.0f} MiB of memory in {noted()}.")
+    except Exception as error:  # a slip of ours is told, and costs nobody the rest of the report
+        return failed(f"The check itself went wrong: {type(error).__name__}: {error}.")
 
 
 def _silence() -> None:
@@ -140,7 +177,7 @@ def _note_file() -> Iterator[Path]:
     descriptor, name = tempfile.mkstemp(prefix="emla-verify-")
     path = Path(name)
     with os.fdopen(descriptor, "wb") as stream:
-        stream.write(b"its first call".ljust(_NOTES, b"\0"))
+        stream.write(_FIRST.encode().ljust(_NOTES, b"\0"))
     try:
         yield path
     finally:

@@ -1,9 +1,10 @@
 """One check asked of one subject, in a process of its own, and what it found."""
 
 import time
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from .apart import apart
+from .apart import apart_each
 from .check import Check
 from .report import Finding
 from .settings import Settings
@@ -12,13 +13,21 @@ from .verdict import Outcome, Verdict, failed, skipped
 
 def asked(check: Check, subject: Any, settings: Settings) -> Finding:
     """Do a check, within the limits of the settings."""
+    return next(asked_each([check], subject, settings))
+
+
+def asked_each(checks: Sequence[Check], subject: Any, settings: Settings) -> Iterator[Finding]:
+    """Do checks one after the other in one process, a new one where one of them ends it.
+
+    The first one's limits hold for all.
+    """
+    seconds, memory = checks[0].patience * settings.seconds, round(checks[0].room * settings.memory)
     began = time.monotonic()
-    try:
-        limits = check.patience * settings.seconds, round(check.room * settings.memory)
-        outcome = apart(_do, (check, subject), *limits)
-    except Exception as error:  # a slip of ours is told, and costs nobody the rest of the report
-        outcome = failed(f"The check itself went wrong: {type(error).__name__}: {error}.")
-    return finding(check, outcome, time.monotonic() - began)
+    outcomes = apart_each(_do, [(check, subject) for check in checks], seconds, memory)
+    for check, outcome in zip(checks, outcomes, strict=True):
+        ended = time.monotonic()
+        yield finding(check, outcome, ended - began)
+        began = ended
 
 
 def blocked(check: Check, needed: Finding) -> Finding:

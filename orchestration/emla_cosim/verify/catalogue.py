@@ -27,13 +27,7 @@ from .checks import (
     variables,
 )
 
-STATIC: tuple[Check, ...] = (
-    archive.safe,
-    archive.format_,
-    archive.layout,
-    description.readable,
-    description.encoding,
-    description.schema,
+READING: tuple[Check, ...] = (
     description.identifier,
     description.capabilities,
     description.categories,
@@ -52,6 +46,17 @@ STATIC: tuple[Check, ...] = (
     structure.dependencies,
     units.derivatives,
     semantics.semantics,
+)
+"""Of a model description that keeps the schema, so that no process of its own is needed for each."""
+
+STATIC: tuple[Check, ...] = (
+    archive.safe,
+    archive.format_,
+    archive.layout,
+    description.readable,
+    description.encoding,
+    description.schema,
+    *READING,
     binaries.present,
     binaries.symbols,
     imports.imports,

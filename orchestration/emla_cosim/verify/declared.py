@@ -133,6 +133,10 @@ class Declared:
                 found.add(state)
         return found
 
+    def unit_of(self, variable: Variable) -> Unit | None:
+        """The unit of a variable; None where it has none, or one that is not defined."""
+        return None if variable.unit is None else self.units_by_name.get(variable.unit)
+
     @cached_property
     def units_by_name(self) -> dict[str, Unit]:
         """Units by name, the first where several have one."""

@@ -3,14 +3,14 @@
 import difflib
 import hashlib
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from ..errors import CommandError
 from ..patterns import fits
-from .asking import asked, blocked
-from .catalogue import CHECKS, RECORDED
+from .asking import asked_each, blocked
+from .catalogue import CHECKS, READING, RECORDED
 from .check import Check
 from .report import Examined, Finding
 from .settings import Settings
@@ -22,15 +22,16 @@ _READ_AFTER = {"description.readable": ("tree", "description"), "description.sch
 
 
 def examined(subject: Subject, told: Callable[[str], None] = lambda _: None) -> Examined:
-    """Examine an FMU; `told` is called with the name of each check before it is done."""
+    """Examine an FMU; `told` is called with the name of each check when it is done."""
     began = time.monotonic()
     findings: dict[str, Finding] = {}
-    for check in needed(subject.settings):
-        told(check.name)
-        findings[check.name] = _finding(check, subject, findings)
-        for name in _READ_AFTER.get(check.name, ()) if findings[check.name].verdict == Verdict.PASSED else ():
-            with suppress(Exception):  # it was read in another process, but this one is another
-                getattr(subject, name)
+    for together in _in_groups(needed(subject.settings)):
+        for found in _findings(together, subject, findings):
+            told(found.check)
+            findings[found.check] = found
+            for name in _READ_AFTER.get(found.check, ()) if found.verdict == Verdict.PASSED else ():
+                with suppress(Exception):  # it was read in another process, but this one is another
+                    getattr(subject, name)
     names = {c.name for c in chosen(subject.settings)} | _failed(findings, subject.settings)
     shown = tuple(f for f in findings.values() if f.check in names)
     return Examined(subject.path, _facts(subject), shown, time.monotonic() - began)
@@ -77,11 +78,31 @@ def _failed(findings: Mapping[str, Finding], settings: Settings) -> set[str]:
     return failed - {c.name for c in CHECKS if any(_means(p, c) for p in settings.skip)}
 
 
-def _finding(check: Check, subject: Subject, before: dict[str, Finding]) -> Finding:
-    for name in check.needs:
-        if before[name].verdict in (Verdict.FAILED, Verdict.SKIPPED):
-            return blocked(check, before[name])
-    return asked(check, subject, subject.settings)
+def _in_groups(checks: Sequence[Check]) -> Iterator[list[Check]]:
+    """The checks, those that may share a process together."""
+    reading = [c for c in checks if c in READING]
+    for check in checks:
+        if check not in READING:
+            yield [check]
+        elif check is reading[0]:
+            yield reading
+
+
+def _findings(checks: Sequence[Check], subject: Subject, before: Mapping[str, Finding]) -> Iterator[Finding]:
+    """What is found by checks, but for those that need one that did not pass."""
+    ready = [c for c in checks if _missing(c, before) is None]
+    found = {f.check: f for f in asked_each(ready, subject, subject.settings)} if ready else {}
+    known = dict(before)
+    for check in checks:
+        missing = _missing(check, known)  # which may be one of these
+        known[check.name] = blocked(check, missing) if missing is not None else found[check.name]
+        yield known[check.name]
+
+
+def _missing(check: Check, before: Mapping[str, Finding]) -> Finding | None:
+    """What a check needs and did not pass; what is not known yet may."""
+    needed = (before[name] for name in check.needs if name in before)
+    return next((f for f in needed if f.verdict in (Verdict.FAILED, Verdict.SKIPPED)), None)
 
 
 def _facts(subject: Subject) -> dict[str, str]:

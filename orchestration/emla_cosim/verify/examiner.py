@@ -31,6 +31,8 @@ class Job(NamedTuple):
 
 def main() -> None:
     """Serve the parent at the other end of standard input and output; temporary files go into its folder."""
+    import lief  # noqa: F401  # slow to load: once, before processes divide
+
     ask_no_more()  # it is the parent who ends an examination
     end_with(os.getppid(), lambda: os._exit(0))
     channel = own_channel()

@@ -15,9 +15,15 @@ def judged(problems: Sequence[str], fine: str, doubts: Sequence[str] = ()) -> Ou
     for make, found in ((failed, problems), (warned, doubts)):
         if found:
             rest = [*problems, *doubts][1:]
-            more = f" There are {len(rest)} more places." if len(rest) > 1 else ""
-            return make(f"{short(found[0])}{more}", details=_lines([*problems, *doubts]) if rest else ())
+            details = _lines([*problems, *doubts]) if rest else ()
+            return make(f"{short(found[0])}{_and_more(len(rest))}", details=details)
     return passed(fine)
+
+
+def _and_more(count: int) -> str:
+    if count == 0:
+        return ""
+    return " There is one more place." if count == 1 else f" There are {count} more places."
 
 
 def _lines(found: Sequence[str]) -> tuple[str, ...]:

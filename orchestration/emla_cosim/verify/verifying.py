@@ -2,10 +2,11 @@
 
 import os
 import subprocess
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -128,44 +129,57 @@ def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[Jo
     return [*inside, Job(path.absolute(), settings, name, path, system=True)]
 
 
-@dataclass
 class _Examiners:
-    """Processes that examine, one for each job, with their temporary files in a folder."""
+    """Processes that examine one job after the other, as many as there are cores; a lost one is replaced."""
 
-    folder: Path
-    advance: Callable[[], None]
-    running: list[subprocess.Popen[bytes]] = field(default_factory=list)
-    ended: bool = False
+    def __init__(self, folder: Path, advance: Callable[[], None]) -> None:
+        """Processes put temporary files into `folder`; `advance` is called for each check that is done."""
+        self._folder, self._advance = folder, advance
+        self._own = threading.local()
+        self._processes: list[subprocess.Popen[bytes]] = []
+        self._ended = False
 
     def examined(self, jobs: Sequence[Job]) -> tuple[Examined, ...]:
-        """What was found, in the order of the jobs; Ctrl-C ends all of them."""
-        with ThreadPoolExecutor(min(os.cpu_count() or 1, len(jobs))) as pool:
-            try:
-                return tuple(pool.map(self._examined, jobs))
-            except BaseException:
-                self.ended = True
-                for process in list(self.running):
-                    process.kill()
-                raise
+        """What was found, in the order of the jobs; whatever ends it ends all processes."""
+        try:
+            with ThreadPoolExecutor(min(os.cpu_count() or 1, len(jobs))) as pool:
+                try:
+                    return tuple(pool.map(self._examined, jobs))
+                except BaseException:
+                    self._end()
+                    raise
+        finally:
+            self._end()
+
+    def _end(self) -> None:
+        """End all processes, and begin none any more."""
+        self._ended = True
+        for process in self._processes:
+            process.kill()
+            process.wait()
 
     def _examined(self, job: Job) -> Examined:
-        if self.ended:
+        if self._ended:
             return _lost(job, "interrupted")
-        process = started(_EXAMINER, str(self.folder))
-        self.running.append(process)
-        channel = Channel(process.stdout, process.stdin, lambda: process.poll() is None)
+        process, channel = self._process()
         try:
             channel.send(job)
             while isinstance(answer := channel.receive(), str):
-                self.advance()
-            return replace(answer, path=job.given, name=job.name)
+                self._advance()
         except (EOFError, OSError):
-            return _lost(job, how_it_ended(process.wait()))
-        finally:
-            self.running.remove(process)
             channel.close()
-            process.kill()
-            process.wait()
+            del self._own.process
+            return _lost(job, how_it_ended(process.wait()))
+        return replace(answer, path=job.given, name=job.name)
+
+    def _process(self) -> tuple[subprocess.Popen[bytes], Channel]:
+        """That of this thread."""
+        if not hasattr(self._own, "process"):
+            process = started(_EXAMINER, str(self._folder))
+            self._processes.append(process)
+            channel = Channel(process.stdout, process.stdin, lambda: process.poll() is None)
+            self._own.process = process, channel
+        return self._own.process
 
 
 def _lost(job: Job, how: str) -> Examined:

@@ -73,7 +73,7 @@ _WORSE = (Verdict.FAILED, Verdict.WARNING)
 def test_there_are_many_ways_to_be_wrong() -> None:
     """Each fault is tried, under a name of its own, and each kind of check is asked for."""
     names = [broken.name for broken in DYNAMIC]
-    assert len(set(names)) == len(names) == len(Fault)
+    assert len(set(names)) == len(names) == len(set(Fault) - {Fault.ONLY_ONCE})
     assert {b.check.partition(".")[0] for b in DYNAMIC} == set(_DYNAMIC_GROUPS)
 
 
@@ -83,6 +83,15 @@ def test_a_good_fmu_passes_everything(tmp_path: Path) -> None:
     others = {f.check: f.sentence for f in found.findings if f.verdict != Verdict.PASSED}
     assert not others
     assert len(found.findings) >= 22
+
+
+def test_an_fmu_that_can_be_made_once_is_made_once(tmp_path: Path) -> None:
+    """Each instance gets a process; what needs two in one is skipped."""
+    path = build_good_fmu(tmp_path, Fault.ONLY_ONCE)
+    found = verify(path, Settings(only=_DYNAMIC_GROUPS)).examined[0]
+    assert not [f.sentence for f in found.findings if f.verdict in _WORSE]
+    skipped = [f.check for f in found.of(Verdict.SKIPPED)]
+    assert skipped == ["instance.cycles", "instance.independent", "instance.threads"]
 
 
 @pytest.mark.parametrize(

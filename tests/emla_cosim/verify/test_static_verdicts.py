@@ -43,6 +43,20 @@ def with_variable(element: str) -> Build:
 ODD = {
     "stops before it starts": ("description.experiment", setting("//DefaultExperiment", stopTime="-1")),
     "never stops": ("description.experiment", setting("//DefaultExperiment", stopTime="INF")),
+    "derivative in other units": (
+        "units.derivatives",
+        with_tree(
+            lambda root: [
+                root.find("UnitDefinitions").append(
+                    etree.fromstring('<Unit name="mm/s"><BaseUnit m="1" s="-1" factor="0.001"/></Unit>')
+                ),
+                [
+                    (e.set("unit", "mm/s"), e.attrib.pop("displayUnit"), e.attrib.pop("declaredType"))
+                    for e in root.xpath("//ScalarVariable[@name='der(x)']/Real")
+                ],
+            ]
+        ),
+    ),
     "endless range": ("variables.range", setting("//ScalarVariable[@name='x_0']/Real", max="INF")),
     "no step": ("description.experiment", setting("//DefaultExperiment", stepSize="0")),
     "no base unit": ("units.defined", without("//Unit[@name='W']/BaseUnit")),
@@ -76,6 +90,7 @@ ALLOWED = {
     "torque per radian": with_unit("N.m/rad", kg=1, m=2, s=-2),
     "torque with rad": with_unit("N.m", kg=1, m=2, s=-2, rad=-1),
     "bar": with_unit("bar", kg=1, m=-1, s=-2, factor="1.0e5"),
+    "absurd exponent": with_unit("N.mm", kg=1, m=2, s=-2, rad=2147483647, factor=1e-3),
     "few digits": with_unit("deg", rad=1, factor="0.0174533"),
     "celsius": with_unit("degC", K=1, offset="273.15"),
     "unit of one's own": with_unit("widget", kg=7, factor=-3),

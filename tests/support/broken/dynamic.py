@@ -67,14 +67,17 @@ class Fault(IntEnum):
     DERIVATIVE_CRASH = 43
     INITIALIZATION_ERROR = 44
     NOT_RESET_BY_ANYONE = 45
+    ONLY_ONCE = 46
+    """A process can have one instance, which is no fault where it is said."""
 
 
 def build_good_fmu(folder: Path, fault: Fault = Fault.NONE, name: str = "Good", total: str = "2 9") -> Path:
     """Build the FMU in a folder, with one fault; `total` are the declared dependencies of this output."""
     template = Template((_FOLDER / "good.xml").read_text(encoding="utf-8"))
     path = folder / f"{name}.fmu"
+    once = str(fault == Fault.ONLY_ONCE).lower()
     content = {
-        "modelDescription.xml": template.substitute(name=name, guid=_GUID, total=total).encode(),
+        "modelDescription.xml": template.substitute(name=name, guid=_GUID, total=total, once=once).encode(),
         f"binaries/{fmpy.platform}/{name}{fmpy.sharedLibraryExtension}": _library(),
         "resources/fault.txt": f"{fault.value}\n".encode(),
     }

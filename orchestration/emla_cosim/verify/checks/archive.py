@@ -1,14 +1,13 @@
 """The file itself: an archive that does no harm, and is laid out as the standard says."""
 
 import zipfile
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..check import check
 from ..declared import repeated
-from ..saying import judged, listed
+from ..saying import judged, listed, short
 from ..subject import Subject
 from ..verdict import Clause, Outcome, failed, passed
 
@@ -47,11 +46,11 @@ def safe(subject: Subject) -> Outcome:
         _refuse(entries, subject.path)
         unpack(subject.path, subject.folder)
     except UnsafeArchiveError as error:
-        return failed(f"It {error}.")
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, ValueError, EOFError, RuntimeError) as error:
+        return failed(short(f"It {error}."))
+    except MemoryError:
+        raise
+    except Exception as error:  # whatever zip readers raise
         return failed(f"It cannot be unpacked: {_words(error)}.")
-    except OSError as error:
-        return failed(f"It cannot be unpacked: {error.strerror or _words(error)}.")
     return judged((), f"Its {len(entries)} entries were unpacked.", _colliding(entries))
 
 
@@ -68,11 +67,14 @@ def _refuse(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
 
 def _colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
     """Files that overwrite each other where case does not count."""
-    files = [e.filename for e in entries if not e.is_dir()]
-    folded = repeated(name.casefold() for name in files)
-    together = [[name for name in files if name.casefold() == one] for one in folded]
+    together: dict[str, list[str]] = {}
+    for entry in entries:
+        if not entry.is_dir():
+            together.setdefault(entry.filename.casefold(), []).append(entry.filename)
     return [
-        f"{' and '.join(names)} are one file where case does not count, as on Windows." for names in together
+        f"{' and '.join(names)} are one file where case does not count, as on Windows."
+        for names in together.values()
+        if len(names) > 1
     ]
 
 
@@ -123,4 +125,5 @@ def layout(subject: Subject) -> Outcome:
 
 
 def _words(error: Exception) -> str:
-    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
+    said = error.strerror if isinstance(error, OSError) else str(error)
+    return short(said or type(error).__name__).rstrip(".")

@@ -10,6 +10,7 @@ from fmpy.fmi2 import fmi2Real, fmi2ValueReference
 from fmpy.model_description import ModelVariable
 
 from ..check import check
+from ..host.afresh import separately
 from ..host.drive import outputs
 from ..host.experiment import experiment, number, span
 from ..host.instance import FATAL, OK, WARNING, CallError, Instance
@@ -74,7 +75,7 @@ _OF = {
 def phases(subject: Subject) -> Outcome:
     """A call that the state machine forbids is answered with fmi2Error; above all it does no harm."""
     asked = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject)]
-    taken = [f"{f.function} {f.phase}" for f in asked if _answer(subject, f) in (OK, WARNING)]
+    taken = [f"{f.function} {f.phase}" for f in asked if separately(_answer, subject, f) in (OK, WARNING)]
     if taken:
         return warned(
             f"{len(taken)} of {len(asked)} calls in a wrong phase were answered with fmi2OK: {taken[0]}.",
@@ -139,7 +140,7 @@ def nonfinite(subject: Subject) -> Outcome:
         silent += [
             f"{variable.name} = {value} gives {name} = {got}, and every call answers fmi2OK."
             for value in (math.nan, math.inf)
-            for name, got in _spoiled(subject, variable, value)
+            for name, got in separately(_spoiled, subject, variable, value)
         ]
     if silent:
         return warned(

@@ -50,7 +50,7 @@ def imports(subject: Subject) -> Outcome:
 def _needed(library: Library, binary: Any) -> Iterator[str]:
     shipped = {p.name.lower() for p in library.path.parent.iterdir()}
     names = [name.rpartition("/")[2] for name in needed(binary)]
-    unusual = [n for n in names if not _EVERYWHERE.fullmatch(n) and n.lower() not in shipped]
+    unusual = [n or "''" for n in names if not _EVERYWHERE.fullmatch(n) and n.lower() not in shipped]
     if unusual:
         yield f"{library} needs {listed(unusual)}, which not every system has."
 

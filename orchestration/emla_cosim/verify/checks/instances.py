@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..check import check
-from ..host.afresh import EndedError, afresh
+from ..host.afresh import EndedError, afresh, only_once
 from ..host.drive import Trajectory, alone, driven, outputs
 from ..host.experiment import Experiment, experiment
 from ..host.instance import CallError, Instance
@@ -61,6 +61,7 @@ def guid(subject: Subject) -> Outcome:
     return warned(f"fmi2Instantiate made an instance for the GUID {wrong}, which is not that of the FMU.")
 
 
+_ONLY_ONCE = "It says canBeInstantiatedOnlyOncePerProcess."
 _BATCHES = 5
 _WARM_UP = 0.02
 """Seconds of cycles before memory is measured; each batch is as long."""
@@ -88,6 +89,8 @@ _PAGES = 2.0**13
 )
 def cycles(subject: Subject) -> Outcome:
     """Instances made, run, reset and freed again and again do not let the process grow."""
+    if only_once(subject):
+        return skipped(_ONLY_ONCE)
     if not Path("/proc/self/statm").exists():
         return skipped("This system does not tell how much memory a process has.")
     instance, course = Instance(subject), experiment(subject, 2)
@@ -151,8 +154,8 @@ def _used() -> float:
 )
 def independent(subject: Subject) -> Outcome:
     """Two instances that take turns, and one after them, give what each gives alone."""
-    if subject.can("canBeInstantiatedOnlyOncePerProcess"):
-        return skipped("It says canBeInstantiatedOnlyOncePerProcess.")
+    if only_once(subject):
+        return skipped(_ONLY_ONCE)
     courses = _courses(subject, 2)
     wanted = [alone(subject, course) for course in courses]
     found = afresh(_in_turns, subject, courses)
@@ -208,7 +211,7 @@ def _worst(outcomes: list[Outcome]) -> Outcome | None:
     return None
 
 
-_THREADS = 4
+_THREADS = 3
 
 
 @check(
@@ -252,10 +255,7 @@ def _in_threads(subject: Subject, courses: list[Experiment]) -> list[Trajectory]
 )
 def reset(subject: Subject) -> Outcome:
     """A run after fmi2Reset is that of a new instance, made after an equal first run."""
-    if subject.can("canBeInstantiatedOnlyOncePerProcess"):
-        wanted = alone(subject)
-    else:
-        wanted = afresh(_twice, subject, False)
+    wanted = alone(subject) if only_once(subject) else afresh(_twice, subject, False)
     return compared(afresh(_twice, subject, True), wanted, "A run after fmi2Reset")
 
 

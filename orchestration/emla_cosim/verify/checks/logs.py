@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..check import check
-from ..host.afresh import afresh
+from ..host.afresh import afresh, separately
 from ..host.drive import driven
 from ..host.experiment import experiment
 from ..host.instance import OK, Instance
@@ -34,17 +34,17 @@ _STEPS = 10
 def categories(subject: Subject) -> Outcome:
     """Debug messages come in the categories that are on, and nothing goes to standard output."""
     declared = [str(e.get("name")) for e in subject.tree.iterfind("LogCategories/Category")]
-    quiet, printed = afresh(_said, subject, False, ())
+    alone = [c for c in declared if c != _ALL][:_MOST_CATEGORIES]
+    asked = [(False, []), (True, declared), *((True, [category]) for category in alone)]
+    (quiet, everything, *apart), printed = afresh(_said, subject, asked)
     for line in quiet:
         if line.status == OK:
             return failed(f"With debug logging off it logs in {_category(line)}: {whole(line.text)}")
-    for category in [c for c in declared if c != _ALL][:_MOST_CATEGORIES]:
-        for line in afresh(_said, subject, True, (category,))[0]:
+    for category, lines in zip(alone, apart, strict=True):
+        for line in lines:
             if line.status == OK and line.category != category:
-                return failed(
-                    f"With {category} alone switched on it logs in {_category(line)}: {whole(line.text)}"
-                )
-    everything, _ = afresh(_said, subject, True, tuple(declared))
+                where = f"With {category} alone switched on it logs in {_category(line)}"
+                return failed(f"{where}: {whole(line.text)}")
     strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
     if strange and declared:
         return warned(f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare.")
@@ -57,19 +57,25 @@ def _category(line: Line) -> str:
     return f"category {line.category!r}" if line.category else "no category"
 
 
-def _said(subject: Subject, logging: bool, names: Sequence[str]) -> tuple[list[Line], str]:
-    """Messages of a short run, and the first line that it prints."""
+def _said(subject: Subject, asked: Sequence[tuple[bool, list[str]]]) -> tuple[list[list[Line]], str]:
+    """Messages of short runs, one for each way to switch logging, and the first line that is printed."""
     with tempfile.TemporaryFile() as stream:
         os.dup2(stream.fileno(), 1)
-        instance, course = Instance(subject, logging=logging), experiment(subject, _STEPS)
-        with instance.calling():
-            instance.fmu.setDebugLogging(logging, list(names))
-        driven(instance, course)
-        instance.close()
+        found = [separately(_run, subject, logging, names) for logging, names in asked]
         _flush()
         stream.seek(0)
         text = stream.read().decode(errors="replace").strip()
-    return LOG.lines, text.partition("\n")[0]
+    return found, text.partition("\n")[0]
+
+
+def _run(subject: Subject, logging: bool, names: list[str]) -> list[Line]:
+    LOG.lines.clear()
+    instance, course = Instance(subject, logging=logging), experiment(subject, _STEPS)
+    with instance.calling():
+        instance.fmu.setDebugLogging(logging, names)
+    driven(instance, course)
+    instance.close()
+    return list(LOG.lines)
 
 
 def _flush() -> None:

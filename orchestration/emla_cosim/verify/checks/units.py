@@ -58,9 +58,9 @@ def _bare(declared: Declared) -> Iterator[str]:
     if bare:
         yield f"Nobody says what the unit {listed(bare)} is made of (BaseUnit)."
     for variable in declared.variables:
-        shown, unit = variable.attributes.get("displayUnit"), declared.units_by_name.get(variable.unit or "")
-        if shown and unit and shown not in [unit.name, *(d["name"] for d in unit.display)]:
-            yield f"The display unit {shown} of {variable} is not defined, and is ignored."
+        shown, unit = variable.attributes.get("displayUnit"), declared.unit_of(variable)
+        if shown is not None and unit and shown not in [unit.name, *(d["name"] for d in unit.display)]:
+            yield f"The display unit {shown!r} of {variable} is not defined, and is ignored."
 
 
 @check(
@@ -106,7 +106,8 @@ def _wrong(unit: Unit) -> Iterator[str]:
         return
     factor = _number(unit.base, "factor", 1.0)
     turns = exponents[_RAD] - known.exponents[_RAD]
-    allowed = [known.factor * _TURN**k for k in ((-1, 0, 1) if counts_turns(unit.name) else (0, turns))]
+    powers = (-1, 0, 1) if counts_turns(unit.name) else (0, turns if abs(turns) == 1 else 0)
+    allowed = [known.factor * _TURN**k for k in powers]
     if not any(_same(factor, one) for one in allowed):
         yield f"The unit {unit.name} has the factor {factor:g}, but is {known.factor:g} {_told(exponents)}."
 
@@ -155,18 +156,24 @@ def derivatives(subject: Subject) -> Outcome:
     ]
     if any(v.causality == "independent" and v.unit not in (None, "s") for v in declared.variables):
         pairs = []  # they are per something else
-    problems = [p for variable, of in pairs for p in _not_per_second(declared, variable, of)]
-    return judged(problems, f"{len(pairs)} derivatives have units that agree with their variables'.")
+    problems, doubts = [], []
+    for variable, of in pairs:
+        exponents, factors = _agree(declared, variable, of)
+        if not (exponents and factors):
+            told = f"{variable} is in {variable.unit}, but is the derivative of {of}, which is in {of.unit}."
+            (doubts if exponents else problems).append(told)
+    fine = f"{len(pairs)} derivatives have units that agree with their variables'."
+    return judged(problems, fine, doubts)
 
 
-def _not_per_second(declared: Declared, derivative: Variable, of: Variable) -> Iterator[str]:
-    first, second = (declared.units_by_name.get(v.unit or "") for v in (of, derivative))
-    if first is None or second is None or first.base is None or second.base is None:
-        return
-    expected, found = _exponents(first.base, per_second=True), _exponents(second.base)
-    factors = [_number(u, "factor", 1.0) for u in (first.base, second.base)]
-    if expected[:_RAD] != found[:_RAD] or not _same(*factors):
-        yield f"{derivative} is in {second.name}, but is the derivative of {of}, which is in {first.name}."
+def _agree(declared: Declared, derivative: Variable, of: Variable) -> tuple[bool, bool]:
+    """Whether exponents and factors of their units agree, as far as both are known."""
+    bases = [u.base for v in (of, derivative) if (u := declared.unit_of(v))]
+    if len(bases) < 2 or bases[0] is None or bases[1] is None:
+        return True, True
+    expected, found = _exponents(bases[0], per_second=True), _exponents(bases[1])
+    one, other = (_number(base, "factor", 1.0) for base in (bases[0], bases[1]))
+    return expected[:_RAD] == found[:_RAD], _same(one, other)
 
 
 def _exponents(base: Mapping[str, str], per_second: bool = False) -> tuple[int, ...]:

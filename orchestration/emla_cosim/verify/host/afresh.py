@@ -7,6 +7,7 @@ from typing import Any
 
 from ...processes import how_it_ended
 from ..apart import noted
+from ..subject import Subject
 
 _CONTEXT: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn")
 
@@ -42,6 +43,16 @@ def afresh(do: Callable[..., Any], *arguments: Any) -> Any:
     if not done:
         raise found
     return found
+
+
+def separately(do: Callable[..., Any], subject: Subject, *arguments: Any) -> Any:
+    """What `do` returns, called here; in another process where only one instance may be made in each."""
+    return afresh(do, subject, *arguments) if only_once(subject) else do(subject, *arguments)
+
+
+def only_once(subject: Subject) -> bool:
+    """Whether a process can have but one instance."""
+    return subject.can("canBeInstantiatedOnlyOncePerProcess")
 
 
 def _answer(do: Callable[..., Any], arguments: tuple[Any, ...], answers: Any) -> None:

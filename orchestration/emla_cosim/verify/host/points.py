@@ -10,6 +10,7 @@ import numpy as np
 from ...arrays import Vector
 from ..subject import Subject
 from . import structure
+from .afresh import only_once
 from .experiment import experiment, number
 from .instance import Instance
 from .structure import Dependency
@@ -64,7 +65,8 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
     """Instances in initialization mode, with inputs of several times of the experiment."""
     course = experiment(subject)
     knowns = [v.name for v in subject.of_causality("input")]
-    for k in np.unique(np.linspace(0, len(course.times) - 1, count).astype(int)):
+    places = np.linspace(0, len(course.times) - 1, 1 if only_once(subject) else count)
+    for k in np.unique(places.astype(int)):
         instance = Instance(subject)
         instance.enter_initialization(course.at(0), float(course.times[0]))
         values = course.at(int(k))
