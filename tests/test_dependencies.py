@@ -45,8 +45,8 @@ def normalized(requirement: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-OPTIONAL = PROJECT["optional-dependencies"]["pandas"]
-"""What is imported only where somebody asks for it by name."""
+OPTIONAL = [r for extra in ("pandas", "pytest") for r in PROJECT["optional-dependencies"][extra]]
+"""What is imported only where somebody asks for it by name, or which imports what it finds of ours."""
 
 DECLARED = {normalized(requirement) for requirement in (*PROJECT["dependencies"], *OPTIONAL)}
 PROVIDERS = {

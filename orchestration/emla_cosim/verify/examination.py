@@ -32,7 +32,7 @@ def examined(subject: Subject, told: Callable[[str], None] = lambda _: None) -> 
             for name in _READ_AFTER.get(found.check, ()) if found.verdict == Verdict.PASSED else ():
                 with suppress(Exception):  # it was read in another process, but this one is another
                     getattr(subject, name)
-    names = {c.name for c in chosen(subject.settings)}
+    names = {c.name for c in chosen(subject.settings)} | _failed(findings, subject.settings)
     shown = tuple(f for f in findings.values() if f.check in names)
     return Examined(subject.path, _facts(subject), shown, time.monotonic() - began)
 
@@ -70,6 +70,12 @@ def needed(settings: Settings) -> list[Check]:
         if check.name in names:
             names.update(check.needs)
     return [c for c in (*CHECKS, RECORDED) if c.name in names]
+
+
+def _failed(findings: Mapping[str, Finding], settings: Settings) -> set[str]:
+    """Checks that failed and are to be told of, asked for or not: what needs them says nothing."""
+    failed = {name for name, f in findings.items() if f.verdict == Verdict.FAILED}
+    return failed - {c.name for c in CHECKS if any(_means(p, c) for p in settings.skip)}
 
 
 def _in_groups(checks: Sequence[Check]) -> Iterator[list[Check]]:

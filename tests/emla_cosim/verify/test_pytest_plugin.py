@@ -1,0 +1,244 @@
+"""`pytest --fmu`, as somebody runs it who has tests of their own, or none."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import emla_cosim.verify.verifying  # noqa: F401 - for pytest runs in this process
+from tests.support.paths import ROOT
+from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
+
+pytest_plugins = "pytester"
+
+PLUGIN = "emla_cosim.verify.pytest_plugin"
+VERIFYING = """
+import sys
+from dataclasses import replace
+import emla_cosim.verify.verifying
+from emla_cosim.verify.verdict import warned
+
+module = sys.modules["emla_cosim.verify.verifying"]
+real = module.verify
+"""
+"""How a conftest.py begins that puts something between the plugin and `verify`."""
+
+
+@pytest.fixture
+def build(pytester: pytest.Pytester, fmu_folder: Path) -> Path:
+    """build/Reference.fmu, which is right, in the current folder."""
+    good_fmu(pytester.path / "build", fmu_folder)
+    return pytester.path / "build"
+
+
+def run(pytester: pytest.Pytester, *arguments: str) -> pytest.RunResult:
+    """Run pytest in a process of its own."""
+    return pytester.runpytest_subprocess("-p", PLUGIN, "-p", "no:cacheprovider", *arguments)
+
+
+def run_here(pytester: pytest.Pytester, *arguments: str) -> pytest.RunResult:
+    """Run pytest in this process, which has loaded what takes time."""
+    return pytester.runpytest_inprocess("-p", PLUGIN, "-p", "no:cacheprovider", *arguments)
+
+
+def passed(result: pytest.RunResult) -> set[str]:
+    """What `pytest -rA` says has passed."""
+    return {line.split()[1] for line in result.outlines if line.startswith("PASSED ")}
+
+
+def test_every_check_is_a_test(pytester: pytest.Pytester, build: Path) -> None:
+    pytester.makepyfile(test_own="def test_own(): pass")
+    few = ["--fmu-skip", "[!ar]*"]  # archive, run and reference, which have one check of each kind
+    result = run(pytester, "--fmu", "build/*.fmu", "-rA", "--strict-markers", *few)
+    assert result.ret == 0
+    assert {
+        "test_own.py::test_own",
+        "build/Reference.fmu::archive.safe",
+        "build/Reference.fmu::run.completes",
+        "build/Reference.fmu::reference.agrees",
+    } <= passed(result)
+
+
+def test_tests_are_chosen_by_words_marks_names_and_options(pytester: pytest.Pytester, build: Path) -> None:
+    pytester.makepyfile(test_own="def test_own(): pass")
+    completes, finite = "build/Reference.fmu::run.completes", "build/Reference.fmu::run.finite"
+    for arguments, expected in (
+        (["--fmu", "build/*.fmu", "-k", "run.finite"], {finite}),
+        (["--fmu", "build/*.fmu", "-m", "fmu(check='run.finite')"], {finite}),
+        (["--fmu", "build/*.fmu", "-m", "not fmu"], {"test_own.py::test_own"}),
+        ([finite], {finite}),
+        (["--fmu", "build/*.fmu", completes, finite], {completes, finite}),
+        (["--fmu", "build/*.fmu", "--fmu-only", "run.finite", "-m", "fmu"], {finite}),
+    ):
+        assert passed(run_here(pytester, "-rA", *arguments)) == expected, arguments
+    left_out = run_here(
+        pytester, "--fmu", "build/*.fmu", "--fmu-skip", "run", "-k", "archive.safe or run.", "-rA"
+    )
+    assert passed(left_out) == {"build/Reference.fmu::archive.safe"}
+
+
+def test_only_what_was_selected_is_done(pytester: pytest.Pytester, build: Path) -> None:
+    """So that -k saves time."""
+    pytester.makeconftest(
+        VERIFYING + "def verify(*paths, **how):\n"
+        "    print('verified', *how['only'])\n"
+        "    return real(*paths, **how)\n"
+        "module.verify = verify\n"
+    )
+    result = run(pytester, "--fmu", "build/*.fmu", "-k", "run.completes or run.finite", "-s")
+    lines = [line for line in result.outlines if "verified" in line]
+    assert [line.partition("verified ")[2] for line in lines] == ["run.completes run.finite"]
+
+
+def test_a_failure_says_what_is_wrong_and_nothing_of_this_program(
+    pytester: pytest.Pytester, fmu_folder: Path
+) -> None:
+    strayed_fmu(pytester.path / "build", fmu_folder)
+    agrees = ["--fmu", "build/*.fmu", "-k", "reference.agrees"]
+    result = run(pytester, *agrees, "--junitxml=report.xml")
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(
+        [
+            "*reference.agrees of Reference.fmu*",
+            "* left its tube at t = *",
+            'FMI Cross-Check Rules*: "*',
+            "FAILED build/Reference.fmu::reference.agrees - * left its tube *",
+            "*1 failed, *",
+        ]
+    )
+    shown = result.stdout.str() + (pytester.path / "report.xml").read_text()
+    assert "Traceback" not in shown and "pytest_plugin" not in result.stdout.str()
+    assert run_here(pytester, *agrees, "--fmu-tolerance", "*=1e30").ret == 0
+
+
+def test_references_lie_where_the_option_says(pytester: pytest.Pytester, fmu_folder: Path) -> None:
+    good_fmu(pytester.path / "kept", fmu_folder)
+    (pytester.path / "build").mkdir()
+    (pytester.path / "kept" / "Reference.fmu").rename(pytester.path / "build" / "Reference.fmu")
+    agrees = ["--fmu", "build/*.fmu", "-k", "reference.agrees", "-rA"]
+    run_here(pytester, *agrees).assert_outcomes(skipped=1)
+    run_here(pytester, *agrees, "--fmu-reference", "kept").assert_outcomes(passed=1)
+
+
+def test_what_needs_a_failed_check_is_skipped_with_the_reason(pytester: pytest.Pytester) -> None:
+    cut_fmu(pytester.path / "build")
+    result = run_here(pytester, "--fmu", "build/*.fmu", "-rs")
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["SKIPPED * build/Cut.fmu:*: run.completes: It needs archive.safe*"])
+    assert result.parseoutcomes()["failed"] == 1
+
+
+def test_a_test_whose_need_fails_unselected_fails(pytester: pytest.Pytester) -> None:
+    """Else it would be skipped, and nobody would learn that nothing was verified."""
+    cut_fmu(pytester.path / "build")
+    result = run_here(pytester, "--fmu", "build/*.fmu", "-k", "run.finite")
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["It needs archive.safe, which failed. *"])
+
+
+def test_a_warning_is_one_of_pytest(pytester: pytest.Pytester, build: Path) -> None:
+    pytester.makeconftest(
+        VERIFYING + "def verify(*paths, **how):\n"
+        "    (one,) = (report := real(*paths, **how)).examined\n"
+        "    odd = tuple(replace(f, outcome=warned('It is odd.')) for f in one.findings)\n"
+        "    return replace(report, examined=(replace(one, findings=odd),))\n"
+        "module.verify = verify\n"
+    )
+    one = ["--fmu", "build/*.fmu", "-k", "run.finite"]
+    result = run(pytester, *one)
+    result.assert_outcomes(passed=1, warnings=1)
+    result.stdout.fnmatch_lines(["build/Reference.fmu::run.finite", "*FmuWarning: It is odd.*"])
+    strict = run(pytester, *one, "-W", "error")
+    strict.assert_outcomes(failed=1)
+    assert "Traceback" not in strict.stdout.str() and "pytest_plugin" not in strict.stdout.str()
+
+
+def test_workers_share_what_one_of_them_found(pytester: pytest.Pytester, fmu_folder: Path) -> None:
+    strayed_fmu(pytester.path / "build" / "a", fmu_folder)
+    cut_fmu(pytester.path / "build" / "b")
+    pytester.makeini("[pytest]\nfmus = build/*/*.fmu\n")
+    pytester.makeconftest(
+        VERIFYING + "def verify(path, **how):\n"
+        "    with open('verified', 'a') as stream:\n"
+        "        stream.write(f'{path.name}\\n')\n"
+        "    return real(path, **how)\n"
+        "module.verify = verify\n"
+    )
+    few = ["-k", "archive.safe or reference.agrees or run.finite", "-rA", "-v"]
+    result = run(pytester, "-n", "2", "--dist", "load", "--maxschedchunk", "1", *few)
+    outcomes = result.parseoutcomes()
+    assert (outcomes["passed"], outcomes["failed"], outcomes["skipped"]) == (2, 2, 2)
+    assert passed(result) == {f"build/a/Reference.fmu::{c}" for c in ("archive.safe", "run.finite")}
+    workers = {line.split()[0] for line in result.outlines if line.startswith("[gw")}
+    assert workers == {"[gw0]", "[gw1]"}
+    verified = (pytester.path / "verified").read_text().splitlines()
+    assert sorted(verified) == ["Cut.fmu", "Reference.fmu"]
+
+
+def test_globs_of_the_ini_file_are_those_of_its_folder(pytester: pytest.Pytester, build: Path) -> None:
+    """And only where no paths are given, as with testpaths."""
+    pytester.makepyfile(test_own="def test_own(): pass")
+    pytester.makeini("[pytest]\nfmus =\n    build/*.fmu\n    build/**/Reference.fmu\n")
+    (pytester.path / "below").mkdir()
+    everything = run_here(pytester, "-rA", "-k", "test_own or archive.safe")
+    assert passed(everything) == {"test_own.py::test_own", "build/Reference.fmu::archive.safe"}
+    run_here(pytester, "test_own.py").assert_outcomes(passed=1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--fmu", "none/*.fmu"], "*--fmu: there is no file 'none/*.fmu' in *"),
+        (["--fmu", "build/*.csv"], "*Reference_in.csv', which 'build/[*].csv' means, is no FMU."),
+        (["--fmu", "build/*.fmu", "--fmu-only", "stat"], "*there is no check 'stat'*"),
+        (["--fmu", "build/*.fmu", "--fmu-tolerance", "x"], "*--tolerance x cannot be read*"),
+        (["--fmu", "build/*.fmu", "--fmu-reference", "none"], "*there is no folder *none'*"),
+    ],
+)
+def test_what_cannot_be_meant_is_said_in_a_sentence(
+    pytester: pytest.Pytester, arguments: list[str], words: str
+) -> None:
+    folder = pytester.path / "build"
+    cut_fmu(folder)
+    (folder / "Reference_in.csv").touch()
+    result = run_here(pytester, *arguments)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"ERROR: {words}"])
+    assert "Traceback" not in result.stderr.str()
+
+
+def test_a_glob_without_files_ends_workers_too_and_no_help(pytester: pytest.Pytester) -> None:
+    result = run(pytester, "--fmu", "none/*.fmu", "-n", "1")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert "there is no file" in result.stderr.str() and "Traceback" not in result.stderr.str()
+    assert run_here(pytester, "--markers", "--fmu", "none/*.fmu").ret == 0
+
+
+def test_it_costs_next_to_nothing_where_it_is_not_used() -> None:
+    """Nor does it hide the function of the name of the package that it lies in."""
+    script = (
+        f"import sys, pytest; before = set(sys.modules); import {PLUGIN}\n"
+        "new = set(sys.modules) - before\n"
+        "print(*sorted(m for m in new if m.startswith(('emla', 'numpy', 'fmpy', 'polars', 'lxml'))))\n"
+        "import emla_cosim\nprint(callable(emla_cosim.verify))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    modules, function = done.stdout.splitlines()
+    assert modules.split() == ["emla_cosim", "emla_cosim.verify", PLUGIN]
+    assert function == "True"
+
+
+def test_pytest_without_fmus_is_as_it_was(pytester: pytest.Pytester) -> None:
+    """FMUs that lie about are nobody's tests."""
+    cut_fmu(pytester.path)
+    pytester.makepyfile(test_own="import sys\ndef test_own(): assert 'numpy' not in sys.modules")
+    result = run(pytester, "-p", "no:hypothesispytest")
+    assert result.ret == 0
+    result.assert_outcomes(passed=1)
+
+
+def test_the_package_names_the_plugin() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["entry-points"]["pytest11"] == {PLUGIN: PLUGIN}

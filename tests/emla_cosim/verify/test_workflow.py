@@ -1,0 +1,214 @@
+"""The workflow that other repositories call: as GitHub wants it, and its steps as a runner does them."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from tests.support.pages import fences
+from tests.support.paths import ROOT
+from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
+from tests.support.workflow import Ended, read_workflow, run_steps
+
+FILE = ROOT / ".github" / "workflows" / "verify-fmus.yml"
+WORKFLOW = read_workflow(FILE.read_text(encoding="utf-8"))
+PROGRAMS = Path(sys.executable).parent
+FEW = "archive\nrun\nreference"
+"""Checks that are done where nothing else is said, for speed."""
+
+CALLERS = [
+    fence.content
+    for fence in fences((ROOT / "docs" / "verify-in-ci.md").read_text(encoding="utf-8"))
+    if "jobs:" in fence.content and "verify-fmus.yml@" in fence.content
+]
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the workflow runs on Linux")
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def runner(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The environment of a runner, where pip installs the wheel alone; the rest is here already."""
+    place = tmp_path_factory.mktemp("runner")
+    return {
+        "PATH": os.pathsep.join([str(place / "site" / "bin"), str(PROGRAMS), os.environ["PATH"]]),
+        "PYTHONPATH": str(place / "site"),
+        "PIP_TARGET": str(place / "site"),
+        "PIP_NO_DEPS": "1",
+        "PIP_NO_INDEX": "1",
+        "PIP_UPGRADE": "1",
+        "WHEEL": str(wheel),
+    }
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Path:
+    (tmp_path / "temp").mkdir()
+    (tmp_path / "workspace").mkdir()
+    return tmp_path / "workspace"
+
+
+def verified(workspace: Path, runner: dict[str, str], **inputs: str) -> Ended:
+    """Do all steps in the workspace; what they leave is in the folder beside it."""
+    env = runner | {
+        "RUNNER_TEMP": str(workspace.parent / "temp"),
+        "GITHUB_STEP_SUMMARY": str(workspace.parent / "summary.md"),
+    }
+    given = {"emla": runner["WHEEL"], "only": FEW} | {
+        name.replace("_", "-"): value for name, value in inputs.items()
+    }
+    return run_steps(WORKFLOW, "verify", given, workspace, env)
+
+
+def verdicts(workspace: Path) -> dict[str, str]:
+    """Of all checks of the only FMU, from the report."""
+    report = json.loads((workspace.parent / "temp/fmu-report/report.json").read_text(encoding="utf-8"))
+    (one,) = report["examined"]
+    return {finding["check"]: finding["verdict"] for finding in one["findings"]}
+
+
+def test_good_fmus_pass(workspace: Path, runner: dict[str, str], fmu_folder: Path) -> None:
+    good_fmu(workspace / "build" / "deep er", fmu_folder)
+    ended = verified(workspace, runner, fmus="build/**/*.fmu\n")
+    assert (ended.failed, ended.code) == ("", 0), ended.shown
+    assert ended.done == ["Install", "Verify", "Summarize"]
+    assert verdicts(workspace)["reference.agrees"] == "passed"
+    suites = ElementTree.parse(workspace.parent / "temp/fmu-report/junit.xml").getroot()
+    assert suites.attrib["failures"] == "0" and int(suites.attrib["tests"]) > 4
+    assert "</html>" in (workspace.parent / "temp/fmu-report/report.html").read_text(encoding="utf-8")
+    summary = (workspace.parent / "summary.md").read_text(encoding="utf-8")
+    assert "✅ FMUs passed" in summary and "| ✅ | build/deep er/Reference.fmu |" in summary
+    assert str(runner["PIP_TARGET"]) in where_emla_is(runner)
+
+
+def where_emla_is(runner: dict[str, str]) -> str:
+    """The file that `emla` runs, which has to be that of the wheel."""
+    script = "import emla_cosim; print(emla_cosim.__file__)"
+    command = ["bash", "-c", f"head -1 \"$(command -v emla)\" && python -c '{script}'"]
+    return subprocess.run(
+        command, env={**os.environ, **runner}, check=True, capture_output=True, text=True
+    ).stdout
+
+
+def test_a_failed_check_fails_the_job_and_is_reported_all_the_same(
+    workspace: Path, runner: dict[str, str], fmu_folder: Path
+) -> None:
+    strayed_fmu(workspace / "build", fmu_folder)
+    cut_fmu(workspace / "build")
+    ended = verified(workspace, runner, fmus="build/Reference.fmu\nbuild/C*.fmu")
+    assert (ended.failed, ended.code) == ("Verify", 1), ended.shown
+    assert ended.done[-1] == "Summarize"
+    summary = (workspace.parent / "summary.md").read_text(encoding="utf-8")
+    assert "❌ build/Cut.fmu: **archive.safe**" in summary
+    assert "❌ build/Reference.fmu: **reference.agrees**" in summary
+
+
+def test_inputs_become_options(workspace: Path, runner: dict[str, str], fmu_folder: Path) -> None:
+    strayed_fmu(workspace / "kept", fmu_folder)
+    (workspace / "build").mkdir()
+    shutil.move(workspace / "kept" / "Reference.fmu", workspace / "build")
+    files = {"fmus": "build/*.fmu", "only": "run.[cf]*\nreference\n", "skip": "run.finite"}
+    assert verified(workspace, runner, **files, reference="kept").code == 1
+    assert verdicts(workspace) == {"run.completes": "passed", "reference.agrees": "failed"}
+    wide = verified(workspace, runner, **files, reference="kept", tolerance="x=1\n*=relative:1e30\n")
+    assert wide.code == 0, wide.shown
+
+
+@pytest.mark.parametrize(
+    ("names", "step"), [(["emla"], "Install"), (["fmus", "reference", "only", "skip", "tolerance"], "Verify")]
+)
+def test_nothing_in_an_input_is_run(
+    names: list[str], step: str, workspace: Path, runner: dict[str, str], tmp_path: Path
+) -> None:
+    """With all in them that a shell would act on, the step fails as a wrong command does, and that is all."""
+    trap = f"'\"; touch {tmp_path}/ran; $(touch {tmp_path}/ran) `touch {tmp_path}/ran` --help $HOME \\"
+    ended = verified(workspace, runner, **({"fmus": "*.fmu"} | dict.fromkeys(names, trap)))
+    assert (ended.failed, ended.code in (1, 2)) == (step, True), ended.shown
+    assert "$HOME" in ended.shown
+    assert not (tmp_path / "ran").exists()
+
+
+def test_names_of_files_are_taken_as_they_are(
+    workspace: Path, runner: dict[str, str], fmu_folder: Path
+) -> None:
+    odd = workspace / "--help $(exit 3) 'it' & | <b>.fmu"
+    good_fmu(workspace, fmu_folder).rename(odd)
+    assert verified(workspace, runner, fmus="*.fmu").code == 0
+    summary = (workspace.parent / "summary.md").read_text(encoding="utf-8")
+    assert "<b>" not in summary and "&lt;b&gt;" in summary and "& | " not in summary
+
+
+@pytest.mark.parametrize(
+    ("pattern", "words"), [("none/*.fmu", "no files that the input"), ("x.fmu", "x.fmu")]
+)
+def test_no_fmus_are_no_success(pattern: str, words: str, workspace: Path, runner: dict[str, str]) -> None:
+    ended = verified(workspace, runner, fmus=pattern)
+    assert (ended.failed, ended.code) == ("Verify", 2)
+    assert words in ended.shown
+    assert not (workspace.parent / "summary.md").exists()
+
+
+def test_no_expression_stands_in_a_script() -> None:
+    steps = WORKFLOW["jobs"]["verify"]["steps"]
+    assert [step["name"] for step in steps if "${{" in step.get("run", "")] == []
+    assert WORKFLOW["permissions"] == {"contents": "read"}
+
+
+# ---- what GitHub makes of it ------------------------------------------------------------------
+
+
+def linted(file: Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [PROGRAMS / "actionlint", "-no-color", f"-shellcheck={PROGRAMS / 'shellcheck'}", file]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+needs_actionlint = pytest.mark.skipif(
+    not (PROGRAMS / "actionlint").is_file(), reason="actionlint has no package for this platform"
+)
+
+
+@needs_actionlint
+def test_the_workflow_is_as_github_wants_it() -> None:
+    done = linted(FILE, ROOT)
+    assert (done.returncode, done.stdout) == (0, "")
+
+
+@needs_actionlint
+def test_callers_to_copy_are_as_github_wants_them(tmp_path: Path) -> None:
+    """Also the inputs that they give: actionlint looks them up in a workflow of the same repository."""
+    assert CALLERS
+    folder = tmp_path / ".github" / "workflows"
+    folder.mkdir(parents=True)
+    (tmp_path / ".git").mkdir()
+    shutil.copy(FILE, folder)
+    for number, text in enumerate(CALLERS):
+        (used,) = [s["uses"] for s in read_workflow(text)["jobs"].values() if "uses" in s]
+        local = text.replace(used, f"./.github/workflows/{FILE.name}")
+        for name, content in (("remote", text), ("local", local)):
+            (folder / f"{name}{number}.yml").write_text(content, encoding="utf-8")
+            done = linted(folder / f"{name}{number}.yml", tmp_path)
+            assert (done.returncode, done.stdout) == (0, "")
+
+
+@needs_actionlint
+@pytest.mark.parametrize(
+    ("right", "wrong"), [("inputs.reference", "inputs.references"), ('"$EMLA"', "$EMLA")]
+)
+def test_the_linter_finds_what_is_wrong(right: str, wrong: str, tmp_path: Path) -> None:
+    text = FILE.read_text(encoding="utf-8")
+    assert right in text
+    (tmp_path / "wrong.yml").write_text(text.replace(right, wrong), encoding="utf-8")
+    assert linted(tmp_path / "wrong.yml", tmp_path).returncode == 1

@@ -1,0 +1,176 @@
+"""What `python .ci/release.py` makes, and what it refuses."""
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from emla_cosim.models import FLAVOURS, MODELS, PLATFORMS, fmu_path
+from fmublock.platforms import host_platform
+from tests.support.paths import ROOT
+
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+HEADING = re.compile(rf"^## {re.escape(VERSION)}, .*$", re.MULTILINE)
+DATED = f"## {VERSION}, {date(2026, 1, 31)}"
+if not (ROOT / ".git").exists():
+    pytest.skip("releases are made of commits", allow_module_level=True)
+
+pytest.importorskip("hatchling", reason="the extra 'test' is not installed")
+
+
+def cloned(folder: Path) -> Path:
+    """The last commit, with a changelog whose section has a date."""
+    git(ROOT, "clone", "--quiet", str(ROOT), str(folder))
+    changelog = folder / "CHANGELOG.md"
+    changelog.write_text(HEADING.sub(DATED, changelog.read_text(encoding="utf-8")), encoding="utf-8")
+    when = {"GIT_AUTHOR_DATE": "2026-01-31T12:00:00Z", "GIT_COMMITTER_DATE": "2026-01-31T12:00:00Z"}
+    author = ["-c", "user.name=Somebody", "-c", "user.email=somebody@example.com"]
+    git(folder, *author, "commit", "--quiet", "--allow-empty", "--all", "-m", "Release", **when)
+    return folder
+
+
+def git(folder: Path, *arguments: str, **env: str) -> None:
+    subprocess.run(["git", *arguments], cwd=folder, env=os.environ | env, check=True, capture_output=True)
+
+
+def released(tree: Path, output: Path, fmus: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(tree / ".ci" / "release.py"), "--output", str(output), "--fmus", str(fmus)]
+    env = {name: value for name, value in os.environ.items() if name != "SOURCE_DATE_EPOCH"}
+    return subprocess.run(
+        [*command, "--platform", host_platform(), *options],
+        cwd=output.parent,
+        env=env,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return cloned(tmp_path_factory.mktemp("tree") / "clone")
+
+
+@pytest.fixture(scope="module")
+def made(tree: Path, python_fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("made") / "release"
+    done = released(tree, output, python_fmu_folder)
+    assert done.returncode == 0, done.stderr
+    assert sorted(done.stdout.splitlines()) == sorted(map(str, output.iterdir()))
+    return output
+
+
+def test_the_sums_are_those_of_all_files(made: Path) -> None:
+    sums = dict(reversed(x.split("  ")) for x in (made / "SHA256SUMS").read_text().splitlines())
+    assert set(sums) | {"SHA256SUMS"} == {file.name for file in made.iterdir()}
+    assert len(sums) == 4
+    for name, expected in sums.items():
+        assert hashlib.sha256((made / name).read_bytes()).hexdigest() == expected
+
+
+def test_the_same_commit_gives_the_same_bytes(made: Path, python_fmu_folder: Path, tmp_path: Path) -> None:
+    """In another folder, over what an earlier release left, and beside what is nobody's."""
+    output = tmp_path / "again"
+    output.mkdir()
+    (output / "notes.txt").write_text("mine")
+    (output / "emla_cosim-0.0.1.tar.gz").write_text("earlier")
+    (output / "SHA256SUMS").write_text("0  emla_cosim-0.0.1.tar.gz\n")
+    done = released(cloned(tmp_path / "clone"), output, python_fmu_folder)
+    assert done.returncode == 0, done.stderr
+    assert (output / "SHA256SUMS").read_text() == (made / "SHA256SUMS").read_text()
+    assert {f.name for f in output.iterdir()} == {f.name for f in made.iterdir()} | {"notes.txt"}
+
+
+def test_the_archive_has_the_fmus_and_what_belongs_to_them(made: Path, python_fmu_folder: Path) -> None:
+    top = f"emla-fmus-{VERSION}"
+    with zipfile.ZipFile(made / f"{top}.zip") as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    assert content[f"{top}/LICENSE"] == (ROOT / "LICENSE").read_bytes()
+    assert f"EMLA-Cosim {VERSION}".encode() in content[f"{top}/README.md"]
+    expected = {f"{top}/LICENSE", f"{top}/README.md"}
+    for model in MODELS:
+        for flavour in FLAVOURS:
+            name = fmu_path(model, flavour, Path(top)).as_posix()
+            assert content[name] == fmu_path(model, flavour, python_fmu_folder).read_bytes()
+            expected.add(name)
+        kept = [f for f in (ROOT / "fmus" / model).iterdir() if f.is_file() and f.suffix != ".fmu"]
+        assert {f"{model}_ref.csv", "README.md"} <= {f.name for f in kept}
+        for file in kept:
+            assert content[f"{top}/{model}/{file.name}"] == file.read_bytes()
+            expected.add(f"{top}/{model}/{file.name}")
+    assert set(content) == expected
+
+
+def test_the_packages_are_whole(made: Path, tmp_path: Path) -> None:
+    """The wheel has references, plugin and documents; from the sources the same wheel can be built."""
+    (wheel,) = made.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+        points = archive.read(f"emla_cosim-{VERSION}.dist-info/entry_points.txt").decode()
+    assert "[pytest11]" in points and "emla = emla_cosim.program:main" in points
+    references = {p.relative_to(ROOT) for p in ROOT.glob("fmus/*/*_*") if p.is_file()}
+    assert len(references) > 15
+    assert {f"emla_cosim/documents/{path.as_posix()}" for path in references} <= names
+    assert not [name for name in names if name.endswith(".fmu") or "/tests/" in name]
+    with tarfile.open(made / f"emla_cosim-{VERSION}.tar.gz") as sources:
+        sources.extractall(tmp_path, filter="data")
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    env = os.environ | {"SOURCE_DATE_EPOCH": "1769860800"}  # of the commit
+    subprocess.run(command, cwd=tmp_path / f"emla_cosim-{VERSION}", env=env, check=True, capture_output=True)
+    assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
+
+
+def test_the_changes_are_those_of_this_version_alone(made: Path) -> None:
+    text = (made / f"CHANGES-{VERSION}.md").read_text(encoding="utf-8")
+    assert text.startswith(f"{DATED}\n\n- ")
+    assert text.count("\n## ") == 0 and "# Changelog" not in text
+
+
+@pytest.mark.parametrize(
+    ("heading", "words"),
+    [
+        (f"## {VERSION}0, 2026-01-31", f"says nothing of version {VERSION}"),
+        (f"{DATED}\n\n## 0.0.1, 2025-01-31", f"says nothing of version {VERSION}"),
+        (f"## {VERSION}, unreleased", "write the day of the release"),
+        (f"{DATED} ", "write the day of the release"),
+        (f"{DATED}\n\nChanged.\n\n## 0.0.1, 2025-01-31", "are not as they were committed.*\n.*CHANGELOG"),
+    ],
+)
+def test_what_is_not_ready_is_refused(heading: str, words: str, tree: Path, tmp_path: Path) -> None:
+    changelog = tree / "CHANGELOG.md"
+    before = changelog.read_text(encoding="utf-8")
+    changelog.write_text(HEADING.sub(heading, before), encoding="utf-8")
+    try:
+        done = released(tree, tmp_path / "release", tmp_path / "fmus")
+    finally:
+        changelog.write_text(before, encoding="utf-8")
+    assert done.returncode == 1
+    assert re.match(f"Error: .*{words}", done.stderr), done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "release").exists()
+
+
+def test_a_draft_is_made_of_what_there_is(tree: Path, python_fmu_folder: Path, tmp_path: Path) -> None:
+    changelog = tree / "CHANGELOG.md"
+    before = changelog.read_text(encoding="utf-8")
+    changelog.write_text(HEADING.sub(f"## {VERSION}, unreleased", before), encoding="utf-8")
+    try:
+        done = released(tree, tmp_path / "release", python_fmu_folder, "--draft")
+    finally:
+        changelog.write_text(before, encoding="utf-8")
+    assert done.returncode == 0, done.stderr
+    assert ", unreleased" in (tmp_path / "release" / f"CHANGES-{VERSION}.md").read_text(encoding="utf-8")
+
+
+def test_a_platform_that_there_is_not_is_a_wrong_command(tmp_path: Path) -> None:
+    done = released(ROOT, tmp_path / "release", tmp_path, "--platform", "amiga")
+    assert done.returncode == 2
+    assert all(platform in done.stderr for platform in PLATFORMS)
