@@ -150,6 +150,9 @@ class _Examiners:
                     raise
         finally:
             self._end()
+            for process in self._processes:
+                with process:  # which closes its streams, now that no thread reads them
+                    pass
 
     def _end(self) -> None:
         """End all processes, and begin none any more."""
