@@ -90,12 +90,17 @@ def _in_groups(checks: Sequence[Check]) -> Iterator[list[Check]]:
 
 def _findings(checks: Sequence[Check], subject: Subject, before: Mapping[str, Finding]) -> Iterator[Finding]:
     """What is found by checks, but for those that need one that did not pass."""
-    ready = [c for c in checks if _missing(c, before) is None]
-    found = {f.check: f for f in asked_each(ready, subject, subject.settings)} if ready else {}
-    known = dict(before)
+    known, ready = dict(before), []
     for check in checks:
-        missing = _missing(check, known)  # which may be one of these
-        known[check.name] = blocked(check, missing) if missing is not None else found[check.name]
+        if (missing := _missing(check, known)) is not None:
+            known[check.name] = blocked(check, missing)
+        else:
+            ready.append(check)
+    found = {f.check: f for f in asked_each(ready, subject, subject.settings)} if ready else {}
+    for check in checks:
+        if check.name in found:  # what it needs may be one of these
+            missing = _missing(check, known)
+            known[check.name] = blocked(check, missing) if missing is not None else found[check.name]
         yield known[check.name]
 
 

@@ -4,6 +4,7 @@ It is a process of its own, so that checks can divide from one that has no threa
 little, whatever the caller did before.
 """
 
+import gc
 import os
 import sys
 import tempfile
@@ -33,6 +34,7 @@ def main() -> None:
     """Serve the parent at the other end of standard input and output; temporary files go into its folder."""
     import lief  # noqa: F401  # slow to load: once, before processes divide
 
+    gc.freeze()  # so that processes that divide from this one do not copy what they only look at
     ask_no_more()  # it is the parent who ends an examination
     end_with(os.getppid(), lambda: os._exit(0))
     channel = own_channel()

@@ -11,7 +11,7 @@ from emla_cosim.verify.check import Check
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.name)
 def test_check_is_well_told(check: Check) -> None:
-    assert re.fullmatch(r"[a-z]+\.[a-z_]+", check.name)
+    assert re.fullmatch(r"[a-z_]+\.[a-z_]+", check.name)
     assert check.title[0].isupper()
     assert not check.title.endswith(".")
     assert check.hint.endswith(".")

@@ -12,7 +12,7 @@ from emla_cosim.verify.check import Check
 from emla_cosim.verify.report import Examined
 from emla_cosim.verify.settings import Settings
 from emla_cosim.verify.subject import Subject
-from emla_cosim.verify.verdict import Outcome
+from emla_cosim.verify.verdict import Outcome, failed
 
 
 def examined_here(path: Path, checks: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> Examined:
@@ -32,4 +32,12 @@ def _apart_where_needed(
 ) -> Iterator[Outcome]:
     for check, subject in items:
         harmful = check.group in ("archive", "binaries")
-        yield apart(do, (check, subject), seconds, memory) if harmful else do(check, subject)
+        yield apart(do, (check, subject), seconds, memory) if harmful else _here(do, check, subject)
+
+
+def _here(do: Callable[..., Outcome], check: Check, subject: Subject) -> Outcome:
+    """What a check finds; that it went wrong is no matter where what it needs has failed."""
+    try:
+        return do(check, subject)
+    except Exception as error:
+        return failed(f"The check itself went wrong: {error!r}.")
