@@ -80,6 +80,7 @@ def build_good_fmu(folder: Path, fault: Fault = Fault.NONE, name: str = "Good", 
         "modelDescription.xml": template.substitute(name=name, guid=_GUID, total=total, once=once).encode(),
         f"binaries/{fmpy.platform}/{name}{fmpy.sharedLibraryExtension}": _library(),
         "documentation/index.html": b"<!doctype html><title>Good</title><p>It does what it says.",
+        "documentation/licenses/license.txt": b"Do what you want.",
         "resources/fault.txt": f"{fault.value}\n".encode(),
     }
     write_archive(path, content)
