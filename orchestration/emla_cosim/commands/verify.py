@@ -212,10 +212,11 @@ def _show_findings(examined: Examined, verdict: Verdict) -> None:
     for found in examined.of(verdict):
         label, name = escape(examined.label), f"[{_STYLE[verdict]}]{verdict}[/] [bold]{found.check}[/]"
         show(f"{label}: {name} {escape(found.sentence)}", highlight=False, soft_wrap=True)
-        for detail in found.outcome.details[:_MOST_DETAILS]:
+        more = [d for d in found.outcome.details if d.rstrip(".") not in found.sentence]
+        for detail in more[:_MOST_DETAILS]:
             show(f"    {detail}", markup=False, highlight=False, soft_wrap=True)
-        if len(found.outcome.details) > _MOST_DETAILS:
-            show(f"    and {len(found.outcome.details) - _MOST_DETAILS} more", highlight=False)
+        if len(more) > _MOST_DETAILS:
+            show(f"    and {len(more) - _MOST_DETAILS} more", highlight=False)
         if verdict == Verdict.FAILED:
             says = f'    {found.clause}: "{found.clause.sentence}"\n    {found.hint}'
             show(says, style="dim", markup=False, highlight=False, soft_wrap=True)

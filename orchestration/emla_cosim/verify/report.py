@@ -100,7 +100,7 @@ class Report:
         raise KeyError(str(path))
 
     def as_dict(self) -> dict[str, Any]:
-        """The report for programs, as `save_json` writes it: see docs/verify.md."""
+        """The report for programs, as `save_json` writes it; the module `json_file` says what is where."""
         from .json_file import as_dict
 
         return as_dict(self)

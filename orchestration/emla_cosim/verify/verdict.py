@@ -37,7 +37,7 @@ class Clause:
 class Outcome:
     """What a check found: a verdict, and one sentence that says it of this FMU.
 
-    `details` are further lines, one for each place where the same is wrong; `comparisons` are signals
+    `details` are lines for the places where it is so, if there are several; `comparisons` are signals
     beside their references; `figures` are numbers by name, for programs. `hint` says what to do, and
     takes the place of the check's own.
     """

@@ -3,13 +3,11 @@
 import shutil
 from pathlib import Path
 
-import fmpy
 import numpy as np
 import pytest
 
 import emla_cosim as ec
 from emla_cosim.errors import CommandError
-from emla_cosim.models import FLAVOURS, MODELS, build
 from emla_cosim.verify.references.files import read_reference, reference_folder
 from emla_cosim.verify.report import Finding
 from emla_cosim.verify.verdict import Verdict
@@ -36,18 +34,6 @@ def changed(path: Path, column: str, by: np.ndarray | float) -> None:
     rows = np.genfromtxt(path, delimiter=",", names=True, deletechars="", dtype=float)
     rows[column] += by
     np.savetxt(path, rows, delimiter=",", header=",".join(rows.dtype.names), comments="", fmt="%.17g")
-
-
-@pytest.mark.parametrize("flavour", FLAVOURS)
-@pytest.mark.parametrize("model", MODELS)
-def test_our_models_agree_with_what_is_independent_of_them(
-    model: str, flavour: str, python_fmu_folder: Path
-) -> None:
-    found = held(build(model, flavour, [], python_fmu_folder), FMUS)
-    assert found.verdict == Verdict.PASSED, found.sentence
-    description = fmpy.read_model_description(str(build(model, flavour, [], python_fmu_folder)))
-    outputs = {v.name for v in description.modelVariables if v.causality == "output"}
-    assert {c.signal for c in found.outcome.comparisons} == outputs
 
 
 def test_the_file_beside_the_fmu_is_taken(plant: Path) -> None:

@@ -14,7 +14,11 @@ _CLOSE = 1e-3
 @check(
     "model_exchange.runs",
     "The model can be integrated",
-    Clause("3.2.3", "The following state machine defines the supported calling sequences."),
+    Clause(
+        "3.2.3",
+        "Every implementation of the FMI must support calling sequences of the functions according to the "
+        "following state chart",
+    ),
     "Integrate the model with another tool, and look at the call that goes wrong.",
     needs=("instance.created",),
     patience=2.0,

@@ -19,7 +19,7 @@ from ._sameness import compared
 @check(
     "run.completes",
     "The default experiment runs",
-    Clause("4.2.2", "The computation of a time step is started."),
+    Clause("2.1.3", "returned by all functions to indicate the success of the function call"),
     "The log says why; try the FMU with the step size and the start values that its author uses.",
     needs=("instance.created",),
 )
