@@ -26,6 +26,27 @@ for size in ("COLUMNS", "LINES"):
     os.environ.pop(size, None)
 
 
+LONGEST = (
+    "test_any_command.py",
+    "test_broken_fmus.py",
+    "test_pages.py",
+    "test_cli.py",
+    "test_site.py",
+    "test_cluster_faults.py",
+    "test_verify_command.py",
+    "test_sweeping.py",
+    "test_injected_failures.py",
+    "test_written_files.py",
+)
+"""Files that begin first, the longest before all others, so that none is left over in the end."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first; pytest-xdist keeps the order."""
+    rank = {name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path.name, len(rank)))
+
+
 def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for what all processes of a test run have in common."""
     base = tmp_path_factory.getbasetemp()

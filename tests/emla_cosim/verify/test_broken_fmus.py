@@ -45,7 +45,7 @@ def examined(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     alike: dict[str, list[Broken]] = {}
     for item in request.session.items:
         if (broken := _broken(item)) is not None:
-            alike.setdefault(repr(broken.settings), []).append(broken)
+            alike.setdefault(repr((broken.settings, broken in STATIC)), []).append(broken)
     return {one.name: one for group in alike.values() for one in _verified(group, folder)}
 
 
@@ -62,8 +62,15 @@ def _verified(group: Sequence[Broken], folder: Path) -> Sequence[Examined]:
     for broken in group:
         (folder / broken.name).mkdir()
         paths[broken.name] = broken.build(folder / broken.name)
-    memory = settings.memory / 2**20
-    return ec.verify(paths, seconds=settings.seconds, memory=memory, tolerance=settings.tolerance).examined
+    report = ec.verify(
+        paths,
+        seconds=settings.seconds,
+        memory=settings.memory / 2**20,
+        tolerance=settings.tolerance,
+        # what is wrong with the file alone makes no instance greedier than the good ones are
+        skip=["instance.cycles"] if group[0] in STATIC else [],
+    )
+    return report.examined
 
 
 def test_the_good_ones_pass(good: dict[str, Examined]) -> None:

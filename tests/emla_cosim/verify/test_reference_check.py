@@ -21,12 +21,16 @@ def held(fmu: Path, reference: Path, **options: object) -> Finding:
     return report[fmu]["reference.agrees"]
 
 
+def beside_reference(fmu_folder: Path, folder: Path) -> Path:
+    """The plant's FMU in a folder, with its reference beside it, to be changed."""
+    for path in (FMUS / "EmlaPlant").glob("EmlaPlant_*"):
+        shutil.copy(path, folder)
+    return Path(shutil.copy(fmu_folder / "EmlaPlant" / "EmlaPlant.fmu", folder))
+
+
 @pytest.fixture
 def plant(fmu_folder: Path, tmp_path: Path) -> Path:
-    """The plant's FMU with its reference beside it, to be changed."""
-    for path in (FMUS / "EmlaPlant").glob("EmlaPlant_*"):
-        shutil.copy(path, tmp_path)
-    return Path(shutil.copy(fmu_folder / "EmlaPlant" / "EmlaPlant.fmu", tmp_path))
+    return beside_reference(fmu_folder, tmp_path)
 
 
 def changed(path: Path, column: str, by: np.ndarray | float) -> None:
@@ -81,36 +85,47 @@ def test_start_values_come_from_the_file_beside_the_reference(plant: Path, tmp_p
     assert held(plant, tmp_path).verdict == Verdict.FAILED
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new", "sentence"),
-    [
-        ("ref.csv", "time,", "t,", "must have 'time' as its first column"),
-        ("ref.csv", "0.0005,", "oops,", "is no table of numbers"),
-        ("ref.csv", "\n0.001,", "\n-0.001,", "must have rows, with times that do not go back"),
-        ("ref.csv", "x_L,", "x_Q,", "has the column 'x_Q', which is no variable of the FMU"),
-        ("in.csv", "F_L", "F_Q", "the column 'F_Q', which is no input of the FMU"),
-        ("in.csv", "F_L", "a_L", "the column 'a_L', which is no input of the FMU"),
-        ("ref.opt", "StepSize, 0.0005", "StepSize, x", "write StepSize, NUMBER"),
-        ("ref.opt", "StopTime, 0.2", "StopTime, nan", "it must be a finite number"),
-        ("ref.opt", "StepSize, 0.0005", "StepSize, 0.3", "no whole number of steps of 0.3 s"),
-        ("ref.opt", "StopTime, 0.2", "StopTime, -1", "no whole number of steps"),
-        ("ref.toml", "made_by", "maid_by", "has 'maid_by'; it may have made_by, set, tolerance"),
-        ("ref.toml", "made_by =", "made_by", "is no TOML"),
-        ("ref.toml", "[tolerance]", '[set]\n"motor.R_q" = 1\n[tolerance]', "has no variable 'motor.R_q'"),
-        ("ref.toml", "[tolerance]", '[set]\n"motor.R_s" = -1\n[tolerance]', "is out of range"),
-        ("ref.toml", "relative = ", "relativ = ", "it must be a number, or { relative = ..."),
-    ],
-)
-def test_files_that_are_wrong_are_told_in_a_sentence(
-    file: str, old: str, new: str, sentence: str, plant: Path, tmp_path: Path
-) -> None:
-    path = tmp_path / f"EmlaPlant_{file}"
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
-    found = held(plant, tmp_path)
+WRONG = [
+    ("ref.csv", "time,", "t,", "must have 'time' as its first column"),
+    ("ref.csv", "0.0005,", "oops,", "is no table of numbers"),
+    ("ref.csv", "\n0.001,", "\n-0.001,", "must have rows, with times that do not go back"),
+    ("ref.csv", "x_L,", "x_Q,", "has the column 'x_Q', which is no variable of the FMU"),
+    ("in.csv", "F_L", "F_Q", "the column 'F_Q', which is no input of the FMU"),
+    ("in.csv", "F_L", "a_L", "the column 'a_L', which is no input of the FMU"),
+    ("ref.opt", "StepSize, 0.0005", "StepSize, x", "write StepSize, NUMBER"),
+    ("ref.opt", "StopTime, 0.2", "StopTime, nan", "it must be a finite number"),
+    ("ref.opt", "StepSize, 0.0005", "StepSize, 0.3", "no whole number of steps of 0.3 s"),
+    ("ref.opt", "StopTime, 0.2", "StopTime, -1", "no whole number of steps"),
+    ("ref.toml", "made_by", "maid_by", "has 'maid_by'; it may have made_by, set, tolerance"),
+    ("ref.toml", "made_by =", "made_by", "is no TOML"),
+    ("ref.toml", "[tolerance]", '[set]\n"motor.R_q" = 1\n[tolerance]', "has no variable 'motor.R_q'"),
+    ("ref.toml", "[tolerance]", '[set]\n"motor.R_s" = -1\n[tolerance]', "is out of range"),
+    ("ref.toml", "relative = ", "relativ = ", "it must be a number, or { relative = ..."),
+]
+"""Of a reference: the file, what stands there, what somebody wrote in its place, and what is said of it."""
+
+
+@pytest.fixture(scope="module")
+def held_wrong(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Finding]:
+    """What is found about the plant beside each wrong reference, by its number."""
+    folder, paths = tmp_path_factory.mktemp("wrong"), {}
+    for number, (file, old, new, _) in enumerate(WRONG):
+        place = folder / str(number)
+        place.mkdir()
+        paths[str(number)] = beside_reference(fmu_folder, place)
+        path = place / f"EmlaPlant_{file}"
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+    report = ec.verify(paths, only="reference.agrees")
+    return {one.name: one["reference.agrees"] for one in report.examined}
+
+
+@pytest.mark.parametrize("number", range(len(WRONG)), ids=lambda number: WRONG[number][3])
+def test_files_that_are_wrong_are_told_in_a_sentence(number: int, held_wrong: dict[str, Finding]) -> None:
+    found = held_wrong[str(number)]
     assert found.verdict == Verdict.FAILED
-    assert sentence in found.sentence
+    assert WRONG[number][3] in found.sentence
     assert found.sentence[-1] in ".?"
     assert found.hint == "Mend the reference files."
 
