@@ -13,6 +13,7 @@ from ..errors import CommandError, CosimError, check_choice
 from ..files import check_places
 from ..models import FLAVOURS, MODELS, build, documents_root
 from ..progress import Progress
+from ..report.text import visible
 from ..terminal import show
 from ..tubes.tolerance import read_tolerances
 from ..verify.catalogue import CHECKS
@@ -193,7 +194,7 @@ def _show(report: Report) -> None:
     table = Table(Column("", overflow="fold"), *(str(v) for v in Verdict), "time / s")
     for examined in report.examined:
         counts = (_count(len(examined.of(v)), v) for v in Verdict)
-        table.add_row(escape(examined.label), *counts, f"{examined.seconds:.1f}")
+        table.add_row(_text(examined.label), *counts, f"{examined.seconds:.1f}")
     show(table)
 
 
@@ -201,7 +202,12 @@ def _show_recorded(report: Report) -> None:
     """What was written, and where that failed why."""
     for examined in report.examined:
         for found in examined.findings:
-            show(f"{examined.label}: {found.sentence}", markup=False, highlight=False, soft_wrap=True)
+            show(f"{_text(examined.label)}: {_text(found.sentence)}", highlight=False, soft_wrap=True)
+
+
+def _text(text: str) -> str:
+    """What others wrote, as it is: neither markup, nor what a terminal would obey."""
+    return escape(visible(text))
 
 
 def _count(count: int, verdict: Verdict) -> str:
@@ -210,11 +216,11 @@ def _count(count: int, verdict: Verdict) -> str:
 
 def _show_findings(examined: Examined, verdict: Verdict) -> None:
     for found in examined.of(verdict):
-        label, name = escape(examined.label), f"[{_STYLE[verdict]}]{verdict}[/] [bold]{found.check}[/]"
-        show(f"{label}: {name} {escape(found.sentence)}", highlight=False, soft_wrap=True)
+        name = f"[{_STYLE[verdict]}]{verdict}[/] [bold]{found.check}[/]"
+        show(f"{_text(examined.label)}: {name} {_text(found.sentence)}", highlight=False, soft_wrap=True)
         more = [d for d in found.outcome.details if d.rstrip(".") not in found.sentence]
         for detail in more[:_MOST_DETAILS]:
-            show(f"    {detail}", markup=False, highlight=False, soft_wrap=True)
+            show(f"    {_text(detail)}", highlight=False, soft_wrap=True)
         if len(more) > _MOST_DETAILS:
             show(f"    and {len(more) - _MOST_DETAILS} more", highlight=False)
         if verdict == Verdict.FAILED:

@@ -22,6 +22,7 @@ from .checks import (
     starts,
     states,
     structure,
+    systems,
     types,
     units,
     variables,
@@ -96,3 +97,6 @@ CHECKS: tuple[Check, ...] = (*STATIC, *DYNAMIC, references.agrees)
 
 RECORDED = references.recorded
 """What is done instead where references are to be made."""
+
+SYSTEM = (systems.runs, systems.agrees)
+"""What is asked of a whole system: the latter where there is a run to hold it against."""

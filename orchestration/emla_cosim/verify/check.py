@@ -29,6 +29,10 @@ class Check:
     patience: float = 1.0
     room: float = 1.0
 
+    def __reduce__(self) -> Any:
+        """As it goes to a process that has nothing of this one: by its name."""
+        return _of, (self.name,)
+
     @property
     def group(self) -> str:
         """The first part of the name."""
@@ -50,3 +54,9 @@ def check(
         return Check(name, title, clause, hint, examine, needs, patience, room)
 
     return made
+
+
+def _of(name: str) -> Check:
+    from .catalogue import CHECKS, RECORDED, SYSTEM
+
+    return next(c for c in (*CHECKS, RECORDED, *SYSTEM) if c.name == name)

@@ -30,6 +30,10 @@ class Subject:
     folder: Path
     settings: Settings = field(default_factory=Settings)
 
+    def __reduce__(self) -> Any:
+        """As it goes to a process that has nothing of this one: without what was read."""
+        return type(self), (self.path, self.folder, self.settings)
+
     @cached_property
     def tree(self) -> Any:
         """The root element of the model description."""

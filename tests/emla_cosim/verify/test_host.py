@@ -1,5 +1,6 @@
 """The host of examined FMUs: runs beside exact solutions, and processes that end."""
 
+import multiprocessing
 import os
 import signal
 from pathlib import Path
@@ -12,12 +13,16 @@ from fmpy.fmi1 import FMICallException
 from scipy.linalg import expm
 
 from emla_cosim.fmu.unpack import unpack
+from emla_cosim.verify import apart, host
+from emla_cosim.verify.examination import examined
 from emla_cosim.verify.host.afresh import EndedError, afresh
 from emla_cosim.verify.host.drive import Trajectory, alone
 from emla_cosim.verify.host.experiment import Experiment, experiment
 from emla_cosim.verify.host.instance import CallError
 from emla_cosim.verify.host.integration import Integration
+from emla_cosim.verify.settings import Settings
 from emla_cosim.verify.subject import Subject
+from emla_cosim.verify.verdict import Verdict
 from tests.support.broken.dynamic import Fault, build_good_fmu
 
 
@@ -57,8 +62,8 @@ def test_a_run_ends_where_the_fmu_asks_to(tmp_path: Path) -> None:
 
 
 def test_an_error_comes_back_from_another_process(tmp_path: Path) -> None:
-    """With its sentence, its call and its status."""
-    with pytest.raises(CallError, match="there are no consistent values") as caught:
+    """With its sentence, its call and its status; what it logged is heard where nobody else listens."""
+    with pytest.raises(CallError, match="fmi2ExitInitializationMode answered fmi2Error") as caught:
         alone(_subject(tmp_path, Fault.INITIALIZATION_ERROR))
     assert (caught.value.call, caught.value.status) == ("fmi2ExitInitializationMode", 3)
 
@@ -162,3 +167,12 @@ def test_a_run_can_be_cut() -> None:
     """To its first rows."""
     run = Trajectory(np.arange(3.0), ["y"], np.arange(3.0)[:, None])
     assert run.until(2).values.tolist() == [[0.0], [1.0]]
+
+
+def test_checks_go_to_processes_that_share_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Windows, where processes cannot divide."""
+    for module in (apart, host.afresh):
+        monkeypatch.setattr(module, "_CONTEXT", multiprocessing.get_context("spawn"))
+    settings = Settings(only=("run.finite", "run.ranges", "calls.phases"))
+    found = examined(Subject(build_good_fmu(tmp_path), tmp_path / "fmu", settings))
+    assert {f.check: f.verdict for f in found.findings} == dict.fromkeys(settings.only, Verdict.PASSED)

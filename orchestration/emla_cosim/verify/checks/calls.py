@@ -77,22 +77,23 @@ def phases(subject: Subject) -> Outcome:
 
     The standard leaves it open what happens then, so that nothing here fails.
     """
-    asked = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject)]
     try:
-        taken = afresh(_taken, subject, asked)
+        asked, taken = afresh(_taken, subject)
     except EndedError as error:
         return warned(str(error))
     if taken:
         return warned(
-            f"{len(taken)} of {len(asked)} calls in a wrong phase were answered with fmi2OK: {taken[0]}.",
+            f"{len(taken)} of {asked} calls in a wrong phase were answered with fmi2OK: {taken[0]}.",
             details=tuple(f"{t} was answered with fmi2OK." for t in taken),
         )
-    return passed(f"{len(asked)} calls in a wrong phase were refused.")
+    return passed(f"{asked} calls in a wrong phase were refused.")
 
 
-def _taken(subject: Subject, asked: list[_Forbidden]) -> list[str]:
-    """The calls that were answered with fmi2OK."""
-    return [f"{f.function} {f.phase}" for f in asked if separately(_answer, subject, f) in (OK, WARNING)]
+def _taken(subject: Subject) -> tuple[int, list[str]]:
+    """How many calls were made, and those that were answered with fmi2OK."""
+    asked = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject)]
+    taken = [f"{f.function} {f.phase}" for f in asked if separately(_answer, subject, f) in (OK, WARNING)]
+    return len(asked), taken
 
 
 def _parameters(subject: Subject) -> Iterator[_Forbidden]:
