@@ -21,7 +21,7 @@ from ..tubes.tolerance import Tolerance
 from ..values import converted
 from .asking import finding
 from .catalogue import CHECKS
-from .examination import check_names, needed
+from .examination import check_names, chosen, needed
 from .examiner import Job
 from .references.recording import Recording, check_recording
 from .report import Examined, Report
@@ -105,7 +105,7 @@ def _settings(
     if folder is not None and not folder.exists():
         raise CommandError(f"there is no folder '{folder}' with references.")
     wide = {"*": tolerance} if isinstance(tolerance, (int, float)) else tolerance or {}
-    return Settings(
+    settings = Settings(
         only=only,
         skip=skip,
         reference=folder.absolute() if folder is not None else None,
@@ -114,6 +114,9 @@ def _settings(
         memory=round(memory * 2**20),
         recording=record,
     )
+    if not chosen(settings):
+        raise CommandError("no check is left; `only` and `skip` leave none.")
+    return settings
 
 
 def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[Job]:

@@ -53,6 +53,13 @@ def test_without_reference_files_there_is_nothing_to_hold_it_against(plant: Path
     )
 
 
+def test_a_folder_that_was_named_and_has_none_is_a_warning(plant: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    found = held(plant, tmp_path / "empty")
+    assert found.verdict == Verdict.WARNING
+    assert found.sentence == f"There is no EmlaPlant_ref.csv in {tmp_path / 'empty'}."
+
+
 def test_a_drift_of_a_ten_thousandth_is_found_where_tubes_are_narrow(plant: Path, tmp_path: Path) -> None:
     clean = read_reference(tmp_path, "EmlaPlant")
     time, i_q = clean.solution["time"], clean.solution["i_q"]

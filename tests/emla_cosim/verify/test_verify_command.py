@@ -70,6 +70,7 @@ def test_groups_and_patterns_choose_checks() -> None:
         (["x" * 300 + ".fmu"], "there is no FMU file"),
         (["PLANT", "--only", "run.complete"], "did you mean run.completes"),
         (["PLANT", "--skip", "zzz"], "there is no check 'zzz'; `emla verify --list` shows them."),
+        (["PLANT", "--only", "run", "--skip", "run.*"], "no check is left; `only` and `skip` leave none."),
         (["PLANT", "--seconds", "0"], "'seconds' is 0; it must be a positive number."),
         (["PLANT", "--memory", "nan"], "'memory' is nan; it must be a positive number."),
         (["PLANT", "--tolerance", "a"], "--tolerance a cannot be read"),

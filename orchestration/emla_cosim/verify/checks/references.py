@@ -8,7 +8,7 @@ from ..references.files import Reference, read_reference, reference_folder
 from ..references.following import followed
 from ..references.recording import recorded as write_references
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed, skipped
+from ..verdict import Clause, Outcome, failed, passed, skipped, warned
 
 _RULES = Clause(
     "3",
@@ -30,8 +30,10 @@ def agrees(subject: Subject) -> Outcome:
     folder = reference_folder(subject.path, subject.settings.reference)
     name = subject.path.stem
     if folder is None:
-        where = subject.settings.reference or "beside the FMU"
-        return skipped(f"There is no {name}_ref.csv {'' if where == 'beside the FMU' else 'in '}{where}.")
+        given = subject.settings.reference
+        if given is not None:  # somebody expects one
+            return warned(f"There is no {name}_ref.csv in {given}.", hint="See how the folder is laid out.")
+        return skipped(f"There is no {name}_ref.csv beside the FMU.")
     try:
         reference = read_reference(folder, name)
         return _judged(subject, reference)
