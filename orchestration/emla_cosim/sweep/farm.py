@@ -202,9 +202,9 @@ class _Chunks:
         """How many chunks may be given out at once: two for each thread, so that none waits for the next one.
 
         It is one near the end, and while it is being found out which variant took a worker with it: another
-        one that waits there would be blamed too.
+        one that waits there would be blamed too. It is none while all workers are on their way back.
         """
-        if self._again or self._suspects:
+        if self._again or self._suspects or not threads:
             return threads
         whole = self._waiting and self._is_whole(self._waiting[0].group, threads)
         return 2 * threads if whole else threads

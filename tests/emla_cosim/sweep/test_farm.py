@@ -64,3 +64,10 @@ def test_chunks_become_as_long_as_they_should_and_short_near_the_end() -> None:
     assert sizes[-2:] and min(sizes[1:-1]) >= 5
     assert sum(sizes) == 2000
     assert len(sizes) < 70
+
+
+def test_nothing_is_given_out_while_all_workers_are_on_their_way_back() -> None:
+    chunks = _Chunks([Work(0, range(100))], most=10)
+    assert chunks.ahead(0) == 0
+    chunks._seconds[0] = 0.01  # as it is known after the first answer
+    assert chunks.ahead(0) == 0 < chunks.ahead(2)
