@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from ..processes import how_it_ended
+from ..processes import end_with, how_it_ended
 from .verdict import Outcome, failed
 
 _CONTEXT: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn")
@@ -21,6 +21,9 @@ _NOTES = 4096
 
 _FIRST = "its first call"
 """What is noted before anything else is."""
+
+_LOOK = 0.05
+"""Seconds between two looks at whether it goes on."""
 
 _PATIENCE = 5.0
 """Seconds that a process has to end after it has answered."""
@@ -89,11 +92,15 @@ def _child(
 
 def _outcome(process: Any, answers: Connection, notes: Path, seconds: float) -> tuple[Outcome, bool]:
     """The next answer, and whether more can come."""
-    until = time.monotonic() + seconds
+    began = moved = time.monotonic()
+    doing = _read(notes)
     try:
-        while not answers.poll(min(0.05, max(0.0, until - time.monotonic()))):
-            if time.monotonic() > until:
-                return failed(f"It did not return from {_read(notes)} within {seconds:g} s."), False
+        while not answers.poll(min(_LOOK, max(0.0, began + seconds - time.monotonic()))):
+            now = time.monotonic()
+            if doing != (doing := _read(notes)):
+                moved = now
+            if now > began + seconds:
+                return _late(doing, seconds, now - moved), False
             if not process.is_alive() and not answers.poll(0):
                 raise EOFError
         found = answers.recv()
@@ -105,6 +112,16 @@ def _outcome(process: Any, answers: Connection, notes: Path, seconds: float) -> 
     except Exception:  # whatever pickle makes of it
         found = None
     return failed(f"It wrote into a file that is not its own, in {_read(notes)}."), False
+
+
+def _late(doing: str, seconds: float, still: float) -> Outcome:
+    """What is said of a check that takes too long, which has been doing the same for `still` s."""
+    if still > 0.5 * seconds:
+        return failed(f"It did not return from {doing} within {seconds:g} s.")
+    return failed(
+        f"It was not done within {seconds:g} s; it had come to {doing}, and went on.",
+        hint="It is slow, and not known to be wrong: give each check more time (--seconds).",
+    )
 
 
 def _status(process: Any) -> str:
@@ -133,6 +150,7 @@ def _answer(
     """In the child: do it, and send what came out."""
     if hasattr(os, "setsid"):
         os.setsid()
+    end_with_parent()
     _silence()
     with notes.open("r+b") as stream:
         _Notes.memory = mmap.mmap(stream.fileno(), 0)
@@ -142,6 +160,13 @@ def _answer(
         answers.send(_answered(do, arguments, memory))
     answers.close()
     os._exit(0)  # libraries of the FMU have no say in how this process ends
+
+
+def end_with_parent() -> None:
+    """From now on this process ends when the one that made it does, whatever it is doing then."""
+    parent = multiprocessing.parent_process()
+    if parent is not None and parent.pid is not None:
+        end_with(parent.pid, lambda: os._exit(1))
 
 
 def _answered(do: Callable[..., Outcome], arguments: tuple[Any, ...], memory: int) -> Outcome:

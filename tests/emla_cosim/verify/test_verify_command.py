@@ -8,8 +8,10 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 from fmpy import read_model_description
 
@@ -17,10 +19,12 @@ import emla_cosim as ec
 from emla_cosim.commands import verify as commands_verify
 from emla_cosim.errors import CommandError
 from emla_cosim.models import FLAVOURS, MODELS, build
+from emla_cosim.verify.apart import _late
 from emla_cosim.verify.catalogue import CHECKS, RECORDED
 from emla_cosim.verify.examination import chosen, needed
 from emla_cosim.verify.settings import Settings
 from emla_cosim.verify.verdict import Verdict
+from tests.support.broken.dynamic import Fault, build_good_fmu
 from tests.support.commands import Emla, sentence
 
 
@@ -190,3 +194,38 @@ def test_a_terminal_obeys_no_fmu(tmp_path: Path, emla: Emla) -> None:
     shown = emla("verify", str(path)).stdout
     assert "\x1b[2J" not in shown
     assert r"[red]\x1b[2J.fmu" in shown
+
+
+def test_an_fmu_that_hangs_does_not_outlive_who_asked(tmp_path: Path) -> None:
+    """Ctrl-C, or worse, comes while it is in a call that never returns."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    fmu = str(build_good_fmu(tmp_path, Fault.HANG))
+    script = f"import emla_cosim as ec\nec.verify({fmu!r}, only='run', seconds=99)"
+    process = subprocess.Popen([sys.executable, "-c", script], env={**os.environ, "TMPDIR": str(temporary)})
+
+    def examiners() -> list[psutil.Process]:
+        with_folder = psutil.process_iter(["cmdline"])
+        return [p for p in with_folder if any(str(temporary) in word for word in p.info["cmdline"] or ())]
+
+    while len(examiners()) < 2 or not _busy(examiners()):
+        assert process.poll() is None
+        time.sleep(0.1)
+    process.kill()
+    process.wait()
+    until = time.monotonic() + 20.0
+    while examiners() and time.monotonic() < until:
+        time.sleep(0.1)
+    assert examiners() == []
+
+
+def _busy(processes: list[psutil.Process]) -> bool:
+    """Whether one of them has used a second of its core: it hangs."""
+    with suppress(psutil.NoSuchProcess):
+        return any(p.cpu_times().user > 1.0 and p.ppid() in {q.pid for q in processes} for p in processes)
+    return False
+
+
+def test_what_is_slow_is_not_said_to_hang() -> None:
+    assert "went on" in _late("fmi2DoStep at t = 3 s", 10.0, 0.1).sentence
+    assert "did not return from fmi2DoStep" in _late("fmi2DoStep at t = 3 s", 10.0, 9.0).sentence

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ...processes import how_it_ended
-from ..apart import noted
+from ..apart import end_with_parent, noted
 from ..subject import Subject
 
 _CONTEXT: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn")
@@ -56,6 +56,7 @@ def only_once(subject: Subject) -> bool:
 
 
 def _answer(do: Callable[..., Any], arguments: tuple[Any, ...], answers: Any) -> None:
+    end_with_parent()
     try:
         answer: Any = (True, do(*arguments))
     except Exception as error:
