@@ -11,7 +11,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from .errors import CosimError
-from .tubes.comparing import that_left
 
 if TYPE_CHECKING:
     from .recorders.metrics import Figures, Shown
@@ -108,6 +107,8 @@ def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
 
 def _show_agreement(result: "Result") -> None:
     """How many signals stayed in their tubes, and a table of those that did not, the first one first."""
+    from .tubes.comparing import that_left  # with NumPy, which most of what is shown here does without
+
     left = that_left(result.comparisons)
     place = result.record["reference"]["run"]
     _say(f"{len(result.comparisons) - len(left)} of {len(result.comparisons)} signals agree with {place}")
