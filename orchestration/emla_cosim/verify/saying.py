@@ -41,3 +41,8 @@ def listed(names: Sequence[str], most: int = 5) -> str:
     """Names in a row, no more than fit a sentence."""
     shown = ", ".join(names[:most])
     return f"{shown} and {len(names) - most} more" if len(names) > most else shown
+
+
+def sentence(text: object) -> str:
+    """What an error says, which begins as the rest of a line does, as a sentence of its own."""
+    return str(text)[:1].upper() + str(text)[1:]

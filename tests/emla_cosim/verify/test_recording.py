@@ -146,3 +146,8 @@ def test_a_link_leads_to_the_file_that_is_written(toy_fmu: Path, tmp_path: Path,
     (tmp_path / "Toy_ref.csv").symlink_to(tmp_path / "real" / "Toy_ref.csv")
     assert "already" in sentence(emla("verify", str(toy_fmu), "--record", str(tmp_path)), 2)
     assert (tmp_path / "real" / "Toy_ref.csv").read_text() == "mine"
+
+
+def test_a_file_is_no_folder_to_record_to(toy_fmu: Path, emla: Emla) -> None:
+    said = sentence(emla("verify", str(toy_fmu), "--record", str(toy_fmu)), 2)
+    assert said == f"Error: the folder '{toy_fmu}' cannot be made: File exists."

@@ -7,6 +7,7 @@ from ..check import check
 from ..references.files import Reference, read_reference, reference_folder
 from ..references.following import followed
 from ..references.recording import recorded as write_references
+from ..saying import sentence
 from ..subject import Subject
 from ..verdict import Clause, Outcome, failed, passed, skipped, warned
 
@@ -38,7 +39,7 @@ def agrees(subject: Subject) -> Outcome:
         reference = read_reference(folder, name)
         return _judged(subject, reference)
     except CommandError as error:
-        return failed(_sentence(error), hint="Mend the reference files.")
+        return failed(sentence(error), hint="Mend the reference files.")
 
 
 def _judged(subject: Subject, reference: Reference) -> Outcome:
@@ -88,12 +89,7 @@ def recorded(subject: Subject) -> Outcome:
     try:
         files = write_references(subject, recording)
     except CommandError as error:
-        return failed(_sentence(error))
+        return failed(sentence(error))
     except OSError as error:
         return failed(f"'{recording.folder}' cannot be written: {error.strerror or error}.")
     return passed(f"Wrote {', '.join(str(file) for file in files)}.")
-
-
-def _sentence(error: CommandError) -> str:
-    text = str(error)
-    return text[0].upper() + text[1:]

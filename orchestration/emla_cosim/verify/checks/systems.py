@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..check import check
+from ..saying import sentence
 from ..settings import Settings
 from ..verdict import Clause, Outcome, failed, passed
 
@@ -55,16 +56,12 @@ def _simulated(system: WholeSystem, options: dict[str, Any]) -> Outcome:
         with load(system.path).prepare() as simulation:
             result = simulation.attempt(**options)
     except CosimError as error:
-        return failed(_sentence(str(error)))
+        return failed(sentence(error))
     more = {
         "comparisons": tuple(result.comparisons),
         "figures": {"steps": result.steps, "wall_s": result.wall_s},
     }
     if result.problem is not None:
-        return failed(_sentence(result.problem), **more)
+        return failed(sentence(result.problem), **more)
     agree = f"; {len(result.comparisons)} signals stay within their tubes" if result.comparisons else ""
     return passed(f"{result.steps} steps were done, {result.simulated_s:g} s{agree}.", **more)
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...arrays import Vector
 from ...errors import CommandError
-from ...files import place_of, writing_to, written_whole
+from ...files import place_of, written_whole
 from ..host.drive import outputs
 from ..host.experiment import span
 from ..subject import Subject
@@ -54,8 +54,11 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
 
     Also for start values and inputs that FMUs do not have, where their model descriptions can be read.
     """
-    with writing_to(recording.folder):
+    try:
         recording.folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise CommandError(f"the folder '{recording.folder}' cannot be made: {reason}.") from error
     written: set[Path] = set()
     for fmu in fmus:
         for path in recording.files(fmu.stem):
