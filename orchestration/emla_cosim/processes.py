@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-_LOOK = 0.2
+LOOK = 0.2
 """Seconds between two looks at whether the parent is still there."""
 
 
@@ -25,7 +25,7 @@ def end_with(parent: int, end: Callable[[], None]) -> None:
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(_LOOK)
+            time.sleep(LOOK)
         end()
 
     threading.Thread(target=watch, daemon=True).start()

@@ -163,10 +163,17 @@ def _answer(
 
 
 def end_with_parent() -> None:
-    """From now on this process ends when the one that made it does, whatever it is doing then."""
+    """From now on this process, and what it started, ends when the one that made it does."""
     parent = multiprocessing.parent_process()
     if parent is not None and parent.pid is not None:
-        end_with(parent.pid, lambda: os._exit(1))
+        end_with(parent.pid, _end_all)
+
+
+def _end_all() -> None:
+    """End the group of processes that belong to the check."""
+    if hasattr(os, "killpg"):
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
 
 
 def _answered(do: Callable[..., Outcome], arguments: tuple[Any, ...], memory: int) -> Outcome:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
@@ -14,7 +15,7 @@ from pathlib import Path
 from ..channel import Channel
 from ..errors import CommandError
 from ..files import temporary_folder
-from ..processes import how_it_ended, started
+from ..processes import LOOK, how_it_ended, started
 from ..progress import Progress
 from ..ssp.reader.reading import read_ssp
 from ..tubes.tolerance import Tolerance
@@ -150,6 +151,9 @@ class _Examiners:
                     return tuple(pool.map(self._examined, jobs))
                 except BaseException:
                     self._end()
+                    time.sleep(
+                        2.0 * LOOK
+                    )  # until checks have seen it, which may write where is tidied up next
                     raise
         finally:
             self._end()

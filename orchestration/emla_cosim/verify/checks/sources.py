@@ -1,5 +1,6 @@
 """Sources: what is shipped as C compiles."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -75,7 +76,14 @@ def _compiled(folder: Path, names: Sequence[str]) -> Outcome | None:
         command += ["-o", str(Path(scratch, "library")), *([] if sys.platform == "win32" else ["-lm"])]
         note(f"`{command[0]}` compiling {', '.join(names)}")
         try:
-            done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+            done = subprocess.run(
+                command,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                check=False,
+                env={**os.environ, "TMPDIR": scratch},  # whose files go, however the compiler ends
+            )
         except OSError as error:
             return skipped(f"There is no compiler that runs here: {error.strerror}.")
     if done.returncode == 0:
