@@ -16,6 +16,7 @@ from fmublock import (
     cos,
     exp,
     floor,
+    logical_and,
     maximum,
     sin,
     where,
@@ -101,6 +102,18 @@ class Disturbance(Block):
     omega_4 = Parameter(0.0, unit="rad/s", name="d_4.omega", description="Its angular frequency")
     phase_4 = Parameter(0.0, unit="rad", name="d_4.phase", description="Its phase")
 
+    sag_depth = Parameter(
+        0.0,
+        minimum=0.0,
+        maximum=0.99,
+        name="supply.depth",
+        description="Part of the supply's voltage that a sag takes",
+    )
+    sag_start = Parameter(NEVER, unit="s", name="supply.start", description="Time at which the sag begins")
+    sag_duration = Parameter(
+        1.0, unit="s", minimum=0.0, name="supply.duration", description="Time that the sag lasts"
+    )
+
     random = DiscreteState(seed, name="d_2.random", description="State of the random generator")
     sample = DiscreteState(0.0, name="d_2.sample", description="Number of the present random value")
 
@@ -108,6 +121,9 @@ class Disturbance(Block):
     d_2 = Output(unit="m/s2", description="Disturbance of the screw's acceleration", terminal="load")
     d_3 = Output(unit="V", nominal=10.0, description="Disturbance of the q-axis voltage", terminal="load")
     d_4 = Output(unit="V", nominal=10.0, description="Disturbance of the d-axis voltage", terminal="load")
+    sag = Output(
+        name="supply.sag", description="Part of the supply's voltage that is missing", terminal="load"
+    )
 
     def update(self, v: Any) -> dict[str, Any]:
         """A new random value once a sample time has passed (at most one per communication step).
@@ -133,6 +149,7 @@ class Disturbance(Block):
             "d_2": (1.0 - as_force) * d_2,
             "d_3": d_3,
             "d_4": v.amplitude_4 * cos(v.omega_4 * v.time + v.phase_4),
+            "sag": self.sag_of_supply(v),
         }
 
     def load(self, v: Any) -> Any:
@@ -142,6 +159,11 @@ class Disturbance(Block):
             risen = clamp((v.time - v.level_start[i]) / v.ramp, 0.0, 1.0)
             force += (v.level[i] - v.level[i - 1]) * risen
         return force + 0.5 * v.ripple * sin(v.ripple_omega * v.time)
+
+    def sag_of_supply(self, v: Any) -> Any:
+        """Missing part of the supply's voltage: a rectangle in time."""
+        lasts = logical_and(v.time >= v.sag_start, v.time < v.sag_start + v.sag_duration)
+        return where(lasts, v.sag_depth, 0.0)
 
     def acceleration_disturbance(self, v: Any) -> Any:
         """(82) in m/s2, or in N if read as a force."""

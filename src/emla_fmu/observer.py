@@ -28,6 +28,12 @@ class EmlaObserver(Block):
         description="Commanded q-axis current i_q*, used with use_model",
         terminal="drive",
     )
+    i_q = Input(
+        unit="A",
+        nominal=10.0,
+        description="Measured q-axis current, used with model_current = measured",
+        terminal="drive",
+    )
 
     alpha_1 = Parameter(0.3192, unit="1/s", minimum=1e-9, description="Gain on the position estimate")
     alpha_2 = Parameter(0.3129, unit="1/s2", minimum=1e-9, description="Gain on the speed estimate")
@@ -75,6 +81,9 @@ class EmlaObserver(Block):
     v_hat = State(0.0, unit="m/s", nominal=0.1, description="Estimated screw speed", terminal="estimate")
     eta_hat = State(eta_hat_start, minimum=0.0, description="Estimated bound of the uncertainty")
 
+    d_hat = Output(
+        unit="m/s2", description="Estimated disturbance of the screw's acceleration", terminal="estimate"
+    )
     y_bar = Output(unit="m", description="Innovation y - x_hat")
     f = Output(description="Robust term of (21)")
 
@@ -94,7 +103,7 @@ class EmlaObserver(Block):
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Innovation and robust term, to see whether f acts."""
-        return {"y_bar": v.y - v.x_hat, "f": self.robust_term(v)}
+        return {"d_hat": 0.0 * v.y, "y_bar": v.y - v.x_hat, "f": self.robust_term(v)}
 
     def robust_term(self, v: Any) -> Any:
         """Robust term f of (21): bounded by eta_hat H, linear in the innovation where that is small."""

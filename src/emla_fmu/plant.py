@@ -63,6 +63,9 @@ class EmlaPlant(Block):
     d_2 = Input(unit="m/s2", description="Disturbance of the screw's acceleration", terminal="load")
     d_3 = Input(unit="V", nominal=10.0, description="Disturbance of the q-axis voltage", terminal="load")
     d_4 = Input(unit="V", nominal=10.0, description="Disturbance of the d-axis voltage", terminal="load")
+    sag = Input(
+        name="supply.sag", description="Part of the supply's voltage that is missing", terminal="load"
+    )
 
     R_s = Parameter(
         0.14, unit="Ohm", minimum=0.0, name="motor.R_s", description="Stator resistance per phase"
@@ -149,18 +152,27 @@ class EmlaPlant(Block):
 
     x_L = State(x_L_start, unit="m", nominal=0.1, limits=(q_LB, q_UB), description="Screw position")
     v_L = State(0.0, unit="m/s", nominal=0.1, limits=v_max, description="Screw speed", terminal="load")
-    i_q = State(
-        0.0, unit="A", nominal=10.0, limits=i_range, description="q-axis stator current", terminal="drive"
-    )
-    i_d = State(
-        0.0, unit="A", nominal=10.0, limits=i_range, description="d-axis stator current", terminal="drive"
-    )
+    i_q = State(0.0, unit="A", nominal=10.0, limits=i_range, description="q-axis stator current")
+    i_d = State(0.0, unit="A", nominal=10.0, limits=i_range, description="d-axis stator current")
 
     random = DiscreteState(seed, name="sensor.random", description="State of the noise generator")
     noise = DiscreteState(0.0, name="sensor.noise", description="Present draw from N(0, 1)")
 
     x_measured = Output(
         unit="m", nominal=0.1, description="Position as the sensor gives it", terminal="sensor"
+    )
+    i_q_measured = Output(
+        unit="A", nominal=10.0, description="q-axis current as the sensors give it", terminal="drive.i_q"
+    )
+    i_d_measured = Output(
+        unit="A", nominal=10.0, description="d-axis current as the sensors give it", terminal="drive.i_d"
+    )
+    u_available = Output(
+        unit="V",
+        nominal=100.0,
+        name="inverter.u_available",
+        description="Longest voltage vector that the supply allows, as the drive measures it",
+        terminal="drive",
     )
     a_L = Output(unit="m/s2", description="Screw acceleration")
     tau_m = Output(unit="N.m", nominal=10.0, description="Motor torque that drives the screw")
@@ -205,6 +217,9 @@ class EmlaPlant(Block):
         i_a, i_b, i_c = self.phase_currents(v)
         return {
             "x_measured": self.quantized(v, v.x_L + v.sigma * v.noise),
+            "i_q_measured": v.i_q,
+            "i_d_measured": v.i_d,
+            "u_available": self.available_voltage(v),
             "a_L": self.acceleration(v),
             "tau_m": self.torque(v),
             "omega_m": motion_law.alpha_RL(v) * v.v_L,
@@ -220,8 +235,12 @@ class EmlaPlant(Block):
 
     def terminal_voltage(self, v: Any) -> tuple[Any, Any, Any]:
         """Voltage at the motor in V: demand within the inverter's limit, plus disturbance; and if limited."""
-        u_q, u_d, saturated = limit_magnitude(v.u_q, v.u_d, v.u_max)
+        u_q, u_d, saturated = limit_magnitude(v.u_q, v.u_d, self.available_voltage(v))
         return u_q + v.d_3, u_d + v.d_4, saturated
+
+    def available_voltage(self, v: Any) -> Any:
+        """Longest voltage vector in V that the inverter can make of the present supply."""
+        return v.u_max * (1.0 - v.sag)
 
     def torque(self, v: Any) -> Any:
         """tau_m of (3) in N m, with the magnet's current chosen by torque_source."""

@@ -19,10 +19,14 @@ _WIRES = (
     "disturbance.d_2 -> plant.d_2",
     "disturbance.d_3 -> plant.d_3",
     "disturbance.d_4 -> plant.d_4",
+    "disturbance.supply.sag -> plant.supply.sag",
     "plant.v_L -> disturbance.v_L",  # (82) contains arctan(x_2)
     "plant.x_measured -> observer.y",
-    "plant.i_q -> controller.i_q",
-    "plant.i_d -> controller.i_d",
+    "plant.i_q_measured -> controller.i_q",
+    "plant.i_d_measured -> controller.i_d",
+    "plant.i_q_measured -> observer.i_q",
+    "plant.inverter.u_available -> controller.u_available",
+    "observer.d_hat -> controller.d_hat",
     "controller.u_q -> plant.u_q",
     "controller.u_d -> plant.u_d",
     "controller.i_q_ref -> plant.i_q_ref",
@@ -47,8 +51,8 @@ def joint(
 ) -> System:
     """A joint from its parameter sets, closed by a controller: a block, or the file of an FMU.
 
-    The controller gives u_q and u_d, and takes what it has inputs for: x_d, v_d, a_d, x_hat, v_hat, i_q,
-    i_d; its i_q_ref goes to plant and observer. `emla`, `gains` and `observer_gains` are parameter
+    The controller gives u_q and u_d, and takes what it has inputs for: x_d, v_d, a_d, x_hat, v_hat,
+    d_hat, i_q, i_d, u_available; its i_q_ref goes to plant and observer. `emla`, `gains` and `observer_gains` are parameter
     sets; `reference`, `disturbance` and `plant` are values by attribute of the block. `estimate` is the
     observer's start in m. With `true_feedback` the controller gets the plant's true states and the
     observer only watches. Raises CommandError for a controller without u_q or u_d.
