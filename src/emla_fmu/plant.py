@@ -157,6 +157,9 @@ class EmlaPlant(Block):
 
     random = DiscreteState(seed, name="sensor.random", description="State of the noise generator")
     noise = DiscreteState(0.0, name="sensor.noise", description="Present draw from N(0, 1)")
+    u_measured = DiscreteState(
+        u_max, unit="V", name="inverter.u_measured", description="Voltage that the supply last allowed"
+    )
 
     x_measured = Output(
         unit="m", nominal=0.1, description="Position as the sensor gives it", terminal="sensor"
@@ -209,7 +212,12 @@ class EmlaPlant(Block):
         """One draw of sensor noise per communication step."""
         first = lehmer(v.random)
         second = lehmer(first)
-        return {"random": second, "noise": normal(first, second)}
+        # sampled, so that who is told of the supply need not wait for who disturbs it
+        return {
+            "random": second,
+            "noise": normal(first, second),
+            "u_measured": self.available_voltage(v),
+        }
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Sensor, torque, voltages after the limit, powers, and phase currents."""
@@ -219,7 +227,7 @@ class EmlaPlant(Block):
             "x_measured": self.quantized(v, v.x_L + v.sigma * v.noise),
             "i_q_measured": v.i_q,
             "i_d_measured": v.i_d,
-            "u_available": self.available_voltage(v),
+            "u_available": v.u_measured,
             "a_L": self.acceleration(v),
             "tau_m": self.torque(v),
             "omega_m": motion_law.alpha_RL(v) * v.v_L,

@@ -20,6 +20,12 @@ class RsbaGains:
     limit_voltage: bool = False
     freeze_adaptation: bool = False
     a_max: float = 1.2
+    limit_speed: bool = False
+    compensate: bool = False
+    d_axis_first: bool = False
+    weaken_field: bool = False
+    measure_supply: bool = False
+    omega_u: float = 0.0
 
 
 PUBLISHED = {
@@ -80,3 +86,33 @@ ROBUST = {
     "telescope": robust(1000.0, 2500.0, a_max=10.0),
 }
 """Repaired gains by joint; a_max is what the joint's motor can brake with its load."""
+
+
+def compensated(beta_1: float, beta_2: float, beta_3: float, a_max: float, omega_u: float) -> RsbaGains:
+    """Disturbances estimated and taken off; speed, field and voltage within what the drive can do."""
+    return RsbaGains(
+        beta=(beta_1, beta_2, beta_3, beta_3),
+        zeta=(0.0, 0.0, 0.0, 0.0),
+        delta=(1.0, 1.0, 1.0, 1.0),
+        sigma=(1.0, 1.0, 1.0, 1.0),
+        x_2d_in_a_1=False,
+        feed_acceleration=True,
+        limit_acceleration=True,
+        limit_current=True,
+        limit_voltage=True,
+        freeze_adaptation=True,
+        a_max=a_max,
+        limit_speed=True,
+        compensate=True,
+        d_axis_first=True,
+        weaken_field=True,
+        measure_supply=True,
+        omega_u=omega_u,
+    )
+
+
+COMPENSATED = {
+    "lift": compensated(800.0, 2000.0, 5000.0, a_max=1.2, omega_u=500.0),
+    "tilt": compensated(800.0, 2000.0, 5000.0, a_max=1.2, omega_u=500.0),
+    "telescope": compensated(800.0, 2000.0, 5000.0, a_max=10.0, omega_u=500.0),
+}
