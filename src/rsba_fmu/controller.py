@@ -21,7 +21,7 @@ from fmublock import (
     where,
 )
 
-from .voltage import d_axis_first, known_limit, weakened_field
+from .voltage import feedback_gives_way, known_limit, weakened_field
 
 
 @dataclass(frozen=True)
@@ -98,9 +98,11 @@ class RsbaController(Block):
     limit_current = Parameter(False, description="Keep i_q* within i_max")
     limit_voltage = Parameter(False, description="Keep the voltage vector within u_max")
     freeze_adaptation = Parameter(False, description="Stop adapting while saturated and at theta_max")
-    limit_speed = Parameter(False, description="Keep the speed that is asked for to v_max")
+    limit_speed = Parameter(
+        False, description="Keep the speed that is asked for to v_approach, or the reference's"
+    )
     compensate = Parameter(False, description="Take d_hat / A_2 off u_2")
-    d_axis_first = Parameter(False, description="Let the q axis alone give way at the voltage limit")
+    hold_currents = Parameter(False, description="Let feedback alone give way at the voltage limit")
     weaken_field = Parameter(False, description="Ask for i_d < 0 where back-EMF needs it")
     measure_supply = Parameter(False, description="Take u_available for the voltage limit")
     omega_u = Parameter(
@@ -109,7 +111,13 @@ class RsbaController(Block):
         minimum=0.0,
         description="Bandwidth of the estimated voltage disturbances d_3 and d_4; 0 is none",
     )
-    v_max = Parameter(0.136, unit="m/s", minimum=1e-9, name="limit.v_max", description="Largest screw speed")
+    v_approach = Parameter(
+        0.13,
+        unit="m/s",
+        minimum=1e-9,
+        name="limit.v_approach",
+        description="Largest speed of the approach to a reference",
+    )
     u_reserve = Parameter(
         0.1,
         minimum=0.0,
@@ -226,12 +234,14 @@ class RsbaController(Block):
         P_3 = v.i_q - i_q_ref
         P_4 = v.i_d - where(v.weaken_field, weakened, 0.0)
         d_3, d_4 = self.voltage_disturbances(v)
-        u_3 = -(v.beta[2] + v.zeta[2] * v.theta[2]) / (2.0 * A_3) * P_3 - (g_3 + d_3) / A_3
-        u_4 = -(v.beta[3] + v.zeta[3] * v.theta[3]) / (2.0 * A_4) * P_4 - (g_4 + d_4) / A_4
+        fed_q = -(v.beta[2] + v.zeta[2] * v.theta[2]) / (2.0 * A_3) * P_3
+        fed_d = -(v.beta[3] + v.zeta[3] * v.theta[3]) / (2.0 * A_4) * P_4
+        holding = -(g_3 + d_3) / A_3, -(g_4 + d_4) / A_4
+        u_3, u_4 = fed_q + holding[0], fed_d + holding[1]
         shortened_q, shortened_d, too_long = limit_magnitude(u_3, u_4, u_max)
-        first_q, first_d = d_axis_first(u_3, u_4, u_max)
-        within_q = where(v.d_axis_first, first_q, shortened_q)
-        within_d = where(v.d_axis_first, first_d, shortened_d)
+        held_q, held_d = feedback_gives_way(holding, (fed_q, fed_d), u_max)
+        within_q = where(v.hold_currents, held_q, shortened_q)
+        within_d = where(v.hold_currents, held_d, shortened_d)
         return Laws(
             i_q_ref=i_q_ref,
             u_q=where(v.limit_voltage, within_q, u_3),
@@ -248,7 +258,7 @@ class RsbaController(Block):
     def speed_beyond_reference(self, v: Any, P_1: Any) -> Any:
         """First term of a_1 in m/s; with limit_speed what the reference leaves of v_max."""
         wanted = -self.approach_speed(v, P_1)
-        most = maximum(v.v_max, abs(v.v_d))
+        most = maximum(v.v_approach, 1.02 * abs(v.v_d))
         return where(v.limit_speed, clamp(v.v_d + wanted, -most, most) - v.v_d, wanted)
 
     def model(self, v: Any) -> tuple[Any, Any, Any]:

@@ -22,7 +22,7 @@ class RsbaGains:
     a_max: float = 1.2
     limit_speed: bool = False
     compensate: bool = False
-    d_axis_first: bool = False
+    hold_currents: bool = False
     weaken_field: bool = False
     measure_supply: bool = False
     omega_u: float = 0.0
@@ -104,7 +104,7 @@ def compensated(beta_1: float, beta_2: float, beta_3: float, a_max: float, omega
         a_max=a_max,
         limit_speed=True,
         compensate=True,
-        d_axis_first=True,
+        hold_currents=True,
         weaken_field=True,
         measure_supply=True,
         omega_u=omega_u,
