@@ -95,4 +95,4 @@ def compensated(p: float) -> ObserverGains:
     )
 
 
-COMPENSATED = {name: compensated(2000.0) for name in ("lift", "tilt", "telescope")}
+COMPENSATED = {name: compensated(1600.0) for name in ("lift", "tilt", "telescope")}

@@ -21,7 +21,7 @@ from fmublock import (
     where,
 )
 
-from .voltage import feedback_gives_way, known_limit, weakened_field
+from .voltage import base_speed, known_limit, weakened_field
 
 
 @dataclass(frozen=True)
@@ -98,11 +98,8 @@ class RsbaController(Block):
     limit_current = Parameter(False, description="Keep i_q* within i_max")
     limit_voltage = Parameter(False, description="Keep the voltage vector within u_max")
     freeze_adaptation = Parameter(False, description="Stop adapting while saturated and at theta_max")
-    limit_speed = Parameter(
-        False, description="Keep the speed that is asked for to v_approach, or the reference's"
-    )
+    limit_speed = Parameter(False, description="Keep the approach within v_max and the base speed")
     compensate = Parameter(False, description="Take d_hat / A_2 off u_2")
-    hold_currents = Parameter(False, description="Let feedback alone give way at the voltage limit")
     weaken_field = Parameter(False, description="Ask for i_d < 0 where back-EMF needs it")
     measure_supply = Parameter(False, description="Take u_available for the voltage limit")
     omega_u = Parameter(
@@ -111,13 +108,7 @@ class RsbaController(Block):
         minimum=0.0,
         description="Bandwidth of the estimated voltage disturbances d_3 and d_4; 0 is none",
     )
-    v_approach = Parameter(
-        0.13,
-        unit="m/s",
-        minimum=1e-9,
-        name="limit.v_approach",
-        description="Largest speed of the approach to a reference",
-    )
+    v_max = Parameter(0.136, unit="m/s", minimum=1e-9, name="limit.v_max", description="Largest screw speed")
     u_reserve = Parameter(
         0.1,
         minimum=0.0,
@@ -220,7 +211,7 @@ class RsbaController(Block):
         u_max = known_limit(v)
 
         P_1 = v.x_hat - v.x_d
-        a_1 = self.speed_beyond_reference(v, P_1) - v.x_2d_in_a_1 * v.v_d
+        a_1 = self.speed_beyond_reference(v, P_1, u_max) - v.x_2d_in_a_1 * v.v_d
         P_2 = (v.v_hat - v.v_d) - a_1
         u_2 = -(v.beta[1] + v.zeta[1] * v.theta[1]) / (2.0 * A_2) * P_2 - P_1 / A_2 - g_2 / A_2
         u_2 = u_2 + v.feed_acceleration * v.a_d / A_2
@@ -234,14 +225,9 @@ class RsbaController(Block):
         P_3 = v.i_q - i_q_ref
         P_4 = v.i_d - where(v.weaken_field, weakened, 0.0)
         d_3, d_4 = self.voltage_disturbances(v)
-        fed_q = -(v.beta[2] + v.zeta[2] * v.theta[2]) / (2.0 * A_3) * P_3
-        fed_d = -(v.beta[3] + v.zeta[3] * v.theta[3]) / (2.0 * A_4) * P_4
-        holding = -(g_3 + d_3) / A_3, -(g_4 + d_4) / A_4
-        u_3, u_4 = fed_q + holding[0], fed_d + holding[1]
-        shortened_q, shortened_d, too_long = limit_magnitude(u_3, u_4, u_max)
-        held_q, held_d = feedback_gives_way(holding, (fed_q, fed_d), u_max)
-        within_q = where(v.hold_currents, held_q, shortened_q)
-        within_d = where(v.hold_currents, held_d, shortened_d)
+        u_3 = -(v.beta[2] + v.zeta[2] * v.theta[2]) / (2.0 * A_3) * P_3 - (g_3 + d_3) / A_3
+        u_4 = -(v.beta[3] + v.zeta[3] * v.theta[3]) / (2.0 * A_4) * P_4 - (g_4 + d_4) / A_4
+        within_q, within_d, too_long = limit_magnitude(u_3, u_4, u_max)
         return Laws(
             i_q_ref=i_q_ref,
             u_q=where(v.limit_voltage, within_q, u_3),
@@ -255,10 +241,13 @@ class RsbaController(Block):
         """Estimated d_3 and d_4 in A/s: by how much the currents run ahead of their model."""
         return v.omega_u * (v.i_q - v.z_3), v.omega_u * (v.i_d - v.z_4)
 
-    def speed_beyond_reference(self, v: Any, P_1: Any) -> Any:
-        """First term of a_1 in m/s; with limit_speed what the reference leaves of v_max."""
+    def speed_beyond_reference(self, v: Any, P_1: Any, u_max: Any) -> Any:
+        """First term of a_1 in m/s; with limit_speed no more than the limits leave beside v_d.
+
+        Where the reference itself is as fast, 2 % of its speed are left for corrections.
+        """
         wanted = -self.approach_speed(v, P_1)
-        most = maximum(v.v_approach, 1.02 * abs(v.v_d))
+        most = maximum(minimum(0.95 * v.v_max, base_speed(v, u_max)), 1.02 * abs(v.v_d))
         return where(v.limit_speed, clamp(v.v_d + wanted, -most, most) - v.v_d, wanted)
 
     def model(self, v: Any) -> tuple[Any, Any, Any]:

@@ -22,9 +22,9 @@ class RsbaGains:
     a_max: float = 1.2
     limit_speed: bool = False
     compensate: bool = False
-    hold_currents: bool = False
     weaken_field: bool = False
     measure_supply: bool = False
+    u_reserve: float = 0.1
     omega_u: float = 0.0
 
 
@@ -88,10 +88,13 @@ ROBUST = {
 """Repaired gains by joint; a_max is what the joint's motor can brake with its load."""
 
 
-def compensated(beta_1: float, beta_2: float, beta_3: float, a_max: float, omega_u: float) -> RsbaGains:
-    """Disturbances estimated and taken off; speed, field and voltage within what the drive can do."""
+def compensated(fastness: float, a_max: float) -> RsbaGains:
+    """All repairs on, and disturbances estimated and taken off.
+
+    `fastness` times (250, 800, 2000) rad/s are beta_1 / 2, beta_2 / 2 and beta_3 / 2.
+    """
     return RsbaGains(
-        beta=(beta_1, beta_2, beta_3, beta_3),
+        beta=(500.0 * fastness, 1600.0 * fastness, 4000.0, 4000.0),
         zeta=(0.0, 0.0, 0.0, 0.0),
         delta=(1.0, 1.0, 1.0, 1.0),
         sigma=(1.0, 1.0, 1.0, 1.0),
@@ -104,15 +107,15 @@ def compensated(beta_1: float, beta_2: float, beta_3: float, a_max: float, omega
         a_max=a_max,
         limit_speed=True,
         compensate=True,
-        hold_currents=True,
         weaken_field=True,
         measure_supply=True,
-        omega_u=omega_u,
+        u_reserve=0.2,
+        omega_u=500.0,
     )
 
 
 COMPENSATED = {
-    "lift": compensated(800.0, 2000.0, 5000.0, a_max=1.2, omega_u=500.0),
-    "tilt": compensated(800.0, 2000.0, 5000.0, a_max=1.2, omega_u=500.0),
-    "telescope": compensated(800.0, 2000.0, 5000.0, a_max=10.0, omega_u=500.0),
+    "lift": compensated(1.0, a_max=1.2),
+    "tilt": compensated(1.0, a_max=1.5),
+    "telescope": compensated(1.0, a_max=10.0),
 }
