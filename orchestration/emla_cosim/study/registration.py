@@ -11,6 +11,9 @@ from . import systems
 from .figures import JOINT_FIGURES
 from .metrics import joint_metrics
 
+JOINTS = "joints"
+"""What metrics.json calls the part with the figures of joints."""
+
 
 def register() -> None:
     """Make all of it known under its names; again makes no difference."""
@@ -19,7 +22,7 @@ def register() -> None:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
-    METRICS["joints"] = joint_metrics
+    METRICS[JOINTS] = joint_metrics
     FIGURES.update(JOINT_FIGURES)
 
 
