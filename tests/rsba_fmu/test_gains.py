@@ -1,12 +1,13 @@
 """The repaired gains against the rules that they were made by."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 
 import pytest
 
 from emla_cosim.study.systems import STUDY
 from emla_fmu.parameters import EMLAS
-from rsba_fmu.gains import PUBLISHED, ROBUST
+from rsba_fmu.gains import COMPENSATED, PUBLISHED, ROBUST, RsbaGains
 
 SAMPLE = 1e-4
 """Step of the study in s."""
@@ -29,14 +30,20 @@ def test_adaptation_forgets_within_a_second(joint: str) -> None:
     assert gains.zeta == PUBLISHED["lift"].zeta
 
 
-@pytest.mark.parametrize("joint", ROBUST)
-def test_all_repairs_are_on_and_none_is_published(joint: str) -> None:
-    switches = [f.name for f in fields(ROBUST[joint]) if f.type is bool]
-    assert len(switches) == 6
-    repaired = {name: name != "x_2d_in_a_1" for name in switches}
-    assert {name: getattr(ROBUST[joint], name) for name in switches} == repaired
-    printed = {name: name == "x_2d_in_a_1" for name in switches}
-    assert {name: getattr(PUBLISHED[joint], name) for name in switches} == printed
+REPAIRS = {"feed_acceleration", "freeze_adaptation", "limit_acceleration", "limit_current", "limit_voltage"}
+COMPENSATIONS = {"limit_speed", "compensate", "weaken_field", "measure_supply"}
+"""Switches that the sets turn on; x_2d_in_a_1 is one that they turn off."""
+
+
+@pytest.mark.parametrize(
+    ("gains", "on"),
+    [(PUBLISHED, {"x_2d_in_a_1"}), (ROBUST, REPAIRS), (COMPENSATED, REPAIRS | COMPENSATIONS)],
+    ids=["published", "robust", "compensated"],
+)
+def test_each_set_has_its_switches(gains: Mapping[str, RsbaGains], on: set[str]) -> None:
+    for joint in gains:
+        switches = [f.name for f in fields(RsbaGains) if f.type is bool]
+        assert {name for name in switches if getattr(gains[joint], name)} == on
 
 
 @pytest.mark.parametrize("joint", ROBUST)

@@ -31,6 +31,8 @@ def name_in(model: str, fmi_name: str) -> str | None:
         return None
     if fmi_name == "solver.internal_step" and model != "RsbaController":  # tools have their own solvers
         return None
+    if fmi_name == "interpolate" or fmi_name.startswith("before."):  # continuous inputs need no last values
+        return None
     if fmi_name == "d_2.random":
         return "random"
     group, dot, rest = fmi_name.partition(".")
