@@ -24,6 +24,7 @@ from fmublock.instance import Instance
 from fmublock.results import Results
 from rsba_fmu import RsbaController
 from rsba_fmu.gains import PUBLISHED
+from tests.support import reference_drive
 from tests.support import reference_model as paper
 from tests.support.simulated import simulated
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
@@ -342,12 +343,54 @@ def shown(block: Block, v: Values) -> dict[str, float]:
     return dict(zip(names, found, strict=True))
 
 
+def drawn_drive(draw: np.random.Generator, x_L: float) -> tuple[reference_drive.Drive, dict[str, Any]]:
+    """A drive with each effect on or off, and the same as values by attribute of the block."""
+    effects = ("dead", "friction", "stops", "winding", "gears")
+    on = dict(zip(effects, (draw.random(5) < 0.5).tolist(), strict=True))
+    dead = reference_drive.DeadTime(*draw.uniform([1e-6, 4e3, 0.1], [5e-6, 16e3, 5.0]).tolist())
+    friction = reference_drive.Friction(*draw.uniform([10.0, 10.0, 1e-3], [5e3, 9e3, 2e-2]).tolist())
+    low, high = (x_L + draw.uniform(-0.05, 0.05, size=2)).tolist()
+    stops = reference_drive.EndStops(min(low, high), max(low, high), 1e9 * draw.random(), 9.0 * draw.random())
+    winding = reference_drive.Winding(*draw.uniform([5.0, 50.0, 50.0], [40.0, 150.0, 300.0]).tolist())
+    eta_back, v_0 = float(draw.uniform(-0.5, 1.0)), float(10.0 ** draw.uniform(-4.0, -1.0))
+    drive = reference_drive.Drive(
+        dead if on["dead"] else None,
+        friction if on["friction"] else None,
+        stops if on["stops"] else None,
+        winding if on["winding"] else None,
+        eta_back if on["gears"] else None,
+        v_0,
+    )
+    F = asdict(friction) if on["friction"] else {"F_C": 0.0, "F_S": 0.0, "v_S": 1.0}
+    return drive, {
+        **F,
+        "v_0": v_0,
+        "dead_time": dead.seconds * on["dead"],
+        "f_PWM": dead.frequency,
+        "i_0": dead.i_0,
+        "q_LB": stops.low,
+        "q_UB": stops.high,
+        "stop_stiffness": stops.k * on["stops"],
+        "stop_damping": stops.c,
+        "i_N": winding.i_N * on["winding"],
+        "permitted_rise": winding.permitted_rise,
+        "tau_th": winding.time_constant,
+        "directional": float(on["gears"]),
+        "eta_back": eta_back,
+    }
+
+
+IDEAL_SENSORS = dict.fromkeys(
+    ("sigma", "resolution", "noise", "sigma_i", "resolution_i", "noise_q", "noise_d"), 0.0
+)
+
+
 def test_plant_at_random_points() -> None:
-    """Every term of some size, the inverter's limit met or not, torque from current and command."""
+    """Every term of some size, each effect of a drive on or off, torque from current and command."""
     draw = np.random.default_rng(20240517)
-    block, met = EmlaPlant(), dict.fromkeys(("limited", "free", "commanded"), 0)
+    block, met = EmlaPlant(), dict.fromkeys(("limited", "free", "commanded", "in a stop", "driven"), 0)
     acts = ("u_q", "u_d", "i_q_ref", "F_L", "d_2", "d_3", "d_4")
-    for _ in range(100):
+    for _ in range(200):
         scaled = ("R_s", "L_d", "L_q", "Phi_PM", "J_m", "B_m", "rho", "lead", "M_BS", "eta_GB", "u_max")
         given = {name: getattr(paper.Actuator(), name) * draw.uniform(0.5, 1.1) for name in scaled}
         given |= {"J_c": draw.uniform(0.0, 0.01), "J_GB": draw.uniform(0.0, 0.01)}
@@ -359,21 +402,29 @@ def test_plant_at_random_points() -> None:
         F, commanded = draw.uniform(-0.1, 0.1, size=3).tolist(), bool(draw.random() < 0.5)
         x = draw.uniform([0.0, -0.2, -100.0, -100.0], [0.5, 0.2, 100.0, 100.0])
         acting = dict(zip(acts, draw.normal(size=7) * [250.0, 200.0, 50.0, 5e4, 2.0, 2.0, 2.0], strict=True))
-        p = paper.Actuator(**given, F=tuple(F), torque_from_command=commanded)
+        acting["sag"] = float(draw.uniform(0.0, 0.5))
+        drive, switched = drawn_drive(draw, x[0])
+        rise = float(draw.uniform(0.0, 100.0)) if drive.winding else 0.0
+        p = paper.Actuator(**given, F=tuple(F), torque_from_command=commanded, drive=drive)
         u = paper.PlantInputs(**acting)
 
         source = TorqueSource.COMMAND if commanded else TorqueSource.CURRENT
         v = values(given, acting, torque_source=float(source), F_2=F[0], F_3=F[1], F_4=F[2])
-        v = values(vars(v), x_L=x[0], v_L=x[1], i_q=x[2], i_d=x[3], sigma=0.0, resolution=0.0, noise=0.0)
-        # terms of either sign add up: 3 or 4 of 16 digits are lost
-        assert rates(block, v) == pytest.approx(paper.plant_rates(p, x, u), rel=1e-11)
-        outputs = paper.plant_outputs(p, x, u)
+        v = values(vars(v), switched, IDEAL_SENSORS, delay=0.0, u_q_late=0.0, u_d_late=0.0)
+        v = values(vars(v), dict(zip(("x_L", "v_L", "i_q", "i_d"), x.tolist(), strict=True)))
+        v.temperature_rise = rise
+        # terms of either sign add up: 3 or 4 of 16 digits are lost; electrical angles of 1e4 rad are
+        # known to 2e-12 rad, and so are the parts of 150 A that dead time depends on
+        expected = [*paper.plant_rates(p, x, u), paper.heating(p, x, rise)]
+        assert rates(block, v) == pytest.approx(expected, rel=1e-10)
+        outputs = {**paper.plant_outputs(p, x, u), "motor.temperature_rise": rise}
         found, phases = shown(block, v), [f"phase.i_{name}" for name in "abc"]
-        # electrical angles of 1e4 rad are known to 2e-12 rad, and so are parts of 150 A
         assert [found.pop(n) for n in phases] == pytest.approx([outputs.pop(n) for n in phases], abs=1e-9)
-        assert found == pytest.approx(outputs, rel=1e-11)
+        assert found == pytest.approx(outputs, rel=1e-10)
         met["limited" if outputs["inverter.saturated"] else "free"] += 1
         met["commanded"] += commanded
+        met["in a stop"] += drive.end_stops is not None and drive.end_stops.force(x[0], x[1]) != 0.0
+        met["driven"] += drive.eta_back is not None and x[1] * acting["F_L"] < 0.0
     assert min(met.values()) >= 20, met
 
 

@@ -3,7 +3,8 @@
 Numbers in parentheses are the paper's equations, names its labels. Nothing here is taken from the
 blocks; where both agree, two readings of the paper agree. A state of the plant is the vector
 x = (x_1, x_2, x_3, x_4) = (x_L, v_L, i_q, i_d); all quantities are in SI units. Only what is
-deterministic is here: no sensor, no random part of (82).
+deterministic is here: no sensor, no random part of (82). What a drive has beside the paper's plant is in
+`reference_drive`.
 """
 
 import math
@@ -16,6 +17,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+
+from tests.support.reference_drive import NO_DRIVE, Drive
 
 Vector = NDArray[np.floating[Any]]
 Four = tuple[float, float, float, float]
@@ -82,6 +85,8 @@ class Actuator:
     """F_2, F_3, F_4 as fractions of g_2, g_3, g_4 (84)."""
     torque_from_command: bool = False
     """Whether i_q* drives the screw (9) instead of i_q (3)."""
+    drive: Drive = NO_DRIVE
+    """What it has beside the paper's plant."""
 
     @cached_property
     def known(self) -> Subsystems:
@@ -100,7 +105,7 @@ class Actuator:
 
 @dataclass(frozen=True)
 class PlantInputs:
-    """What acts on the plant; d_2 is an acceleration, d_3 and d_4 are voltages."""
+    """What acts on the plant; d_2 is an acceleration, d_3 and d_4 are voltages, sag a part of u_max."""
 
     u_q: float = 0.0
     u_d: float = 0.0
@@ -109,6 +114,7 @@ class PlantInputs:
     d_2: float = 0.0
     d_3: float = 0.0
     d_4: float = 0.0
+    sag: float = 0.0
 
 
 def shortened(u_q: float, u_d: float, u_max: float) -> tuple[float, float, bool]:
@@ -119,33 +125,66 @@ def shortened(u_q: float, u_d: float, u_max: float) -> tuple[float, float, bool]
     return u_q * u_max / length, u_d * u_max / length, True
 
 
+def motor_voltage(p: Actuator, x: Vector, u: PlantInputs) -> tuple[float, float, bool]:
+    """What the inverter gives: within the supply, less what dead time takes from each phase."""
+    available = (1.0 - u.sag) * p.u_max
+    u_q, u_d, saturated = shortened(u.u_q, u.u_d, available)
+    if p.drive.dead_time is None:
+        return u_q, u_d, saturated
+    lost = [p.drive.dead_time.lost(i, math.sqrt(3.0) * available) for i in phase_currents(p, x)]
+    e_d, e_q, _ = (2.0 * park(p, float(x[0])) / 3.0) @ lost
+    return u_q + float(e_q), u_d + float(e_d), saturated
+
+
+def force_against(p: Actuator, x: Vector, F_L: float) -> float:
+    """Load, friction and end stops on the screw in N, as the motor feels them."""
+    x_L, v_L = float(x[0]), float(x[1])
+    d = p.drive
+    force = F_L / p.eta_GB if d.eta_back is None else F_L + d.lost_in_gears(F_L, v_L, p.eta_GB)
+    if d.friction is not None:
+        force += d.friction.force(v_L, d.v_0)
+    return force - (d.end_stops.force(x_L, v_L) if d.end_stops is not None else 0.0)
+
+
 def plant_rates(p: Actuator, x: Vector, u: PlantInputs) -> Vector:
     """(26) with d_1 = 0, the load of Table I and the uncertainties (84)."""
-    u_q, u_d, _ = shortened(u.u_q, u.u_d, p.u_max)
+    u_q, u_d, _ = motor_voltage(p, x, u)
     A, g = p.known.A, p.known.g(x)
     F = np.array([0.0, *p.F]) * g
     drive = np.array([x[1], u.i_q_ref if p.torque_from_command else x[2], u_q, u_d])
-    d = np.array([0.0, u.d_2 - p.D_eq * u.F_L / p.known.A_eq, u.d_3 / p.L_q, u.d_4 / p.L_d])
+    load = force_against(p, x, u.F_L) / (p.known.alpha_RL * p.known.A_eq)
+    d = np.array([0.0, u.d_2 - load, u.d_3 / p.L_q, u.d_4 / p.L_d])
     return A * drive + g + F + d
 
 
+def heating(p: Actuator, x: Vector, rise: float) -> float:
+    """Rate of the winding's temperature rise in K/s."""
+    winding = p.drive.winding
+    return 0.0 if winding is None else winding.rate(float(x[2]), float(x[3]), rise, p.R_s)
+
+
 def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
-    """What can be seen of the plant, by the names of its FMU; the sensor is ideal."""
+    """What can be seen of the plant, by the names of its FMU; sensors are ideal."""
     x_L, v_L, i_q, i_d = (float(value) for value in x)
-    u_q, u_d, saturated = shortened(u.u_q, u.u_d, p.u_max)
+    u_q, u_d, saturated = motor_voltage(p, x, u)
     magnet_current = u.i_q_ref if p.torque_from_command else i_q
+    winding = p.drive.winding
     return {
         "x_L": x_L,
         "v_L": v_L,
         "i_q": i_q,
         "i_d": i_d,
         "x_measured": x_L,
+        "i_q_measured": i_q,
+        "i_d_measured": i_d,
+        "inverter.u_available": (1.0 - u.sag) * p.u_max,
         "a_L": float(plant_rates(p, x, u)[1]),
         "tau_m": 1.5 * p.N_p * (i_q * i_d * p.L_d + magnet_current * p.Phi_PM - i_d * i_q * p.L_q),
         "omega_m": p.known.alpha_RL * v_L,
         "inverter.u_q": u_q,
         "inverter.u_d": u_d,
         "inverter.saturated": float(saturated),
+        "motor.load": 0.0 if winding is None else winding.load(i_q, i_d),
         "P_el": 1.5 * ((u_q + u.d_3) * i_q + (u_d + u.d_4) * i_d),
         "P_L": u.F_L * v_L,
         **dict(zip(("phase.i_a", "phase.i_b", "phase.i_c"), phase_currents(p, x), strict=True)),
@@ -154,10 +193,14 @@ def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
 
 def phase_currents(p: Actuator, x: Vector) -> list[float]:
     """The currents that (2) turns into i_d, i_q and 0."""
-    angle, third = p.N_p * p.known.alpha_RL * float(x[0]), 2.0 * math.pi / 3.0
+    return np.linalg.solve(2.0 * park(p, float(x[0])) / 3.0, [x[3], x[2], 0.0]).tolist()
+
+
+def park(p: Actuator, x_L: float) -> Vector:
+    """The matrix of (2) without its factor 2/3: rows d, q and zero sequence."""
+    angle, third = p.N_p * p.known.alpha_RL * x_L, 2.0 * math.pi / 3.0
     shifted = np.array([angle, angle - third, angle + third])
-    T = np.array([np.cos(shifted), -np.sin(shifted), np.full(3, 0.5)])
-    return np.linalg.solve(2.0 * T / 3.0, [x[3], x[2], 0.0]).tolist()
+    return np.array([np.cos(shifted), -np.sin(shifted), np.full(3, 0.5)])
 
 
 # ---- observer ------------------------------------------------------------------------------
@@ -237,6 +280,7 @@ def observer_outputs(o: Observer, t: float, s: Vector, y: float) -> dict[str, fl
     names = ("x_hat", "v_hat", "d_hat", "eta_hat")
     return {
         **dict(zip(names, s.tolist(), strict=True)),
+        "d_hat": 0.0,
         "y_bar": float(y - s[0]),
         "f": observer_f(o, t, s, y),
     }
@@ -443,10 +487,12 @@ class Surroundings:
     cosine_4: Wave = (0.0, 0.0, 0.0)
     d_2_is_force: bool = False
     """Read (82) in N: it then acts against the load force."""
+    sag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What the supply lacks as a fraction, from when on and for how long in s."""
 
 
 def disturbance(s: Surroundings, t: float, v_L: float) -> dict[str, float]:
-    """F_L, d_2, d_3, d_4 by name."""
+    """F_L, d_2, d_3, d_4 and the supply's sag by name."""
     points, forces = [0.0], [s.levels[0]]
     for i, start in enumerate(s.level_starts):
         points += [start, start + s.ramp]
@@ -462,6 +508,7 @@ def disturbance(s: Surroundings, t: float, v_L: float) -> dict[str, float]:
         "d_2": 0.0 if s.d_2_is_force else d_2,
         "d_3": d_3,
         "d_4": a * math.cos(omega * t + phase),
+        "supply.sag": s.sag[0] if s.sag[1] <= t < s.sag[1] + s.sag[2] else 0.0,
     }
 
 
@@ -493,7 +540,8 @@ def joint_rates(j: Joint, t: float, s: Vector) -> Vector:
     believed = (estimate[0], estimate[1], x[2], x[3])
     signals = control(j.controller, theta, believed, reference(j.motion, t), float(estimate[2]), z)
     outside = disturbance(j.surroundings, t, float(x[1]))
-    u = PlantInputs(signals.u_q, signals.u_d, signals.i_q_ref, **outside)
+    sag = outside.pop("supply.sag")
+    u = PlantInputs(signals.u_q, signals.u_d, signals.i_q_ref, sag=sag, **outside)
     return np.concatenate(
         [
             plant_rates(j.plant, x, u),
