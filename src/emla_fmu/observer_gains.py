@@ -68,10 +68,20 @@ def robust(w: float = 4000.0) -> ObserverGains:
     )
 
 
-PUBLISHED = {"lift": published(1.0), "tilt": published(0.5), "telescope": published(0.2)}
+PUBLISHED = {
+    "lift": published(1.0),
+    "tilt": published(0.5),
+    "telescope": published(0.2),
+    "prototype": published(1.0),  # assumed: no observer of the experiments is printed
+}
 """(85) to (87) by joint."""
 
-ROBUST = {"lift": robust(), "tilt": robust(), "telescope": robust()}
+ROBUST = {
+    "lift": robust(),
+    "tilt": robust(),
+    "telescope": robust(),
+    "prototype": robust(800.0),  # at 1 kHz
+}
 """Repaired gains by joint."""
 
 
