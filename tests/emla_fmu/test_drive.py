@@ -254,7 +254,7 @@ def test_a_stop_holds_a_drive_at_its_largest_speed(name: str) -> None:
     values = start_values(EmlaPlant, emla, asdict(DRIVES[name]))
     plant = started({**values, "start.x_L": emla.q_UB - 1e-4, "v_L": emla.v_max})
     deepest = 0.0
-    for _ in range(1000):
+    for _ in range(2500):
         plant.do_step(plant.time, H)
         deepest = max(deepest, plant["x_L"] - emla.q_UB)
     # 10 mm hold all inertia; damping, friction and back-EMF shorten the way
