@@ -18,6 +18,8 @@ block Observer "Adaptive robust observer of screw position and speed"
     annotation(Placement(transformation(extent = {{-120, 40}, {-100, 60}})));
   Interfaces.RealInput i_q_ref(unit = "A", nominal = 10.0) "Commanded q-axis current i_q*, used with use_model"
     annotation(Placement(transformation(extent = {{-120, -60}, {-100, -40}})));
+  Interfaces.RealInput i_q(unit = "A", nominal = 10.0) "Measured q-axis current, used with model_current = measured"
+    annotation(Placement(transformation(extent = {{-120, -10}, {-100, 10}})));
 
   parameter Real alpha_1(unit = "1/s", min = 1e-9) = 0.3192 "Gain on the position estimate";
   parameter Real alpha_2(unit = "1/s2", min = 1e-9) = 0.3129 "Gain on the speed estimate";
@@ -38,6 +40,8 @@ block Observer "Adaptive robust observer of screw position and speed"
     annotation(Placement(transformation(extent = {{100, 30}, {120, 50}})));
   Interfaces.RealOutput eta_hat(start = start.eta_hat, fixed = true, min = 0.0) "Estimated bound of the uncertainty"
     annotation(Placement(transformation(extent = {{100, -10}, {120, 10}})));
+  Interfaces.RealOutput d_hat(unit = "m/s2") "Estimated disturbance of the screw's acceleration"
+    annotation(Placement(transformation(extent = {{-10, 100}, {10, 120}}, rotation = 90)));
   Interfaces.RealOutput y_bar(unit = "m") "Innovation y - x_hat"
     annotation(Placement(transformation(extent = {{100, -50}, {120, -30}})));
   Interfaces.RealOutput f "Robust term of (21)"
@@ -54,6 +58,7 @@ protected
   Real bound "Bound of the robust term, eta_hat H (25)";
   Real modelled(unit = "m/s2") "B u + g of (20)";
 equation
+  d_hat = 0.0;
   y_bar = y - x_hat;
   y_bar_abs = noEvent(abs(y_bar));
   H = H_0 * (cos(y) ^ 4 + sin(y) ^ 4);
