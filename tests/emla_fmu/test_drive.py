@@ -145,6 +145,7 @@ def lossy(draw: st.DrawFn) -> dict[str, float]:
         "v_S": draw(st.floats(1e-3, 2e-2)),
         "v_0": draw(st.floats(1e-4, 1e-2)),
         "dead_time": draw(st.floats(0.0, 5e-6)),
+        "i_0": draw(st.floats(3.0, 9.0)),  # less makes the current stiff
         "stop_stiffness": draw(st.floats(1e7, 2e9)),
         "stop_damping": draw(st.floats(0.0, 20.0)),
     }
@@ -156,7 +157,7 @@ def test_nothing_gives_power(
     values: dict[str, float], x: float, v_L: float, i_q: float, i_d: float, F_L: float
 ) -> None:
     """At any point: friction, gears and dead time take power; a stop what its spring does not store."""
-    fixed = {"N_p": 8, "rho": 1 / 7, "lead": 0.02, "u_max": 445.0, "sag": 0.0, "f_PWM": 1e4, "i_0": 0.5}
+    fixed = {"N_p": 8, "rho": 1 / 7, "lead": 0.02, "u_max": 445.0, "sag": 0.0, "f_PWM": 1e4}
     acting = {"x_L": 0.3 * x, "v_L": 0.2 * v_L, "i_q": 99.0 * i_q, "i_d": 99.0 * i_d, "F_L": 6e4 * F_L}
     v = SimpleNamespace(**values, **fixed, **acting, q_LB=-0.1, q_UB=0.1)
     rounding = 1e-9
@@ -198,7 +199,7 @@ def test_a_plant_in_motion_never_makes_energy(
         powers.append(plant["P_el"] - plant["P_L"])
         sizes.append(stored() + abs(plant["P_el"]) * 200 * h)
     came_in = float(simpson(powers, dx=h))
-    assert stored() - before - came_in <= 1e-5 * max(sizes)
+    assert stored() - before - came_in <= 1e-4 * max(sizes)
 
 
 def test_efficiency_by_the_direction_of_power() -> None:
@@ -254,7 +255,7 @@ def test_a_stop_holds_a_drive_at_its_largest_speed(name: str) -> None:
     values = start_values(EmlaPlant, emla, asdict(DRIVES[name]))
     plant = started({**values, "start.x_L": emla.q_UB - 1e-4, "v_L": emla.v_max})
     deepest = 0.0
-    for _ in range(1000):
+    for _ in range(2500):
         plant.do_step(plant.time, H)
         deepest = max(deepest, plant["x_L"] - emla.q_UB)
     # 10 mm hold all inertia; damping, friction and back-EMF shorten the way

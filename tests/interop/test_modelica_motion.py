@@ -30,6 +30,9 @@ from tests.support.simulated import simulated
 FUNCTIONS = {"sin": np.sin, "cos": np.cos, "exp": np.exp}
 
 
+CURRENT_DRAWS = ("random", "noise_q", "noise_d")
+
+
 @dataclass(frozen=True)
 class Motion:
     """A block with start values, and inputs as expressions of `time` that Modelica and Python read alike.
@@ -56,7 +59,8 @@ class Motion:
         moving = (State, DiscreteState, Output)
         names = [s.name for s in SCALARS[self.model].values() if isinstance(s.variable, moving)]
         ideal = "sensor.sigma" not in self.values
-        unknown = {"sensor.random", "sensor.noise"} if ideal else set()
+        drawn = ("sensor.random", "sensor.noise", *(f"sensor.current.{n}" for n in CURRENT_DRAWS))
+        unknown = set(drawn) if ideal else set()
         return [n for n in names if name_in(self.model, n) is not None and n not in unknown]
 
     def in_modelica(self) -> dict[str, Array]:
@@ -113,6 +117,7 @@ PLANT_INPUTS = {
     "d_2": "0.8 * sin(8.0 * time) + 0.7 * sin(20.0 * time)",
     "d_3": "0.42 * cos(8.0 * time)",
     "d_4": "-0.15 * cos(12.0 * time)",
+    "supply.sag": "0.1 * sin(9.0 * time) * sin(9.0 * time)",
 }
 PLANT = {  # a number wherever the default makes a term vanish
     "motor.L_d": 2.0e-3,
@@ -132,6 +137,26 @@ PLANT = {  # a number wherever the default makes a term vanish
     "i_q": 5.0,
     "i_d": 2.0,
 }
+DRIVE = {  # what a drive has beside the paper's plant, smooth enough for the tolerance
+    "inverter.dead_time": 2e-6,
+    "inverter.f_PWM": 1e4,
+    "inverter.i_0": 5.0,
+    "friction.F_C": 300.0,
+    "friction.F_S": 450.0,
+    "friction.v_S": 0.03,
+    "friction.v_0": 0.01,
+    "gearbox.directional": True,
+    "gearbox.eta_back": 0.7,
+    "stop.stiffness": 4e8,
+    "stop.damping": 3.0,
+    "screw.q_LB": 0.2995,
+    "screw.q_UB": 0.3005,
+    "motor.i_N": 10.0,
+    "motor.permitted_rise": 80.0,
+    "motor.tau_th": 0.5,
+}
+WINDING = frozenset({"motor.load", "motor.temperature_rise"})
+"""What rests while no rated current is given."""
 OBSERVER_INPUTS = {
     "y": "0.245 + 0.004 * sin(6.0 * time) - 0.002 * cos(15.0 * time)",
     "i_q_ref": "4.0 * cos(7.0 * time)",
@@ -226,20 +251,33 @@ DISTURBANCE = {
     "d_4.amplitude": -0.15,
     "d_4.omega": 12.0,
     "d_4.phase": 0.5,
+    "supply.depth": 0.2,
+    "supply.start": 0.3005,
+    "supply.duration": 0.1,
 }
 SPEED = {"v_L": "0.06 * sin(2.0 * time)"}
 
 MOTIONS = {
-    "plant": Motion("EmlaPlant", PLANT, PLANT_INPUTS),
-    "plant driven by the command": Motion("EmlaPlant", {**PLANT, "torque_source": 2}, PLANT_INPUTS),
-    "plant with a sensor": Motion(
+    "plant": Motion("EmlaPlant", PLANT, PLANT_INPUTS, rests=WINDING),
+    "plant driven by the command": Motion(
+        "EmlaPlant", {**PLANT, "torque_source": 2}, PLANT_INPUTS, rests=WINDING
+    ),
+    "plant of a drive": Motion("EmlaPlant", {**PLANT, **DRIVE}, PLANT_INPUTS, tolerance=1e-6),
+    "plant with sensors": Motion(
         "EmlaPlant",
-        {"sensor.sigma": 5e-6, "sensor.resolution": 1e-6, "sensor.seed": 12345},
+        {
+            "sensor.sigma": 5e-6,
+            "sensor.resolution": 1e-6,
+            "sensor.seed": 12345,
+            "sensor.current.sigma": 0.02,
+            "sensor.current.resolution": 0.01,
+            "sensor.current.seed": 54321,
+        },
         {"u_q": "5.0 * sin(40.0 * time)"},
         step=1e-4,  # sensor.period
         count=500,
         every=1,
-        rests=frozenset({"inverter.u_d", "inverter.saturated", "P_L"}),
+        rests=WINDING | {"inverter.u_d", "inverter.u_available", "inverter.saturated", "P_L"},
     ),
     "observer": Motion(
         "EmlaObserver", {}, OBSERVER_INPUTS, step=1e-4, count=10000, rests=frozenset({"d_hat"})
