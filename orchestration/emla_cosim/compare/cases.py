@@ -104,6 +104,11 @@ def stability_maps() -> list[Map]:
     return [Map(m["name"], Axis(**m["x"]), Axis(**m["y"])) for m in _read("stability")["map"]]
 
 
+def stability_stop_time() -> float:
+    """When runs of maps end in s unless told otherwise."""
+    return float(_read("stability")["stop_time"])
+
+
 def _read(name: str) -> dict[str, Any]:
     return tomllib.loads((files("emla_cosim.study") / "cases" / f"{name}.toml").read_text(encoding="utf-8"))
 

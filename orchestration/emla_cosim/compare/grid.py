@@ -16,6 +16,11 @@ class Cell(NamedTuple):
     lost: bool = False
 
 
+def rounded(value: float) -> str:
+    """A number with three digits, or more where it has more before the point; no power of ten for large ones."""
+    return f"{value:.3g}" if abs(value) < 1e3 else f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
+
+
 @dataclass(frozen=True)
 class Grid:
     """A table with its title, the sentences under it, and the numbers of rows before which a line is drawn."""

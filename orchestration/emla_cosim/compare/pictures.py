@@ -12,6 +12,7 @@ from ..study.paper import PRINTED
 from .cases import stability_maps
 from .result import PAPER, ROBUSTNESS, STABILITY, CompareResult
 from .rows import HELD, SHOWN, Row, of_entrant
+from .grid import rounded
 from .tables import grouped, lost
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def _bars(result: CompareResult) -> "Figure":
             axes.barh(names, values, color=[_color(result, n) for n in names], height=0.7)
             for place, row in enumerate(rows):
                 if not row[HELD]:
-                    axes.annotate(f" {lost(row)}", (0.02, place), ("axes fraction", "data"), **_TOLD)
+                    axes.text(0.02, place, lost(row), transform=axes.get_yaxis_transform(), **_TOLD)
             if result.table == PAPER and (said := _printed(scenario, joint, name)) is not None:
                 axes.axvline(shown.factor * said, color="black", lw=1.0, ls=":")
             axes.set_xscale("symlog", linthresh=0.1 if shown.unit == "µm" else 0.01)
@@ -170,7 +171,7 @@ def _limits(errors: Vector) -> Vector:
 def _write(axes: "Axes", x: int, y: int, row: Row | None, norm: Any) -> None:
     if row is None:
         return
-    text = f"{_error(row):.2g}" if row[HELD] else lost(row).replace("lost at ", "lost\n")
+    text = rounded(_error(row)) if row[HELD] else lost(row).replace("lost at ", "lost\n")
     dark = not row[HELD] or norm(_error(row)) < 0.45
     axes.text(
         x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6, color="white" if dark else "black"
@@ -204,7 +205,7 @@ def _maps(result: CompareResult) -> "dict[str, Figure]":
                     axes.set_title(entrant.replace("/", "\n"), fontsize=9)
             axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
         figure.supxlabel(one.x.label, fontsize=9)
-        figure.suptitle(f"Where it holds (blue) and where it is lost (red): {one.name}", fontsize=11)
+        figure.suptitle(f"{one.name}\nblue: holds, red: lost", fontsize=10)
         found[f"stability-{number}"] = figure
     return found
 
