@@ -412,7 +412,7 @@ def test_plant_at_random_points() -> None:
         v = values(given, acting, torque_source=float(source), F_2=F[0], F_3=F[1], F_4=F[2])
         v = values(vars(v), switched, IDEAL_SENSORS, delay=0.0, u_q_late=0.0, u_d_late=0.0)
         v = values(vars(v), dict(zip(("x_L", "v_L", "i_q", "i_d"), x.tolist(), strict=True)))
-        v.temperature_rise = rise
+        v.temperature_rise, v.u_measured = rise, p.u_max * (1.0 - acting["sag"])  # sampled when it is steady
         # terms of either sign add up: 3 or 4 of 16 digits are lost; electrical angles of 1e4 rad are
         # known to 2e-12 rad, and so are the parts of 150 A that dead time depends on
         expected = [*paper.plant_rates(p, x, u), paper.heating(p, x, rise)]

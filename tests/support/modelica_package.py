@@ -27,8 +27,8 @@ MOVED = {
 }
 """Variables that change, and stand in a group of parameters by their FMI name."""
 
-DELAYED = ("delay", "u_q_late", "u_d_late", "u_q_line", "u_d_line")
-"""What belongs to the inverter's computing delay."""
+DELAYED = ("delay", "u_q_late", "u_d_late", "u_q_line", "u_d_line", "u_measured")
+"""What the inverter delays: voltages by computing, the supply's by sampling."""
 
 SCALARS = {model: {s.name: s for s in block.layout().scalars} for model, block in MODELS.items()}
 """Every variable of our models by FMI name."""

@@ -280,7 +280,6 @@ def observer_outputs(o: Observer, t: float, s: Vector, y: float) -> dict[str, fl
     names = ("x_hat", "v_hat", "d_hat", "eta_hat")
     return {
         **dict(zip(names, s.tolist(), strict=True)),
-        "d_hat": 0.0,
         "y_bar": float(y - s[0]),
         "f": observer_f(o, t, s, y),
     }
