@@ -271,6 +271,9 @@ class EmlaPlant(Block):
 
     random = DiscreteState(seed, name="sensor.random", description="State of the noise generator")
     noise = DiscreteState(0.0, name="sensor.noise", description="Present draw from N(0, 1)")
+    u_measured = DiscreteState(
+        u_max, unit="V", name="inverter.u_measured", description="Voltage that the supply last allowed"
+    )
     random_i = DiscreteState(
         seed_i, name="sensor.current.random", description="State of the currents' noise generator"
     )
@@ -357,8 +360,11 @@ class EmlaPlant(Block):
         }
 
     def update(self, v: Any) -> dict[str, Any]:
-        """Sensor noise, and the voltage of the next communication step."""
-        return {**sensors.drawn(v), **inverter.delayed(v)}
+        """Sensor noise, the voltage of the next communication step, and what the supply allows.
+
+        The last one is sampled, so that who is told of the supply need not wait for who disturbs it.
+        """
+        return {**sensors.drawn(v), **inverter.delayed(v), "u_measured": inverter.available_voltage(v)}
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Sensors, torque, voltages after the inverter, powers, and phase currents."""
@@ -369,7 +375,7 @@ class EmlaPlant(Block):
             "x_measured": sensors.measured_position(v),
             "i_q_measured": i_q_measured,
             "i_d_measured": i_d_measured,
-            "u_available": inverter.available_voltage(v),
+            "u_available": v.u_measured,
             "a_L": self.acceleration(v),
             "tau_m": self.torque(v),
             "omega_m": motion_law.alpha_RL(v) * v.v_L,

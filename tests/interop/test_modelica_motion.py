@@ -160,6 +160,7 @@ WINDING = frozenset({"motor.load", "motor.temperature_rise"})
 OBSERVER_INPUTS = {
     "y": "0.245 + 0.004 * sin(6.0 * time) - 0.002 * cos(15.0 * time)",
     "i_q_ref": "4.0 * cos(7.0 * time)",
+    "i_q": "3.0 * cos(9.0 * time)",
 }
 W = 400.0
 OBSERVER = {  # the repaired gains with slower poles, so that the innovation can be told from rounding
@@ -213,6 +214,17 @@ REPAIRED = {
     "limit.i_max": 300.0,
     "limit.u_max": 1000.0,
 }
+COMPENSATED = {
+    "compensate": True,
+    "limit_speed": True,
+    "weaken_field": True,
+    "measure_supply": True,
+    "omega_u": 200.0,
+    "limit.v_max": 0.08,
+    "limit.u_reserve": 0.2,
+    "limit.u_max": 300.0,
+}
+COMPENSATED_INPUTS = {"d_hat": "0.5 * sin(20.0 * time)", "u_available": "280.0 + 50.0 * sin(35.0 * time)"}
 REFERENCE = {
     **elements("waypoint", 0.05, 0.13, 0.21, 0.30, 0.23, 0.17, 0.11, 0.08, 0.05),
     **elements("move.start", 0.03, 0.15, 0.26, 0.39, 0.50, 0.605, 0.71, 0.80),
@@ -271,9 +283,29 @@ MOTIONS = {
         "EmlaObserver", {}, OBSERVER_INPUTS, step=1e-4, count=10000, rests=frozenset({"d_hat"})
     ),
     "repaired observer": Motion("EmlaObserver", OBSERVER, OBSERVER_INPUTS, rests=frozenset({"d_hat"})),
-    "controller": Motion("RsbaController", {}, CONTROLLER_INPUTS, rests=frozenset({"saturated"})),
+    "compensated observer": Motion(
+        "EmlaObserver", {**OBSERVER, "model_current": 2, "omega_d": W / 3.0}, OBSERVER_INPUTS
+    ),
+    "controller": Motion(
+        "RsbaController", {}, CONTROLLER_INPUTS, rests=frozenset({"saturated", "z_q", "z_d"})
+    ),
     "repaired controller": Motion(
-        "RsbaController", REPAIRED, REPAIRED_INPUTS, step=5e-6, count=20000, every=200
+        "RsbaController",
+        REPAIRED,
+        REPAIRED_INPUTS,
+        step=5e-6,
+        count=20000,
+        every=200,
+        rests=frozenset({"z_q", "z_d"}),
+    ),
+    "compensated controller": Motion(
+        "RsbaController",
+        {**REPAIRED, **COMPENSATED},
+        {**REPAIRED_INPUTS, **COMPENSATED_INPUTS},
+        step=5e-6,
+        count=20000,
+        every=200,
+        tolerance=1.5e-3,  # the FMU knows the voltage of the step before, 5 us late
     ),
     "controller at theta_max": Motion(
         "RsbaController",
@@ -285,18 +317,20 @@ MOTIONS = {
             "limit.theta_max": 3.05,
         },
         REPAIRED_INPUTS,
-        rests=frozenset({"saturated"}),
+        rests=frozenset({"saturated", "z_q", "z_d"}),
     ),
     "controller that stops adapting": Motion(
         "RsbaController",
         {**REPAIRED, "freeze_adaptation": True, "limit.i_max": 450.0, "limit.u_max": 2000.0},
         REPAIRED_INPUTS,
+        rests=frozenset({"z_q", "z_d"}),
         tolerance=2e-3,  # limit.band is 1e-3
     ),
     "controller that stops half of its adapting": Motion(
         "RsbaController",
         {**REPAIRED, "freeze_adaptation": True, "limit.i_max": 450.0, "limit.u_max": 1e6},
         REPAIRED_INPUTS,
+        rests=frozenset({"z_q", "z_d"}),
         tolerance=2e-3,
     ),
     "reference": Motion("Reference", REFERENCE, step=1e-3, count=1200, every=7),

@@ -42,6 +42,8 @@ def name_in(model: str, fmi_name: str) -> str | None:
         return None
     if fmi_name == "solver.internal_step" and model != "RsbaController":  # tools have their own solvers
         return None
+    if fmi_name == "interpolate" or fmi_name.startswith("before."):  # continuous inputs need no last values
+        return None
     if fmi_name in MOVED:
         return MOVED[fmi_name]
     if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(DELAYED):

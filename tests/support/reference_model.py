@@ -226,6 +226,10 @@ class Observer:
     """Acceleration per commanded current, as the observer knows it."""
     friction: float = 3.67 / 35.26
     """B_eq / A_eq as the observer knows it, 1/s."""
+    measures_current: bool = False
+    """Whether B u is made of the measured current instead of the commanded one."""
+    omega_d: float = 0.0
+    """Gain of the estimated disturbance over that of the speed, 1/s."""
 
     @cached_property
     def A_bar(self) -> Vector:
@@ -255,24 +259,25 @@ class Observer:
 
 
 def observer_f(o: Observer, t: float, s: Vector, y: float) -> float:
-    """(21); s = (x_hat, v_hat, eta_hat)."""
-    y_bar, eta_H = y - s[0], s[2] * o.H(y)
+    """(21); s = (x_hat, v_hat, d_hat, eta_hat)."""
+    y_bar, eta_H = y - s[0], s[3] * o.H(y)
     return float(eta_H**2 * y_bar / (eta_H * abs(y_bar) + o.m(t)))
 
 
-def observer_rates(o: Observer, t: float, s: Vector, y: float, i_q_ref: float) -> Vector:
-    """(20) with A = [0 1; 0 0], B = [0; A_2], C = [1 0], and (23)."""
-    x_hat, v_hat, eta_hat = s
+def observer_rates(o: Observer, t: float, s: Vector, y: float, i_q_ref: float, i_q: float = 0.0) -> Vector:
+    """(20) with A = [0 1; 0 0], B = [0; A_2], C = [1 0], and (23); d_hat integrates the innovation."""
+    x_hat, v_hat, d_hat, eta_hat = s
     y_bar = y - x_hat
-    model = o.A_2 * i_q_ref - o.friction * v_hat if o.knows_command else 0.0
-    x_hat_rate = np.array([v_hat, model]) + np.array(o.alpha) * y_bar + o.p_inverse_C * observer_f(o, t, s, y)
+    model = o.A_2 * (i_q if o.measures_current else i_q_ref) - o.friction * v_hat if o.knows_command else 0.0
+    known = np.array([v_hat, model + d_hat])
+    x_hat_rate = known + np.array(o.alpha) * y_bar + o.p_inverse_C * observer_f(o, t, s, y)
     eta_hat_rate = -o.m(t) * o.ell * eta_hat + o.ell * o.H(y) * abs(y_bar)
-    return np.array([*x_hat_rate, eta_hat_rate])
+    return np.array([*x_hat_rate, o.omega_d * o.alpha[1] * y_bar, eta_hat_rate])
 
 
 def observer_outputs(o: Observer, t: float, s: Vector, y: float) -> dict[str, float]:
     """What can be seen of the observer, by the names of its FMU."""
-    names = ("x_hat", "v_hat", "eta_hat")
+    names = ("x_hat", "v_hat", "d_hat", "eta_hat")
     return {
         **dict(zip(names, s.tolist(), strict=True)),
         "d_hat": 0.0,
@@ -308,6 +313,16 @@ class Controller:
     """Time in s that theta would at least take to theta_max."""
     freeze: bool = False
     """Whether adaptation rests while the actuator saturates, and ends at theta_max."""
+    compensate: bool = False
+    """Whether u_2 takes off the estimated disturbance."""
+    v_max: float = math.inf
+    """Speed that a_1 may ask for, beside that of the reference; infinite is none at all."""
+    weaken: bool = False
+    """Whether i_d* makes room for i_q* in the voltage."""
+    u_reserve: float = 0.1
+    """Part of u_max that i_d* leaves."""
+    omega_u: float = 0.0
+    """Bandwidth of the estimates of the voltages that act unknown, 1/s."""
 
 
 @dataclass(frozen=True)
@@ -330,23 +345,57 @@ def approach(c: Controller, k: float, P_1: float) -> float:
     return math.copysign(math.sqrt(2.0 * c.a_max * (e - c.a_max / (2.0 * k**2))), P_1)
 
 
-def control(c: Controller, theta: Vector, x: Sequence[float] | Vector, x_d: Sequence[float]) -> Signals:
+def fastest(c: Controller, v_d: float) -> float:
+    """Speed in m/s that a_1 and reference may have together: v_max with 5 % left, and the base speed."""
+    if math.isinf(c.v_max):
+        return math.inf
+    k = c.known
+    # u_max^2 = (omega Phi)^2 + (omega L_q i_max)^2
+    omega = c.u_max / abs(complex(k.Phi_PM, k.L_q * c.i_max))
+    return max(min(0.95 * c.v_max, omega / (k.N_p * k.alpha_RL)), 1.02 * abs(v_d))
+
+
+def room_for_i_q(c: Controller, i_q: float, v: float) -> tuple[float, float]:
+    """i_d* and the largest i_q in A, of R_s i_q + omega (L_d i_d + Phi) and omega L_q i_q on the circle."""
+    k, u = c.known, (1.0 - c.u_reserve) * c.u_max
+    omega = max(abs(k.N_p * k.alpha_RL * v), 1e-6)
+    largest = u / (omega * k.L_q)
+    kept = min(max(i_q, -largest), largest)
+    v_q = math.sqrt(max(u**2 - (omega * k.L_q * kept) ** 2, 0.0)) - k.R_s * kept * np.sign(v)
+    i_d = (v_q / omega - k.Phi_PM) / k.L_d
+    return min(max(i_d, -k.Phi_PM / k.L_d), 0.0), largest
+
+
+def control(
+    c: Controller,
+    theta: Vector,
+    x: Sequence[float] | Vector,
+    x_d: Sequence[float],
+    d_hat: float = 0.0,
+    z: Sequence[float] | Vector = (0.0, 0.0),
+) -> Signals:
     """Algorithm 2; x is what is measured or estimated, x_d = (x_1d, x_2d, derivative of x_2d)."""
     A, g = c.known.A, c.known.g(x)
-    gain = 0.5 * (np.array(c.beta) + np.array(c.zeta) * theta)
+    gain = 0.5 * (np.array(c.beta) + np.array(c.zeta) * theta[:4])
+    d = (0.0, d_hat if c.compensate else 0.0, c.omega_u * (x[2] - z[0]), c.omega_u * (x[3] - z[1]))
 
-    def W(i: int, P_i: float) -> float:  # (41)
-        return float(-(gain[i - 1] * P_i + g[i - 1]) / A[i - 1])
+    def W(i: int, P_i: float) -> float:  # (41), less what is estimated
+        return float(-(gain[i - 1] * P_i + g[i - 1] + d[i - 1]) / A[i - 1])
 
     P_1 = x[0] - x_d[0]
-    a_1 = -approach(c, float(gain[0]), P_1) - (x_d[1] if c.x_2d_in_a_1 else 0.0)  # (31)
+    most = fastest(c, x_d[1])
+    wanted = min(max(x_d[1] - approach(c, float(gain[0]), P_1), -most), most) - x_d[1]
+    a_1 = wanted - (x_d[1] if c.x_2d_in_a_1 else 0.0)  # (31)
     P_2 = x[1] - x_d[1] - a_1
     u_2 = W(2, P_2) - P_1 * A[0] / A[1] + (x_d[2] / A[1] if c.feed_acceleration else 0.0)
-    i_q_ref = min(max(u_2, -c.i_max), c.i_max)
-    P_3, P_4 = x[2] - i_q_ref, x[3]
+    i_d_ref, largest = room_for_i_q(c, u_2, float(x[1])) if c.weaken else (0.0, math.inf)
+    i_max = min(c.i_max, largest)
+    i_q_ref = min(max(u_2, -i_max), i_max) if math.isfinite(c.i_max) else u_2
+    P_3, P_4 = x[2] - i_q_ref, x[3] - i_d_ref
     u_q, u_d, voltage_limited = shortened(W(3, P_3), W(4, P_4), c.u_max)
     P = np.array([P_1, P_2, P_3, P_4])
-    return Signals(float(i_q_ref), u_q, u_d, P, bool(abs(u_2) > c.i_max), voltage_limited)
+    limited = math.isfinite(c.i_max) and bool(abs(u_2) > i_max)
+    return Signals(float(i_q_ref), u_q, u_d, P, limited, voltage_limited)
 
 
 def adaptation(c: Controller, theta: Vector, s: Signals) -> Vector:
@@ -362,7 +411,20 @@ def adaptation(c: Controller, theta: Vector, s: Signals) -> Vector:
     return rates
 
 
-def controller_outputs(theta: Vector, s: Signals) -> dict[str, float]:
+def currents_of_known(
+    c: Controller, x: Sequence[float] | Vector, z: Sequence[float] | Vector, s: Signals
+) -> Vector:
+    """Rates of z_q and z_d: the currents under the voltages that are known and estimated."""
+    if c.omega_u == 0.0:
+        return np.zeros(2)
+    A, g = c.known.A, c.known.g(x)
+    i, u = np.array([x[2], x[3]]), np.array([s.u_q, s.u_d])
+    return A[2:] * u + g[2:] + c.omega_u * (i - np.array(z))
+
+
+def controller_outputs(
+    theta: Vector, s: Signals, z: Sequence[float] | Vector = (0.0, 0.0)
+) -> dict[str, float]:
     """What can be seen of the controller, by the names of its FMU."""
     return {
         **{f"theta[{i + 1}]": float(theta[i]) for i in range(4)},
@@ -370,6 +432,8 @@ def controller_outputs(theta: Vector, s: Signals) -> dict[str, float]:
         "u_d": s.u_d,
         "i_q_ref": s.i_q_ref,
         "saturated": float(s.current_limited or s.voltage_limited),
+        "z_q": float(z[0]),
+        "z_d": float(z[1]),
         **{f"P[{i + 1}]": float(s.P[i]) for i in range(4)},
     }
 
@@ -452,8 +516,8 @@ def disturbance(s: Surroundings, t: float, v_L: float) -> dict[str, float]:
 
 JOINT_STATES = (
     *("x_L", "v_L", "i_q", "i_d"),
-    *("x_hat", "v_hat", "eta_hat"),
-    *("theta[1]", "theta[2]", "theta[3]", "theta[4]"),
+    *("x_hat", "v_hat", "d_hat", "eta_hat"),
+    *("theta[1]", "theta[2]", "theta[3]", "theta[4]", "z_q", "z_d"),
 )
 """Names of the joint's states in the order of its state vector."""
 
@@ -471,18 +535,19 @@ class Joint:
 
 def joint_rates(j: Joint, t: float, s: Vector) -> Vector:
     """Right-hand side of the whole joint, with every exchange between its parts instantaneous."""
-    x, estimate, theta = s[:4], s[4:7], s[7:]
+    x, estimate, theta, z = s[:4], s[4:8], s[8:12], s[12:]
     y = float(x[0])
     believed = (estimate[0], estimate[1], x[2], x[3])
-    signals = control(j.controller, theta, believed, reference(j.motion, t))
+    signals = control(j.controller, theta, believed, reference(j.motion, t), float(estimate[2]), z)
     outside = disturbance(j.surroundings, t, float(x[1]))
     sag = outside.pop("supply.sag")
     u = PlantInputs(signals.u_q, signals.u_d, signals.i_q_ref, sag=sag, **outside)
     return np.concatenate(
         [
             plant_rates(j.plant, x, u),
-            observer_rates(j.observer, t, estimate, y, signals.i_q_ref),
+            observer_rates(j.observer, t, estimate, y, signals.i_q_ref, float(x[2])),
             adaptation(j.controller, theta, signals),
+            currents_of_known(j.controller, believed, z, signals),
         ]
     )
 

@@ -7,15 +7,16 @@ from importlib.resources import files
 from ..recorders.metrics import METRICS
 from ..results.plotting import FIGURES
 from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS
-from . import systems
+from . import experiments, systems
 from .figures import JOINT_FIGURES
 from .metrics import joint_metrics
 
 
 def register() -> None:
     """Make all of it known under its names; again makes no difference."""
-    SYSTEMS.update(systems.SYSTEMS)
-    for name in systems.SYSTEMS:
+    own = systems.SYSTEMS | experiments.SYSTEMS
+    SYSTEMS.update(own)
+    for name in own:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
