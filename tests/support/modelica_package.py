@@ -16,6 +16,9 @@ PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
 CLASSES = {model: model.removeprefix("Emla") for model in MODELS}
 """Name of the class in the package by our model."""
 
+WRITTEN = tuple(m for m in MODELS if m not in ("FocController", "CacController", "AnatcController"))
+"""Models that the package has; it leaves out the controllers that RSBA is compared with."""
+
 RENAMED = {"model": "known", **{name: f"{name}_terms" for name in ("d_2", "d_3", "d_4")}}
 """Groups of parameters whose FMI name is a keyword of Modelica, or the name of an output as well."""
 
