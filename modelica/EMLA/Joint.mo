@@ -68,10 +68,6 @@ equation
     annotation(Line(points = {{-42, 86}, {-80, 86}, {-80, 27}, {-53, 27}}, color = {0, 0, 127}));
   connect(observer.v_hat, controller.v_hat)
     annotation(Line(points = {{-42, 78}, {-74, 78}, {-74, 18}, {-53, 18}}, color = {0, 0, 127}));
-  connect(observer.d_hat, controller.d_hat)
-    annotation(Line(points = {{-42, 74}, {-68, 74}, {-68, -34}, {-53, -34}}, color = {0, 0, 127}));
-  connect(plant.inverter.u_available, controller.u_available)
-    annotation(Line(points = {{121, -33}, {121, -100}, {-90, -100}, {-90, 34}, {-53, 34}}, color = {0, 0, 127}));
   annotation(
     Icon(coordinateSystem(extent = {{-100, -100}, {100, 100}}), graphics = {
       Rectangle(extent = {{-100, 100}, {100, -100}}, lineColor = {60, 60, 60}, fillColor = {255, 255, 255}, fillPattern = FillPattern.Solid),
