@@ -49,6 +49,7 @@ RUNS: dict[str, tuple[dict[str, Any], float, float]] = {
             "i_d": 1.0,
             "motor.L_q": 3e-3,
             "uncertainty.F_2": 0.1,
+            "motor.i_N": 30.0,
         },
         0.1,
         2e-3,
@@ -276,9 +277,9 @@ def test_events_change_nothing_and_announce_nothing(toy: Session) -> None:
 def test_nominal_values_are_those_of_the_block(fmu_folder: Path, tmp_path: Path) -> None:
     with opened(native("EmlaPlant", fmu_folder), tmp_path) as session:
         model = session.instance(kind=FMU2Model)
-        nominals = (fmi2.fmi2Real * 4)()
-        model.getNominalsOfContinuousStates(nominals, 4)
-        assert list(nominals) == [0.1, 0.1, 10.0, 10.0]
+        nominals = (fmi2.fmi2Real * 5)()
+        model.getNominalsOfContinuousStates(nominals, 5)
+        assert list(nominals) == [0.1, 0.1, 10.0, 10.0, 10.0]
 
 
 @pytest.mark.parametrize(

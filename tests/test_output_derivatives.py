@@ -35,6 +35,7 @@ MOVING: dict[str, tuple[dict[str, Any], dict[str, tuple[float, ...]]]] = {
             "i_d": 1.0,
             "motor.L_q": 3e-3,
             "start.x_L": 0.01,
+            "motor.i_N": 30.0,
         },
         {"u_q": (200.0, -1e3), "u_d": (-40.0,), "F_L": (1e3, 1e4, 1e5), "d_2": (2.0,), "d_3": (1.0, 2.0)},
     ),

@@ -19,6 +19,8 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "sensor.sigma": 1e-5,
         "sensor.resolution": 1e-6,
         "sensor.seed": 12345,
+        "sensor.current.sigma": 0.1,
+        "inverter.delay": 3e-3,
         "uncertainty.F_2": 0.1,
         "motor.L_q": 3e-3,
     },
@@ -38,7 +40,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 }
 """Start values that make noise, memory and limits act."""
 
-LARGEST = {"V": 400.0, "A": 100.0, "m": 0.5, "m/s": 0.3, "m/s2": 2.0, "N": 6e4}
+LARGEST = {"V": 400.0, "A": 100.0, "m": 0.5, "m/s": 0.3, "m/s2": 2.0, "N": 6e4, None: 0.5}
 """Inputs up to which they are drawn, by unit."""
 
 TWO_STEPS = [Step(1e-3), Step(2e-3)]

@@ -13,11 +13,10 @@ from emla_cosim.system.model import System
 from fmublock.variables import Input, ScalarVariable, State, Variable
 
 PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
-CLASSES = {model: model.removeprefix("Emla") for model in MODELS}
+COMPARED = {"FocController", "CacController", "AnatcController"}
+"""Controllers that RSBA is compared with: these are FMUs alone."""
+CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model not in COMPARED}
 """Name of the class in the package by our model."""
-
-WRITTEN = tuple(m for m in MODELS if m not in ("FocController", "CacController", "AnatcController"))
-"""Models that the package has; it leaves out the controllers that RSBA is compared with."""
 
 RENAMED = {"model": "known", **{name: f"{name}_terms" for name in ("d_2", "d_3", "d_4")}}
 """Groups of parameters whose FMI name is a keyword of Modelica, or the name of an output as well."""
@@ -30,8 +29,8 @@ MOVED = {
 }
 """Variables that change, and stand in a group of parameters by their FMI name."""
 
-DELAYED = ("delay", "u_q_late", "u_d_late", "u_q_line", "u_d_line", "u_measured")
-"""What the inverter delays: voltages by computing, the supply's by sampling."""
+SAMPLED = ("delay", "u_q_late", "u_d_late", "u_q_line", "u_d_line", "u_measured")
+"""What the inverter has because it is sampled: a computing delay, and the last value of the supply."""
 
 SCALARS = {model: {s.name: s for s in block.layout().scalars} for model, block in MODELS.items()}
 """Every variable of our models by FMI name."""
@@ -49,7 +48,7 @@ def name_in(model: str, fmi_name: str) -> str | None:
         return None
     if fmi_name in MOVED:
         return MOVED[fmi_name]
-    if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(DELAYED):
+    if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(SAMPLED):
         return None  # everything acts at once there
     group, dot, rest = fmi_name.partition(".")
     return RENAMED.get(group, group) + dot + rest if dot else fmi_name
@@ -100,7 +99,7 @@ def modifications(model: str, values: Mapping[str, Any]) -> str:
 
     Of an array, all elements have to be given.
     """
-    groups: dict[str, dict[str, list[str]]] = {}
+    literals: dict[str, list[str]] = {}
     for fmi_name, value in values.items():
         scalar = SCALARS[model][fmi_name]
         name = name_in(model, fmi_name)
@@ -108,9 +107,8 @@ def modifications(model: str, values: Mapping[str, Any]) -> str:
             continue
         name = name.rpartition("[")[0] if scalar.index else name
         name += ".start" if isinstance(scalar.variable, State) else ""
-        group, _, rest = name.partition(".")
-        groups.setdefault(group, {}).setdefault(rest, []).append(_literal(scalar.variable, value))
-    return ", ".join(_modification(group, inside) for group, inside in groups.items())
+        literals.setdefault(name, []).append(_literal(scalar.variable, value))
+    return _modified({name: _array(elements) for name, elements in literals.items()})
 
 
 def joint_source(joint: str, system: System) -> str:
@@ -131,10 +129,17 @@ def declared(model: str) -> Iterator[tuple[ScalarVariable, str]]:
             yield scalar, name.rpartition("[")[0] if scalar.index else name
 
 
-def _modification(group: str, inside: Mapping[str, list[str]]) -> str:
-    if "" in inside:
-        return f"{group} = {_array(inside[''])}"
-    return f"{group}({', '.join(f'{name} = {_array(values)}' for name, values in inside.items())})"
+def _modified(values: Mapping[str, str]) -> str:
+    """Values by dotted name as a modification, group by group, as deep as names go."""
+    groups: dict[str, dict[str, str]] = {}
+    for name, value in values.items():
+        group, _, rest = name.partition(".")
+        groups.setdefault(group, {})[rest] = value
+    texts = (
+        f"{group} = {inside['']}" if "" in inside else f"{group}({_modified(inside)})"
+        for group, inside in groups.items()
+    )
+    return ", ".join(texts)
 
 
 def _array(values: list[str]) -> str:

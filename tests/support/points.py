@@ -48,7 +48,9 @@ def plant_points(draw: Draw) -> Point:
     x_L, sigma, noise = magnitude(draw, 0.01, 0.4), magnitude(draw, 1e-5, 1e-4), signed(draw, 0.1, 2.0)
     quantized = draw(st.booleans())
     steps = draw(st.integers(1, 5)) + draw(st.floats(-0.3, 0.3))
+    sag, F_C = magnitude(draw, 0.01, 0.4), magnitude(draw, 10.0, 1e3)
     values = {
+        "supply.sag": sag,
         "u_q": u_q,
         "u_d": u_d,
         "i_q_ref": signed(draw, 1.0, 100.0),
@@ -71,11 +73,31 @@ def plant_points(draw: Draw) -> Point:
         "screw.M_BS": magnitude(draw, 50.0, 500.0),
         "screw.B_BS": magnitude(draw, 1.0, 100.0),
         "screw.C_eq": magnitude(draw, 0.1, 10.0),
-        "screw.q_LB": signed(draw, 0.1, 1.0),
-        "screw.q_UB": signed(draw, 0.1, 1.0),
+        "screw.q_LB": beside(draw, x_L),
+        "screw.q_UB": beside(draw, x_L),
+        "stop.stiffness": magnitude(draw, 1e3, 1e6),
+        "stop.damping": magnitude(draw, 0.1, 10.0),
+        "friction.F_C": F_C,
+        "friction.F_S": F_C * draw(st.floats(1.1, 3.0)),
+        "friction.v_S": magnitude(draw, 1e-3, 1e-1),
+        "friction.v_0": magnitude(draw, 1e-3, 1e-1),
+        "gearbox.directional": draw(st.booleans()),
+        "gearbox.eta_back": signed(draw, 0.1, 0.9),
+        "motor.i_N": magnitude(draw, 5.0, 50.0),
+        "motor.permitted_rise": magnitude(draw, 10.0, 100.0),
+        "motor.tau_th": magnitude(draw, 1.0, 100.0),
+        "motor.temperature_rise": signed(draw, 1.0, 100.0),
+        "inverter.delay": 0.0,
+        "inverter.dead_time": magnitude(draw, 1e-6, 1e-5),
+        "inverter.f_PWM": magnitude(draw, 1e3, 2e4),
+        "inverter.i_0": magnitude(draw, 1.0, 10.0),
+        "sensor.current.sigma": magnitude(draw, 1e-3, 1e-1),
+        "sensor.current.noise_q": signed(draw, 0.1, 2.0),
+        "sensor.current.noise_d": signed(draw, 0.1, 2.0),
+        "sensor.current.resolution": 0.0,
         "screw.v_max": magnitude(draw, 0.01, 1.0),
         "motor.i_max": magnitude(draw, 1.0, 100.0),
-        "inverter.u_max": math.hypot(u_q, u_d) / beside(draw, 1.0),
+        "inverter.u_max": math.hypot(u_q, u_d) / (1.0 - sag) / beside(draw, 1.0),
         "torque_source": draw(st.integers(1, 2)),
         "uncertainty.F_2": signed(draw, 0.01, 0.2),
         "uncertainty.F_3": signed(draw, 0.01, 0.2),
@@ -89,7 +111,8 @@ def plant_points(draw: Draw) -> Point:
         "i_q": signed(draw, 0.1, 100.0),
         "i_d": signed(draw, 0.1, 100.0),
     }
-    return Point(values, kinks=set() if quantized else {"sensor.resolution"})
+    kinks = {"inverter.delay", "sensor.current.resolution"}
+    return Point(values, kinks=kinks if quantized else kinks | {"sensor.resolution"})
 
 
 @st.composite
@@ -331,6 +354,9 @@ def disturbance_points(draw: Draw) -> Point:
         "d_4.amplitude": signed(draw, 0.1, 10.0),
         "d_4.omega": magnitude(draw, 1.0, 10.0),
         "d_4.phase": signed(draw, 0.1, 3.0),
+        "supply.depth": magnitude(draw, 0.01, 0.5),
+        "supply.start": 5.0,
+        "supply.duration": 1.0,
     }
     for name in ("d_2", "d_3"):
         for i in (1, 2):
