@@ -160,7 +160,7 @@ def test_all_other_models_are_for_both(fmu_folder: Path, tmp_path: Path) -> None
             if session.description.modelExchange is not None:
                 session.instance(kind=FMU2Model)
                 offering.add(name)
-    assert offering == MODELS.keys() - {"Disturbance"}
+    assert offering == MODELS.keys() - {"Disturbance", "SignalFault"}
 
 
 def instantiate(session: Session, slave: Any, kind: int, guid: str | None = None) -> Any:

@@ -32,10 +32,11 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "d_2.decay": 5.0,
         "load.ripple": 9.0,
     },
+    "SignalFault": {"kind": 2, "start": 1e-3, "duration": 2e-3},
 }
 """Start values that make noise, memory and limits act."""
 
-LARGEST = {"V": 400.0, "A": 100.0, "m": 0.5, "m/s": 0.3, "m/s2": 2.0, "N": 6e4}
+LARGEST = {"V": 400.0, "A": 100.0, "m": 0.5, "m/s": 0.3, "m/s2": 2.0, "N": 6e4, None: 1.0}
 """Inputs up to which they are drawn, by unit."""
 
 TWO_STEPS = [Step(1e-3), Step(2e-3)]

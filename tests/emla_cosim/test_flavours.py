@@ -51,6 +51,7 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         start_values(MODELS["RsbaController"], TILT, gains.ROBUST["tilt"]),
         {"x_hat": 1e-3, "v_hat": 0.05, "i_q": 20, "i_d": 5, "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3},
     ),
+    "SignalFault": ({"kind": "freeze", "start": 0.1, "duration": 0.2}, {"u": 0.5}),
 }  # fmt: skip
 
 

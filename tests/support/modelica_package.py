@@ -13,8 +13,8 @@ from emla_cosim.system.model import System
 from fmublock.variables import Input, ScalarVariable, State, Variable
 
 PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
-CLASSES = {model: model.removeprefix("Emla") for model in MODELS}
-"""Name of the class in the package by our model."""
+CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model != "SignalFault"}
+"""Name of the class in the package by our model; faults are no part of the paper's equations."""
 
 RENAMED = {"model": "known", **{name: f"{name}_terms" for name in ("d_2", "d_3", "d_4")}}
 """Groups of parameters whose FMI name is a keyword of Modelica, or the name of an output as well."""
