@@ -19,8 +19,8 @@ from .models import FLAVOURS, PLATFORMS
 from .option import EXPORT, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
+from .system.fault import Fault, read_faults
 from .system.model import Replacement, Value
-from .system.signal_faults import Fault, read_faults
 from .tubes.tolerance import Tolerance, read_tolerances
 from .values import converted
 

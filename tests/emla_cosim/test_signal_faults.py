@@ -21,8 +21,9 @@ from emla_cosim.loading import load
 from emla_cosim.master.network import Link, order_with_followers, stepping_order
 from emla_cosim.models import FLAVOURS, build
 from emla_cosim.sweep.targets import as_arguments
+from emla_cosim.system.fault import KINDS, Fault, read_faults
 from emla_cosim.system.resolution import transformed
-from emla_cosim.system.signal_faults import KINDS, Fault, read_faults, with_components, with_faults
+from emla_cosim.system.signal_faults import with_components, with_faults
 from emla_cosim.units import Unit
 from emla_fmu import FaultKind, SignalFault
 from fmublock.instance import Instance
