@@ -13,9 +13,9 @@ from emla_cosim.system.model import System
 from fmublock.variables import Input, ScalarVariable, State, Variable
 
 PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
-COMPARED = {"FocController", "CacController", "AnatcController"}
-"""Controllers that RSBA is compared with: these are FMUs alone."""
-CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model not in COMPARED}
+MISSING = {"FocController", "CacController", "AnatcController", "SignalFault"}
+"""FMUs alone: the controllers that RSBA is compared with, and faults."""
+CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model not in MISSING}
 """Name of the class in the package by our model."""
 
 RENAMED = {"model": "known", **{name: f"{name}_terms" for name in ("d_2", "d_3", "d_4")}}

@@ -18,7 +18,7 @@ from .distributions import Distribution, distribution
 from .reserved import RESERVED
 from .targets import FMU, OPTION, START, Target, assigned
 
-_FIXED = (*OF_THE_COMMAND, "set", "mapping", "isolate", "fmus", "require", "compiled", "signals")
+_FIXED = (*OF_THE_COMMAND, "set", "mapping", "fault", "isolate", "fmus", "require", "compiled", "signals")
 """Options that are the same for all variants."""
 
 
