@@ -1,8 +1,33 @@
 """The adaptive robust observer of screw position and speed."""
 
+from enum import IntEnum
 from typing import Any
 
-from fmublock import Block, DefaultExperiment, Input, Output, Parameter, State, cos, exp, sin
+from fmublock import (
+    Block,
+    DefaultExperiment,
+    DiscreteState,
+    Input,
+    Output,
+    Parameter,
+    State,
+    clamp,
+    cos,
+    exp,
+    logical_and,
+    maximum,
+    sin,
+    where,
+)
+
+
+class ModelCurrent(IntEnum):
+    """Which q-axis current the observer's model is driven by."""
+
+    COMMAND = 1
+    """The commanded current i_q* of (20)."""
+    MEASURED = 2
+    """The measured current: what the motor has, whatever was asked of it."""
 
 
 class EmlaObserver(Block):
@@ -12,8 +37,18 @@ class EmlaObserver(Block):
     and eta_hat work against it. p is the solution of the Lyapunov equation (18) for the given
     alpha and Q: Algorithm 1 draws Q at random, which only p's size would notice.
 
-    With `use_model` B u + g is the commanded torque and the viscous friction of the estimated
-    speed; C_eq and the reluctance torque of g_2 are left out.
+    With `use_model` B u + g is the torque of the current that `model_current` chooses, and the
+    viscous friction of the estimated speed; C_eq and the reluctance torque of g_2 are left out.
+
+    Departures, each a switch of its own:
+
+    - `omega_d`: an estimate d_hat of everything that the model does not know, load included, is
+      added to (20). It integrates the innovation, d_hat' = omega_d alpha_2 y_bar, so that a
+      constant K leaves no error of position or speed; with alpha_1 = 3 p, alpha_2 = 3 p^2 and
+      omega_d = p / 3 all three poles are at -p. Needs `use_model`.
+    - `interpolate`: y and i_q are held by who steps this block, and held at the end of the step
+      they put x_hat half a step ahead. They move on a straight line from their last values
+      instead. The first step, and one of another length than the last, see what is held.
 
     Norms: the paper calls ||.|| the squared norm (after (19)). Here ||y_bar|| is the absolute
     value in (21) and (23): only then is |f| <= eta_hat H, as (25) and the stability proof need.
@@ -48,6 +83,13 @@ class EmlaObserver(Block):
         True,
         description="Include B u + g of (20): commanded torque and viscous friction",
     )
+    model_current = Parameter(
+        ModelCurrent.COMMAND, description="Current of B u: the commanded or the measured one"
+    )
+    omega_d = Parameter(
+        0.0, unit="1/s", minimum=0.0, description="Bandwidth of the estimated disturbance d_hat; 0 is none"
+    )
+    interpolate = Parameter(False, description="Let y and i_q move on a line during a step")
     N_p = Parameter(
         8, minimum=1, name="model.N_p", description="Number of pole pairs, as the observer knows it"
     )
@@ -79,41 +121,60 @@ class EmlaObserver(Block):
         x_hat_start, unit="m", nominal=0.1, description="Estimated screw position", terminal="estimate"
     )
     v_hat = State(0.0, unit="m/s", nominal=0.1, description="Estimated screw speed", terminal="estimate")
+    d_hat = State(
+        0.0, unit="m/s2", description="Estimated disturbance of the screw's acceleration", terminal="estimate"
+    )
     eta_hat = State(eta_hat_start, minimum=0.0, description="Estimated bound of the uncertainty")
 
-    d_hat = Output(
-        unit="m/s2", description="Estimated disturbance of the screw's acceleration", terminal="estimate"
-    )
+    y_before = DiscreteState(0.0, unit="m", name="before.y", description="Position at the last step's end")
+    i_before = DiscreteState(0.0, unit="A", name="before.i_q", description="Current at the last step's end")
+    t_before = DiscreteState(0.0, unit="s", name="before.time", description="The last step's end")
+    h_before = DiscreteState(0.0, unit="s", name="before.step", description="The last step's length")
+
     y_bar = Output(unit="m", description="Innovation y - x_hat")
     f = Output(description="Robust term of (21)")
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """(20) with A = [0 1; 0 0], C = [1 0], and (23)."""
-        y_bar = v.y - v.x_hat
-        f = self.robust_term(v)
+        y = self.moving(v, v.y, v.y_before)
+        y_bar = y - v.x_hat
+        f = self.robust_term(v, y)
         p_11, p_12, p_22 = self.lyapunov_solution(v)
         determinant = p_11 * p_22 - p_12 * p_12
-        torque = 1.5 * v.N_p * v.Phi_PM * v.i_q_ref
-        model = v.use_model * (torque - v.B_eq * v.v_hat) / v.A_eq
+        measured = self.moving(v, v.i_q, v.i_before)
+        current = where(v.model_current == ModelCurrent.MEASURED, measured, v.i_q_ref)
+        torque = 1.5 * v.N_p * v.Phi_PM * current
+        model = v.use_model * (torque - v.B_eq * v.v_hat) / v.A_eq + v.d_hat
         return {
             "x_hat": v.v_hat + v.alpha_1 * y_bar + p_22 / determinant * f,
             "v_hat": model + v.alpha_2 * y_bar - p_12 / determinant * f,
-            "eta_hat": -self.m(v) * v.ell * v.eta_hat + v.ell * self.H(v) * abs(y_bar),
+            "d_hat": v.omega_d * v.alpha_2 * y_bar,
+            "eta_hat": -self.m(v) * v.ell * v.eta_hat + v.ell * self.H(v, y) * abs(y_bar),
         }
+
+    def update(self, v: Any) -> dict[str, Any]:
+        """What `interpolate` needs of the step that ends."""
+        return {"y_before": v.y, "i_before": v.i_q, "t_before": v.time, "h_before": v.time - v.t_before}
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Innovation and robust term, to see whether f acts."""
-        return {"d_hat": 0.0 * v.y, "y_bar": v.y - v.x_hat, "f": self.robust_term(v)}
+        return {"y_bar": v.y - v.x_hat, "f": self.robust_term(v, v.y)}
 
-    def robust_term(self, v: Any) -> Any:
+    def moving(self, v: Any, held: Any, before: Any) -> Any:
+        """A held input on its way from the value that it had when the step began."""
+        part = clamp((v.time - v.t_before) / maximum(v.h_before, 1e-12), 0.0, 1.0)
+        moves = logical_and(v.interpolate, v.h_before > 0.0)
+        return where(moves, before + part * (held - before), held)
+
+    def robust_term(self, v: Any, y: Any) -> Any:
         """Robust term f of (21): bounded by eta_hat H, linear in the innovation where that is small."""
-        y_bar = v.y - v.x_hat
-        bound = v.eta_hat * self.H(v)
+        y_bar = y - v.x_hat
+        bound = v.eta_hat * self.H(v, y)
         return bound * bound * y_bar / (bound * abs(y_bar) + self.m(v))
 
-    def H(self, v: Any) -> Any:
+    def H(self, v: Any, y: Any) -> Any:
         """Bound of the uncertainty by (86)."""
-        c, s = cos(v.y), sin(v.y)
+        c, s = cos(y), sin(y)
         return v.H_0 * (c * c * c * c + s * s * s * s)
 
     def m(self, v: Any) -> Any:

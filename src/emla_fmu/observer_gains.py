@@ -19,6 +19,9 @@ class ObserverGains:
     eta_hat_start: float
     """Start value of the adapted bound."""
     use_model: bool
+    model_current: int = 1
+    omega_d: float = 0.0
+    interpolate: bool = False
 
 
 def published(eta_hat_start: float) -> ObserverGains:
@@ -70,3 +73,26 @@ PUBLISHED = {"lift": published(1.0), "tilt": published(0.5), "telescope": publis
 
 ROBUST = {"lift": robust(), "tilt": robust(), "telescope": robust()}
 """Repaired gains by joint."""
+
+
+def compensated(p: float) -> ObserverGains:
+    """All three poles at -p rad/s, with an estimate of the disturbance; f is off."""
+    return ObserverGains(
+        alpha_1=3.0 * p,
+        alpha_2=3.0 * p * p,
+        Q_11=1.0,
+        Q_12=0.0,
+        Q_22=1.0,
+        H_0=0.0,
+        m_0=1.0,
+        m_decay=0.001,
+        ell=1.0,
+        eta_hat_start=0.0,
+        use_model=True,
+        model_current=2,
+        omega_d=p / 3.0,
+        interpolate=True,
+    )
+
+
+COMPENSATED = {name: compensated(1600.0) for name in ("lift", "tilt", "telescope")}

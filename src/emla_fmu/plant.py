@@ -13,14 +13,11 @@ from fmublock import (
     Parameter,
     State,
     cos,
-    floor,
-    limit_magnitude,
     sin,
     where,
 )
-from fmublock.noise import lehmer, normal
 
-from . import motion_law
+from . import end_stops, friction, inverter, motion_law, sensors, thermal
 
 
 class TorqueSource(IntEnum):
@@ -33,10 +30,14 @@ class TorqueSource(IntEnum):
 
 
 class EmlaPlant(Block):
-    """PMSM-driven electromechanical linear actuator with inverter limit and position sensor.
+    """PMSM-driven electromechanical linear actuator with inverter and sensors.
 
     Equations (3) to (9) of the paper, disturbances as in (26), uncertainties as in (84).
     Amplitude-invariant d-q quantities; x_L grows as the actuator extends.
+
+    What a drive has beside that is off by default, each by a parameter of its own: computing delay and
+    dead time of the inverter, noise and resolution of the sensors, friction, an efficiency that depends
+    on the direction of power, end stops, and the temperature of the winding.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
@@ -93,6 +94,17 @@ class EmlaPlant(Block):
     eta_GB = Parameter(
         0.9, minimum=1e-3, maximum=1.0, name="gearbox.eta_GB", description="Efficiency of gearbox and screw"
     )
+    directional = Parameter(
+        False,
+        name="gearbox.directional",
+        description="Whether losses of gearbox and screw go against the motion, whoever drives",
+    )
+    eta_back = Parameter(
+        0.0,
+        maximum=1.0,
+        name="gearbox.eta_back",
+        description="Efficiency where the load drives, used with directional; 0 is 2 - 1 / eta_GB",
+    )
     lead = Parameter(0.02, unit="m", minimum=1e-9, name="screw.lead", description="Screw travel per turn")
     M_BS = Parameter(156.5, unit="kg", minimum=0.0, name="screw.M_BS", description="Mass moved by the screw")
     B_BS = Parameter(
@@ -117,12 +129,85 @@ class EmlaPlant(Block):
         name="motor.i_max",
         description="Largest d- and q-axis current; controllers keep to less",
     )
+    i_N = Parameter(
+        0.0,
+        unit="A",
+        minimum=0.0,
+        name="motor.i_N",
+        description="Rated current (peak) that the winding bears for ever; 0 is no heating",
+    )
+    permitted_rise = Parameter(
+        100.0,
+        unit="K",
+        minimum=1e-3,
+        name="motor.permitted_rise",
+        description="Temperature rise of the winding that the rated current ends at",
+    )
+    tau_th = Parameter(
+        100.0, unit="s", minimum=1e-3, name="motor.tau_th", description="Thermal time constant of the winding"
+    )
+    F_C = Parameter(
+        0.0, unit="N", minimum=0.0, name="friction.F_C", description="Coulomb friction at the screw"
+    )
+    F_S = Parameter(
+        0.0, unit="N", minimum=0.0, name="friction.F_S", description="Friction that breaks away at the screw"
+    )
+    v_S = Parameter(
+        5e-3,
+        unit="m/s",
+        minimum=1e-9,
+        name="friction.v_S",
+        description="Speed at which friction is halfway between F_S and F_C",
+    )
+    v_0 = Parameter(
+        1e-4,
+        unit="m/s",
+        minimum=1e-9,
+        name="friction.v_0",
+        description="Speed within which friction is like a damper",
+    )
+    stop_stiffness = Parameter(
+        0.0,
+        unit="N/m2",
+        minimum=0.0,
+        name="stop.stiffness",
+        description="Force of an end stop per squared depth; 0 is no end stop",
+    )
+    stop_damping = Parameter(
+        0.0,
+        unit="s/m",
+        minimum=0.0,
+        name="stop.damping",
+        description="Relative growth of an end stop's force with the speed of approach",
+    )
     u_max = Parameter(
         445.0,
         unit="V",
         minimum=1e-3,
         name="inverter.u_max",
         description="Longest voltage vector of the inverter",
+    )
+    delay = Parameter(
+        0.0,
+        unit="s",
+        minimum=0.0,
+        name="inverter.delay",
+        description="Time after which a voltage takes effect: 1 to 32 whole steps; 0 is none",
+    )
+    dead_time = Parameter(
+        0.0,
+        unit="s",
+        minimum=0.0,
+        name="inverter.dead_time",
+        description="Dead time of the inverter's legs that nothing makes up for",
+    )
+    f_PWM = Parameter(8e3, unit="Hz", minimum=0.0, name="inverter.f_PWM", description="Switching frequency")
+    i_0 = Parameter(
+        0.5,
+        unit="A",
+        minimum=1e-9,
+        name="inverter.i_0",
+        description="Phase current within which dead time takes less voltage",
     )
     torque_source = Parameter(
         TorqueSource.CURRENT,
@@ -148,15 +233,80 @@ class EmlaPlant(Block):
     seed = Parameter(
         20240901, minimum=1, maximum=2147483646, name="sensor.seed", description="Start of the noise sequence"
     )
+    sigma_i = Parameter(
+        0.0,
+        unit="A",
+        minimum=0.0,
+        name="sensor.current.sigma",
+        description="Standard deviation of the noise of i_q and i_d",
+    )
+    resolution_i = Parameter(
+        0.0,
+        unit="A",
+        minimum=0.0,
+        name="sensor.current.resolution",
+        description="Current step of the sensors; 0 is none",
+    )
+    seed_i = Parameter(
+        1043618065,
+        minimum=1,
+        maximum=2147483646,
+        name="sensor.current.seed",
+        description="Start of the currents' noise sequence",
+    )
     x_L_start = Parameter(0.24, unit="m", name="start.x_L", description="Initial screw position")
 
     x_L = State(x_L_start, unit="m", nominal=0.1, limits=(q_LB, q_UB), description="Screw position")
     v_L = State(0.0, unit="m/s", nominal=0.1, limits=v_max, description="Screw speed", terminal="load")
     i_q = State(0.0, unit="A", nominal=10.0, limits=i_range, description="q-axis stator current")
     i_d = State(0.0, unit="A", nominal=10.0, limits=i_range, description="d-axis stator current")
+    temperature_rise = State(
+        0.0,
+        unit="K",
+        nominal=10.0,
+        limits=permitted_rise,
+        name="motor.temperature_rise",
+        description="Temperature rise of the winding",
+    )
 
     random = DiscreteState(seed, name="sensor.random", description="State of the noise generator")
     noise = DiscreteState(0.0, name="sensor.noise", description="Present draw from N(0, 1)")
+    u_measured = DiscreteState(
+        u_max, unit="V", name="inverter.u_measured", description="Voltage that the supply last allowed"
+    )
+    random_i = DiscreteState(
+        seed_i, name="sensor.current.random", description="State of the currents' noise generator"
+    )
+    noise_q = DiscreteState(0.0, name="sensor.current.noise_q", description="Present draw for i_q")
+    noise_d = DiscreteState(0.0, name="sensor.current.noise_d", description="Present draw for i_d")
+    delay_clock = DiscreteState(
+        0.0, unit="s", name="inverter.delay_clock", description="End of the last communication step"
+    )
+    delay_steps = DiscreteState(
+        0.0,
+        name="inverter.delay_in_steps_of_at_most_32",
+        description="Delay in communication steps; infinite, which ends the run, beyond 32",
+    )
+    u_q_late = DiscreteState(
+        0.0, unit="V", name="inverter.u_q_late", description="Delayed q-axis voltage demanded"
+    )
+    u_d_late = DiscreteState(
+        0.0, unit="V", name="inverter.u_d_late", description="Delayed d-axis voltage demanded"
+    )
+    u_q_line = DiscreteState(
+        0.0,
+        shape=inverter.LONGEST_DELAY - 1,
+        unit="V",
+        name="inverter.u_q_line",
+        description="q-axis voltages demanded before, the last one first",
+    )
+    u_d_line = DiscreteState(
+        0.0,
+        shape=inverter.LONGEST_DELAY - 1,
+        unit="V",
+        name="inverter.u_d_line",
+        description="d-axis voltages demanded before, the last one first",
+    )
 
     x_measured = Output(
         unit="m", nominal=0.1, description="Position as the sensor gives it", terminal="sensor"
@@ -178,13 +328,16 @@ class EmlaPlant(Block):
     tau_m = Output(unit="N.m", nominal=10.0, description="Motor torque that drives the screw")
     omega_m = Output(unit="rad/s", nominal=100.0, description="Motor speed")
     v_q = Output(
-        unit="V", nominal=100.0, name="inverter.u_q", description="q-axis voltage after the inverter's limit"
+        unit="V", nominal=100.0, name="inverter.u_q", description="q-axis voltage after the inverter"
     )
     v_d = Output(
-        unit="V", nominal=100.0, name="inverter.u_d", description="d-axis voltage after the inverter's limit"
+        unit="V", nominal=100.0, name="inverter.u_d", description="d-axis voltage after the inverter"
     )
     saturated = Output(
         name="inverter.saturated", description="1 while the demanded voltage exceeds the limit"
+    )
+    motor_load = Output(
+        name="motor.load", description="Copper loss relative to that of the rated current; 0 without one"
     )
     P_el = Output(unit="W", nominal=1e3, description="Electrical power into the motor")
     P_L = Output(unit="W", nominal=1e3, description="Mechanical power into the load")
@@ -203,29 +356,33 @@ class EmlaPlant(Block):
             "v_L": self.acceleration(v),
             "i_q": u_q / v.L_q + (1.0 + v.F_3) * g_3,
             "i_d": u_d / v.L_d + (1.0 + v.F_4) * g_4,
+            "temperature_rise": thermal.heating(v),
         }
 
     def update(self, v: Any) -> dict[str, Any]:
-        """One draw of sensor noise per communication step."""
-        first = lehmer(v.random)
-        second = lehmer(first)
-        return {"random": second, "noise": normal(first, second)}
+        """Sensor noise, the voltage of the next communication step, and what the supply allows.
+
+        The last one is sampled, so that who is told of the supply need not wait for who disturbs it.
+        """
+        return {**sensors.drawn(v), **inverter.delayed(v), "u_measured": inverter.available_voltage(v)}
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Sensor, torque, voltages after the limit, powers, and phase currents."""
+        """Sensors, torque, voltages after the inverter, powers, and phase currents."""
         u_q, u_d, saturated = self.terminal_voltage(v)
+        i_q_measured, i_d_measured = sensors.measured_currents(v)
         i_a, i_b, i_c = self.phase_currents(v)
         return {
-            "x_measured": self.quantized(v, v.x_L + v.sigma * v.noise),
-            "i_q_measured": v.i_q,
-            "i_d_measured": v.i_d,
-            "u_available": self.available_voltage(v),
+            "x_measured": sensors.measured_position(v),
+            "i_q_measured": i_q_measured,
+            "i_d_measured": i_d_measured,
+            "u_available": v.u_measured,
             "a_L": self.acceleration(v),
             "tau_m": self.torque(v),
             "omega_m": motion_law.alpha_RL(v) * v.v_L,
             "v_q": u_q - v.d_3,
             "v_d": u_d - v.d_4,
             "saturated": saturated,
+            "motor_load": thermal.load(v),
             "P_el": 1.5 * (u_q * v.i_q + u_d * v.i_d),
             "P_L": v.F_L * v.v_L,
             "i_a": i_a,
@@ -234,13 +391,9 @@ class EmlaPlant(Block):
         }
 
     def terminal_voltage(self, v: Any) -> tuple[Any, Any, Any]:
-        """Voltage at the motor in V: demand within the inverter's limit, plus disturbance; and if limited."""
-        u_q, u_d, saturated = limit_magnitude(v.u_q, v.u_d, self.available_voltage(v))
+        """Voltage at the motor in V: what the inverter gives, plus disturbance; and if it was limited."""
+        u_q, u_d, saturated = inverter.motor_voltage(v)
         return u_q + v.d_3, u_d + v.d_4, saturated
-
-    def available_voltage(self, v: Any) -> Any:
-        """Longest voltage vector in V that the inverter can make of the present supply."""
-        return v.u_max * (1.0 - v.sag)
 
     def torque(self, v: Any) -> Any:
         """tau_m of (3) in N m, with the magnet's current chosen by torque_source."""
@@ -255,10 +408,12 @@ class EmlaPlant(Block):
         return 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
 
     def acceleration(self, v: Any) -> Any:
-        """Second line of (9) in m/s2, with the uncertainty F_2 and the disturbance d_2."""
+        """Second line of (9) in m/s2, with F_2, d_2, and what friction and end stops add."""
         A_eq = motion_law.A_eq(v)
         g_2 = (self.reluctance_torque(v) - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
-        return self.magnet_torque(v) / A_eq + (1.0 + v.F_2) * g_2 + v.d_2 - motion_law.D_eq(v) * v.F_L / A_eq
+        a_L = self.magnet_torque(v) / A_eq + (1.0 + v.F_2) * g_2 + v.d_2 - friction.load_torque(v) / A_eq
+        contact = end_stops.stop_force(v) - friction.friction_force(v)
+        return a_L + contact / (motion_law.alpha_RL(v) * A_eq)
 
     def phase_currents(self, v: Any) -> tuple[Any, Any, Any]:
         """i_a, i_b, i_c in A: (1) backwards, without zero sequence."""
@@ -268,8 +423,3 @@ class EmlaPlant(Block):
             for shift in (0.0, -2.0 * math.pi / 3.0, 2.0 * math.pi / 3.0)
         )
         return a, b, c
-
-    def quantized(self, v: Any, x: Any) -> Any:
-        """Position x rounded to the sensor's resolution."""
-        step = where(v.resolution > 0.0, v.resolution, 1.0)
-        return where(v.resolution > 0.0, step * floor(x / step + 0.5), x)

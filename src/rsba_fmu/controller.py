@@ -1,10 +1,12 @@
 """Robust subsystem-based adaptive (RSBA) control of one EMLA."""
 
+from dataclasses import dataclass
 from typing import Any
 
 from fmublock import (
     Block,
     DefaultExperiment,
+    DiscreteState,
     Input,
     Output,
     Parameter,
@@ -18,6 +20,20 @@ from fmublock import (
     sqrt,
     where,
 )
+
+from .voltage import base_speed, known_limit, weakened_field
+
+
+@dataclass(frozen=True)
+class Laws:
+    """What the laws ask for: current in A, voltages in V, the tracking forms P_1 to P_4; what is limited."""
+
+    i_q_ref: Any
+    u_q: Any
+    u_d: Any
+    P: list[Any]
+    current_limited: Any
+    voltage_limited: Any
 
 
 class RsbaController(Block):
@@ -53,6 +69,17 @@ class RsbaController(Block):
     a_d = Input(
         unit="m/s2", description="Reference acceleration, used with feed_acceleration", terminal="reference"
     )
+    d_hat = Input(
+        unit="m/s2",
+        description="Estimated disturbance of the screw's acceleration, used with compensate",
+        terminal="estimate",
+    )
+    u_available = Input(
+        unit="V",
+        nominal=100.0,
+        description="Longest voltage vector of the present supply, used with measure_supply; 0 is unknown",
+        terminal="drive",
+    )
 
     beta = Parameter(
         [3000.0, 3000.0, 1000.0, 1000.0], shape=4, unit="1/s", minimum=1e-9, description="Feedback gain"
@@ -71,6 +98,24 @@ class RsbaController(Block):
     limit_current = Parameter(False, description="Keep i_q* within i_max")
     limit_voltage = Parameter(False, description="Keep the voltage vector within u_max")
     freeze_adaptation = Parameter(False, description="Stop adapting while saturated and at theta_max")
+    limit_speed = Parameter(False, description="Keep the approach within v_max and the base speed")
+    compensate = Parameter(False, description="Take d_hat / A_2 off u_2")
+    weaken_field = Parameter(False, description="Ask for i_d < 0 where back-EMF needs it")
+    measure_supply = Parameter(False, description="Take u_available for the voltage limit")
+    omega_u = Parameter(
+        0.0,
+        unit="1/s",
+        minimum=0.0,
+        description="Bandwidth of the estimated voltage disturbances d_3 and d_4; 0 is none",
+    )
+    v_max = Parameter(0.136, unit="m/s", minimum=1e-9, name="limit.v_max", description="Largest screw speed")
+    u_reserve = Parameter(
+        0.1,
+        minimum=0.0,
+        maximum=0.9,
+        name="limit.u_reserve",
+        description="Part of the voltage that weaken_field keeps for changes of current",
+    )
     a_max = Parameter(1.2, unit="m/s2", minimum=1e-6, name="limit.a_max", description="Braking acceleration")
     i_max = Parameter(105.0, unit="A", minimum=1e-6, name="limit.i_max", description="Largest q-axis current")
     u_max = Parameter(445.0, unit="V", minimum=1e-6, name="limit.u_max", description="Longest voltage vector")
@@ -108,6 +153,16 @@ class RsbaController(Block):
 
     theta = State(0.0, shape=4, minimum=0.0, description="Adaptation parameter theta_hat")
 
+    z_3 = State(
+        0.0, unit="A", name="z[3]", description="q-axis current without the voltages that act unknown"
+    )
+    z_4 = State(
+        0.0, unit="A", name="z[4]", description="d-axis current without the voltages that act unknown"
+    )
+
+    u_q_before = DiscreteState(0.0, unit="V", name="before.u_q", description="u_q of the step that ends")
+    u_d_before = DiscreteState(0.0, unit="V", name="before.u_d", description="u_d of the step that ends")
+
     u_q = Output(unit="V", nominal=100.0, description="q-axis voltage u_3", terminal="drive")
     u_d = Output(unit="V", nominal=100.0, description="d-axis voltage u_4", terminal="drive")
     i_q_ref = Output(
@@ -120,45 +175,80 @@ class RsbaController(Block):
     P_4 = Output(unit="A", name="P[4]", description="Tracking form of the d-axis current (30)")
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """Adaptation laws (32)."""
-        P, current_limited, voltage_limited = self.laws(v)[2:]
-        outer = maximum(current_limited, voltage_limited)
-        frozen = [outer, outer, voltage_limited, voltage_limited]
-        return {"theta": [self.adaptation(v, i, P[i], frozen[i]) for i in range(4)]}
+        """Adaptation laws (32), and the currents that the known voltages would make."""
+        laws = self.laws(v)
+        outer = maximum(laws.current_limited, laws.voltage_limited)
+        frozen = [outer, outer, laws.voltage_limited, laws.voltage_limited]
+        _, g_3, g_4 = self.model(v)
+        d_3, d_4 = self.voltage_disturbances(v)
+        return {
+            "theta": [self.adaptation(v, i, laws.P[i], frozen[i]) for i in range(4)],
+            "z_3": v.u_q_before / v.L_q + g_3 + d_3,
+            "z_4": v.u_d_before / v.L_d + g_4 + d_4,
+        }
+
+    def update(self, v: Any) -> dict[str, Any]:
+        """The voltages that the plant will have had during the next step."""
+        laws = self.laws(v)
+        return {"u_q_before": laws.u_q, "u_d_before": laws.u_d}
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Control signals (39) within their limits, and the tracking forms (30)."""
-        i_q_ref, (u_q, u_d), P, current_limited, voltage_limited = self.laws(v)
+        laws = self.laws(v)
         return {
-            "u_q": u_q,
-            "u_d": u_d,
-            "i_q_ref": i_q_ref,
-            "saturated": maximum(current_limited, voltage_limited),
-            **{f"P_{i + 1}": P[i] for i in range(4)},
+            "u_q": laws.u_q,
+            "u_d": laws.u_d,
+            "i_q_ref": laws.i_q_ref,
+            "saturated": maximum(laws.current_limited, laws.voltage_limited),
+            **{f"P_{i + 1}": laws.P[i] for i in range(4)},
         }
 
-    def laws(self, v: Any) -> tuple[Any, tuple[Any, Any], list[Any], Any, Any]:
-        """i_q*, (u_q, u_d), P_1 to P_4, and whether current and voltage are limited (0 or 1 each)."""
+    def laws(self, v: Any) -> "Laws":
+        """The laws (30), (31) and (39), within the limits."""
         A_2 = 1.5 * v.N_p * v.Phi_PM / v.A_eq
         A_3, A_4 = 1.0 / v.L_q, 1.0 / v.L_d
         g_2, g_3, g_4 = self.model(v)
+        u_max = known_limit(v)
 
         P_1 = v.x_hat - v.x_d
-        a_1 = -self.approach_speed(v, P_1) - v.x_2d_in_a_1 * v.v_d
+        a_1 = self.speed_beyond_reference(v, P_1, u_max) - v.x_2d_in_a_1 * v.v_d
         P_2 = (v.v_hat - v.v_d) - a_1
         u_2 = -(v.beta[1] + v.zeta[1] * v.theta[1]) / (2.0 * A_2) * P_2 - P_1 / A_2 - g_2 / A_2
         u_2 = u_2 + v.feed_acceleration * v.a_d / A_2
-        i_q_ref = where(v.limit_current, clamp(u_2, -v.i_max, v.i_max), u_2)
-        current_limited = where(logical_and(v.limit_current, abs(u_2) > v.i_max), 1.0, 0.0)
+        u_2 = u_2 - where(v.compensate, v.d_hat, 0.0) / A_2
+        omega_e = v.N_p * v.alpha_RL * v.v_hat
+        weakened, reachable = weakened_field(v, u_2, omega_e, (1.0 - v.u_reserve) * u_max)
+        i_max = where(v.weaken_field, minimum(v.i_max, reachable), v.i_max)
+        i_q_ref = where(v.limit_current, clamp(u_2, -i_max, i_max), u_2)
+        current_limited = where(logical_and(v.limit_current, abs(u_2) > i_max), 1.0, 0.0)
 
         P_3 = v.i_q - i_q_ref
-        P_4 = v.i_d
-        u_3 = -(v.beta[2] + v.zeta[2] * v.theta[2]) / (2.0 * A_3) * P_3 - g_3 / A_3
-        u_4 = -(v.beta[3] + v.zeta[3] * v.theta[3]) / (2.0 * A_4) * P_4 - g_4 / A_4
-        u_q, u_d, too_long = limit_magnitude(u_3, u_4, v.u_max)
-        voltage = where(v.limit_voltage, u_q, u_3), where(v.limit_voltage, u_d, u_4)
-        voltage_limited = where(logical_and(v.limit_voltage, too_long > 0.0), 1.0, 0.0)
-        return i_q_ref, voltage, [P_1, P_2, P_3, P_4], current_limited, voltage_limited
+        P_4 = v.i_d - where(v.weaken_field, weakened, 0.0)
+        d_3, d_4 = self.voltage_disturbances(v)
+        u_3 = -(v.beta[2] + v.zeta[2] * v.theta[2]) / (2.0 * A_3) * P_3 - (g_3 + d_3) / A_3
+        u_4 = -(v.beta[3] + v.zeta[3] * v.theta[3]) / (2.0 * A_4) * P_4 - (g_4 + d_4) / A_4
+        within_q, within_d, too_long = limit_magnitude(u_3, u_4, u_max)
+        return Laws(
+            i_q_ref=i_q_ref,
+            u_q=where(v.limit_voltage, within_q, u_3),
+            u_d=where(v.limit_voltage, within_d, u_4),
+            P=[P_1, P_2, P_3, P_4],
+            current_limited=current_limited,
+            voltage_limited=where(logical_and(v.limit_voltage, too_long > 0.0), 1.0, 0.0),
+        )
+
+    def voltage_disturbances(self, v: Any) -> tuple[Any, Any]:
+        """Estimated d_3 and d_4 in A/s: by how much the currents run ahead of their model."""
+        return v.omega_u * (v.i_q - v.z_3), v.omega_u * (v.i_d - v.z_4)
+
+    def speed_beyond_reference(self, v: Any, P_1: Any, u_max: Any) -> Any:
+        """First term of a_1 in m/s; with limit_speed no more than the limits leave beside v_d.
+
+        Where the reference itself is as fast, 2 % of its speed are left for corrections.
+        """
+        wanted = -self.approach_speed(v, P_1)
+        most = maximum(minimum(0.95 * v.v_max, base_speed(v, u_max)), 1.02 * abs(v.v_d))
+        return where(v.limit_speed, clamp(v.v_d + wanted, -most, most) - v.v_d, wanted)
 
     def model(self, v: Any) -> tuple[Any, Any, Any]:
         """g_2, g_3, g_4 of Table I (g_1 = 0)."""

@@ -20,6 +20,12 @@ class RsbaGains:
     limit_voltage: bool = False
     freeze_adaptation: bool = False
     a_max: float = 1.2
+    limit_speed: bool = False
+    compensate: bool = False
+    weaken_field: bool = False
+    measure_supply: bool = False
+    u_reserve: float = 0.1
+    omega_u: float = 0.0
 
 
 PUBLISHED = {
@@ -80,3 +86,36 @@ ROBUST = {
     "telescope": robust(1000.0, 2500.0, a_max=10.0),
 }
 """Repaired gains by joint; a_max is what the joint's motor can brake with its load."""
+
+
+def compensated(fastness: float, a_max: float) -> RsbaGains:
+    """All repairs on, and disturbances estimated and taken off.
+
+    `fastness` times (250, 800, 2000) rad/s are beta_1 / 2, beta_2 / 2 and beta_3 / 2.
+    """
+    return RsbaGains(
+        beta=(500.0 * fastness, 1600.0 * fastness, 4000.0, 4000.0),
+        zeta=(0.0, 0.0, 0.0, 0.0),
+        delta=(1.0, 1.0, 1.0, 1.0),
+        sigma=(1.0, 1.0, 1.0, 1.0),
+        x_2d_in_a_1=False,
+        feed_acceleration=True,
+        limit_acceleration=True,
+        limit_current=True,
+        limit_voltage=True,
+        freeze_adaptation=True,
+        a_max=a_max,
+        limit_speed=True,
+        compensate=True,
+        weaken_field=True,
+        measure_supply=True,
+        u_reserve=0.2,
+        omega_u=500.0,
+    )
+
+
+COMPENSATED = {
+    "lift": compensated(1.0, a_max=1.2),
+    "tilt": compensated(1.0, a_max=1.5),
+    "telescope": compensated(1.0, a_max=10.0),
+}

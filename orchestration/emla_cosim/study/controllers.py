@@ -45,6 +45,7 @@ CONTROLLERS: dict[str, Controller] = {
         {
             "robust": Gains(observer_gains.ROBUST, gains.ROBUST),
             "published": Gains(observer_gains.PUBLISHED, gains.PUBLISHED, printed_estimate=True),
+            "compensated": Gains(observer_gains.COMPENSATED, gains.COMPENSATED),
         },
     )
 }

@@ -52,10 +52,11 @@ def joint(
     """A joint from its parameter sets, closed by a controller: a block, or the file of an FMU.
 
     The controller gives u_q and u_d, and takes what it has inputs for: x_d, v_d, a_d, x_hat, v_hat,
-    d_hat, i_q, i_d, u_available; its i_q_ref goes to plant and observer. `emla`, `gains` and `observer_gains` are parameter
-    sets; `reference`, `disturbance` and `plant` are values by attribute of the block. `estimate` is the
-    observer's start in m. With `true_feedback` the controller gets the plant's true states and the
-    observer only watches. Raises CommandError for a controller without u_q or u_d.
+    d_hat, i_q, i_d, u_available; its i_q_ref goes to plant and observer. `emla`, `gains` and
+    `observer_gains` are parameter sets; `reference`, `disturbance` and `plant` are values by attribute of
+    the block. `estimate` is the observer's start in m. With `true_feedback` the controller gets the
+    plant's true position and speed and the observer only watches. Raises CommandError for a controller
+    without u_q or u_d.
     """
     blocks: dict[type[Block], tuple[str, Sequence[Any]]] = {
         Reference: ("reference", [reference]),

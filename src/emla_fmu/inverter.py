@@ -1,0 +1,87 @@
+"""The inverter as an average over a PWM period: computing delay, voltage limit, dead time.
+
+Functions of the plant's values `v`. Voltages and currents are amplitude-invariant d-q quantities.
+"""
+
+import math
+from typing import Any
+
+from fmublock import cos, floor, limit_magnitude, maximum, minimum, sin, sqrt, where
+
+from . import motion_law
+
+LONGEST_DELAY = 32
+"""Most communication steps by which a voltage can come late."""
+
+_OLDER = LONGEST_DELAY - 1
+_ROOT_3 = math.sqrt(3.0)
+
+
+def available_voltage(v: Any) -> Any:
+    """Longest voltage vector in V that the inverter can make of the present supply."""
+    return v.u_max * (1.0 - v.sag)
+
+
+def motor_voltage(v: Any) -> tuple[Any, Any, Any]:
+    """What the inverter gives, u_q and u_d in V, and whether it had to shorten what takes effect now."""
+    late = v.delay > 0.0
+    demand_q, demand_d = where(late, v.u_q_late, v.u_q), where(late, v.u_d_late, v.u_d)
+    u_q, u_d, saturated = limit_magnitude(demand_q, demand_d, available_voltage(v))
+    e_q, e_d = dead_time_error(v)
+    return u_q + e_q, u_d + e_d, saturated
+
+
+def dead_time_error(v: Any) -> tuple[Any, Any]:
+    """Mean voltage in V, of q and d, that dead time takes: against each phase's current, through (2).
+
+    A phase loses the dead time's part of U_dc in each period. A linear modulation reaches
+    u_max = U_dc / sqrt(3).
+    """
+    size = v.dead_time * v.f_PWM * _ROOT_3 * available_voltage(v)
+    # without dead time the angle is of no use, and that of 0 costs nothing
+    theta = where(v.dead_time > 0.0, v.N_p * motion_law.alpha_RL(v) * v.x_L, 0.0)
+    c, s = cos(theta), sin(theta)
+    # cosine and sine of theta -+ 2 pi / 3
+    c_b, s_b = -0.5 * c + 0.5 * _ROOT_3 * s, -0.5 * s - 0.5 * _ROOT_3 * c
+    c_c, s_c = -0.5 * c - 0.5 * _ROOT_3 * s, -0.5 * s + 0.5 * _ROOT_3 * c
+    e_a, e_b, e_c = (
+        -size * _saturated(v.i_d * cosine - v.i_q * sine, v.i_0)
+        for cosine, sine in ((c, s), (c_b, s_b), (c_c, s_c))
+    )
+    e_d = 2.0 / 3.0 * (c * e_a + c_b * e_b + c_c * e_c)
+    e_q = -2.0 / 3.0 * (s * e_a + s_b * e_b + s_c * e_c)
+    return e_q, e_d
+
+
+def _saturated(i: Any, i_0: Any) -> Any:
+    """A smooth sign of a phase's current: linear within i_0, where the legs' capacitances take over."""
+    return i / sqrt(i * i + i_0 * i_0)
+
+
+def delayed(v: Any) -> dict[str, Any]:
+    """The delay line after a communication step, and the demand that takes effect in the next one.
+
+    `u_q_line[0]` is the demand of the step before this one, and so on. The delay in steps is what is
+    nearest with steps as long as this one, at least one; beyond the line it is infinite, which
+    discards the step.
+    """
+    h = v.time - v.delay_clock
+    steps = maximum(floor(v.delay / where(h > 0.0, h, 1.0) + 0.5), 1.0)
+    wanted = where(v.delay > 0.0, steps, 0.0)
+    chosen = minimum(wanted, LONGEST_DELAY + 0.0)
+    return {
+        "delay_clock": v.time,
+        "delay_steps": where(wanted <= LONGEST_DELAY, wanted, math.inf),
+        "u_q_late": _chosen(chosen, v.u_q, v.u_q_line),
+        "u_d_late": _chosen(chosen, v.u_d, v.u_d_line),
+        "u_q_line": [v.u_q, *v.u_q_line[: _OLDER - 1]],
+        "u_d_line": [v.u_d, *v.u_d_line[: _OLDER - 1]],
+    }
+
+
+def _chosen(steps: Any, newest: Any, line: Any) -> Any:
+    """What was demanded so many steps ago, counted from 1; zero for none."""
+    total = (steps == 1.0) * newest
+    for i in range(_OLDER):
+        total = total + (steps == i + 2.0) * line[i]
+    return total

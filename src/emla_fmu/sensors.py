@@ -1,0 +1,44 @@
+"""Position and current sensors with noise and resolution: functions of the plant's values `v`."""
+
+import math
+from typing import Any
+
+from fmublock import cos, floor, log, sin, sqrt, where
+from fmublock.noise import lehmer, normal, uniform
+
+
+def drawn(v: Any) -> dict[str, Any]:
+    """The noise of the next communication step: one draw for the position, one for each current.
+
+    The currents have a generator of their own, so that the position's draws do not depend on them.
+    """
+    first = lehmer(v.random)
+    second = lehmer(first)
+    third = lehmer(v.random_i)
+    fourth = lehmer(third)
+    # both values of one transformation: cosine for q, sine for d
+    radius, angle = sqrt(-2.0 * log(uniform(third))), 2.0 * math.pi * uniform(fourth)
+    return {
+        "random": second,
+        "noise": normal(first, second),
+        "random_i": fourth,
+        "noise_q": radius * cos(angle),
+        "noise_d": radius * sin(angle),
+    }
+
+
+def measured_position(v: Any) -> Any:
+    """Screw position in m as the sensor gives it."""
+    return quantized(v.x_L + v.sigma * v.noise, v.resolution)
+
+
+def measured_currents(v: Any) -> tuple[Any, Any]:
+    """i_q and i_d in A as the sensors give them, in d-q: noise and steps are those after (2)."""
+    i_q = quantized(v.i_q + v.sigma_i * v.noise_q, v.resolution_i)
+    return i_q, quantized(v.i_d + v.sigma_i * v.noise_d, v.resolution_i)
+
+
+def quantized(x: Any, resolution: Any) -> Any:
+    """The value rounded to a resolution; 0 is no rounding."""
+    step = where(resolution > 0.0, resolution, 1.0)
+    return where(resolution > 0.0, step * floor(x / step + 0.5), x)
