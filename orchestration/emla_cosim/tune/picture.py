@@ -30,7 +30,8 @@ def _search(axes: "Axes", result: TuneResult) -> None:
     axes.step(number, tried["best"].cast(float).to_numpy(), where="post", color=ORANGE, label="best so far")
     _logarithmic(axes, objective)
     axes.set_xlabel("sets of gains tried", fontsize=9)
-    axes.set_ylabel(result.objective, fontsize=9, parse_math=False)
+    axes.set_ylabel("objective", fontsize=9)
+    axes.set_title(result.objective, fontsize=8, parse_math=False)
     tidied(axes, ["not as required", "as required", "best so far"])
 
 
@@ -63,3 +64,4 @@ def _logarithmic(axes: "Axes", values: np.ndarray) -> None:
     known = values[np.isfinite(values)]
     if known.size and (known > 0).all():
         axes.set_yscale("log")
+        axes.tick_params(which="both", labelsize=8)

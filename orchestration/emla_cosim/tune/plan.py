@@ -54,8 +54,9 @@ class TuningPlan:
     them. `metrics` are further figures that both may name. `seeds` are names or patterns of the start
     values that begin random sequences; `training` of them are drawn for the search and `validation`
     others to look at what came of it. `evaluations` is how many sets of gains are tried. `tolerance` is
-    by how much the objective may be worse on the seeds of the validation. `where` is what sentences call
-    the plan.
+    by how much the objective may be worse on the seeds of the validation, as a part of it; `margin` by
+    how much better than its condition a figure has to be in the search, so that it holds on other seeds.
+    `where` is what sentences call the plan.
     """
 
     name: str
@@ -72,6 +73,7 @@ class TuningPlan:
     evaluations: int = 200
     seed: int = 0
     tolerance: float | None = None
+    margin: float = 0.0
     description: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     where: str = "the tuning"
@@ -108,8 +110,10 @@ class TuningPlan:
                 raise CommandError(
                     f"'{name}' of {self.where} is {getattr(self, name)}; it must be at least {least}."
                 )
-        if self.tolerance is not None and not self.tolerance >= 0:
-            raise CommandError(f"'tolerance' of {self.where} is {self.tolerance}; it must be at least 0.")
+        for name in ("tolerance", "margin"):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value < float("inf"):
+                raise CommandError(f"'{name}' of {self.where} is {value}; it must be a number from 0.")
         if wrong := [name for name in self.options if name in table() and name not in table(SWEEP)]:
             raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of {self.where}.")
         if not self.vary:
@@ -147,6 +151,7 @@ PLAIN: dict[str, Any] = {
     "evaluations": int,
     "seed": int,
     "tolerance": float | None,
+    "margin": float,
     "description": str,
 }
 """Types of those fields that are plain data, by name."""
@@ -203,10 +208,11 @@ def parsed(text: str, name: str, label: str, folder: Path | None) -> TuningPlan:
         for key in ("vary", "derive")
     }
     cases = {"cases": _cases(content["cases"], label)} if "cases" in content else {}
+    fields: dict[str, Any] = own | tables | cases
     return TuningPlan(
         name,
         scenario,
-        **(own | tables | cases),
+        **fields,
         metrics=content.get("metrics", ()),
         options=options,
         where=label,

@@ -9,7 +9,7 @@ from ..errors import CommandError
 from ..experiment import run_times
 from ..files import read_text
 from ..options import table
-from ..requirements import Requirement, check_requirements, requirement
+from ..requirements import Requirement, requirement
 from ..scenarios.built_in import SCENARIOS, SYSTEMS, built_in
 from ..scenarios.scenario_file import ScenarioFile, parse_scenario
 from ..sweep.factors import Factor, factors
@@ -48,7 +48,7 @@ def prepared_task(plan: TuningPlan, preparation: Preparation, described: Descrip
     return Task(
         plan,
         found,
-        Judge(objective, plan.cases, required, times.start, times.stop),
+        Judge(objective, plan.cases, required, times.start, times.stop, plan.margin),
         measures,
         [_options(case, plan, preparation) for case in plan.cases],
         _seeds(plan, preparation),
@@ -74,18 +74,13 @@ def _measures(
     measures = resolved(asked, described.figures, list(described.units), [], plan.where)
     if inexact := [name for name in figures if name not in described.figures]:
         raise CommandError(f"{plan.where} needs the figure '{inexact[0]}' by its name, not by a pattern.")
-    truths = {name: name in measures.truths for name in measures.names}
-    check_requirements(conditions, {"figures": _nested(truths)}, {})
+    for one in conditions:
+        if (one.figure in measures.truths) != isinstance(one.value, bool):
+            right = "true or false" if one.figure in measures.truths else "a number"
+            raise CommandError(
+                f"the requirement '{one}' of {plan.where} does not fit: {one.figure} is {right}."
+            )
     return measures
-
-
-def _nested(truths: Mapping[str, bool]) -> dict[str, dict[str, Any]]:
-    """Figures as `check_requirements` takes them: by what they are of, a value of the right type each."""
-    found = dict[str, dict[str, Any]]()
-    for name, is_truth in truths.items():
-        of, _, figure = name.partition(".")
-        found.setdefault(of, {})[figure] = False if is_truth else 0.0
-    return found
 
 
 def _options(case: Case, plan: TuningPlan, preparation: Preparation) -> dict[str, Any]:

@@ -82,7 +82,8 @@ def problem(result: TuneResult) -> str | None:
     if best.validation is None:
         return None
     if not best.validation.holds:
-        return f"the best gains are not as required on the seeds of the validation: {'; '.join(_why(best.validation))}."
+        why = "; ".join(_why(best.validation))
+        return f"the best gains are not as required on the seeds of the validation: {why}."
     if result.tolerance is not None and not best.ratio <= 1.0 + result.tolerance:
         return (
             f"the objective is {best.ratio:.3g} times as large on the seeds of the validation; "

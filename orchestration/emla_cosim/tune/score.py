@@ -30,9 +30,9 @@ class Score:
     """What came out of all runs of a set of gains.
 
     `objective` is the mean over cases by their weights, each the mean over seeds; NaN where a run has
-    none. `violation` is 0 where all conditions hold in all runs; `lost` is how many runs ended early or
-    have no objective, of `runs`. `by_case` has the objective of each case, `worst` for each case the
-    figure farthest from each condition.
+    none. `violation` is 0 where all conditions hold in all runs, with the margin of the plan; `lost` is
+    how many runs ended early or have no objective, of `runs`. `by_case` has the objective of each case,
+    `worst` for each case the figure farthest from each condition.
     """
 
     objective: float
@@ -44,13 +44,13 @@ class Score:
 
     @property
     def holds(self) -> bool:
-        """Whether all conditions do."""
-        return self.violation == 0.0
+        """Whether all conditions do, without any margin."""
+        return not self.lost and not self.unmet()
 
     @property
     def order(self) -> Order:
         """What the search compares."""
-        return (False, self.objective) if self.holds else (True, self.violation)
+        return (True, self.violation) if self.violation else (False, self.objective)
 
     def unmet(self) -> list[str]:
         """Conditions that do not hold, with their case and the worst figure."""
@@ -71,13 +71,17 @@ def told(figure: Any) -> str:
 
 @dataclass(frozen=True)
 class Judge:
-    """What is wanted: an objective, and for each case its conditions; runs last until `stop` in s."""
+    """What is wanted: an objective, and for each case its conditions; runs last from `start` to `stop` in s.
+
+    `margin` is the part by which figures have to be better than their conditions.
+    """
 
     objective: Expression
     cases: Sequence[Case]
     required: Sequence[Sequence[Requirement]]
     start: float
     stop: float
+    margin: float = 0.0
 
     def score(self, outcomes: Sequence[Sequence[Outcome]]) -> Score:
         """What gains are worth whose runs gave these, a list over seeds for each case."""
@@ -110,7 +114,7 @@ class Judge:
 
     def _violation(self, outcome: Outcome, required: Sequence[Requirement], is_lost: bool) -> float:
         """How far a run is from what is wanted, so that less is nearer also among those that are lost."""
-        found = sum(_excess(r, outcome.figures.get(r.figure)) for r in required)
+        found = sum(_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
         if is_lost:
             found += LOST + LOST * self._missing_part(outcome)
         return found + _distance(outcome) if found else 0.0
@@ -123,16 +127,19 @@ class Judge:
         return min(max((self.stop - end) / (self.stop - self.start), 0.0), 1.0)
 
 
-def _excess(required: Requirement, figure: Any) -> float:
+def _excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
     """By how much a figure is not as required, relative to what is."""
-    if required.met_by(figure):
+    if required.met_by(figure) and not margin:
         return 0.0
     if figure is None or figure != figure:
         return _MOST
     if isinstance(required.value, bool) or required.sign in ("==", "!="):
-        return _MISSED
+        return 0.0 if required.met_by(figure) else _MISSED
     scale = abs(required.value) or 1.0
-    return min(abs(figure - required.value) / scale, _MOST) or 1e-9
+    beyond = (figure - required.value) / scale * (1.0 if required.sign[0] == "<" else -1.0) + margin
+    if beyond < 0.0 or (beyond == 0.0 and required.sign[1:]):
+        return 0.0
+    return min(max(beyond, 1e-9), _MOST)
 
 
 def _distance(outcome: Outcome) -> float:
@@ -142,7 +149,7 @@ def _distance(outcome: Outcome) -> float:
 
 
 def _worst(required: Requirement, outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """The figure that is farthest from a condition, and whether it meets it; of those that do, the nearest."""
+    """The figure farthest from a condition, and whether it meets it; where all do, the one that just does."""
     figures = [outcome.figures.get(required.figure) for outcome in outcomes]
     numbers = [x for x in figures if isinstance(x, (int, float)) and x == x]
     if failing := [x for x in figures if not required.met_by(x)]:

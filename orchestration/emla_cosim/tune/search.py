@@ -20,7 +20,7 @@ _ENOUGH = 1e-4
 _NEVER = 10**9
 
 Order = tuple[bool, float]
-"""What is compared: whether it is out of the question, and by how much, or else how good it is; less is better."""
+"""What is compared, less is better: whether it is out of the question; by how much, or how good it is."""
 
 
 class Search:
@@ -56,13 +56,11 @@ class Search:
             "seed": math.nan,  # or it would seed NumPy for everybody
             "tolx": _ENOUGH,
             # of places, not of values, these would mean nothing
-            **{
-                "tolfun": 0,
-                "tolfunhist": 0,
-                "tolfunrel": 0,
-                "tolflatfitness": _NEVER,
-                "tolstagnation": _NEVER,
-            },
+            "tolfun": 0,
+            "tolfunhist": 0,
+            "tolfunrel": 0,
+            "tolflatfitness": _NEVER,
+            "tolstagnation": _NEVER,
             "verbose": -9,
             "verb_log": 0,
             **({} if size is None else {"popsize": size}),

@@ -101,8 +101,8 @@ def check_during_a_run(found: Sequence[Factor], where: str) -> None:
         for target in factor.targets:
             if target.kind != START and (target.kind != OPTION or target.name in PREPARED):
                 raise CommandError(
-                    f"'{factor.name}' of {where} needs another preparation; start values and options of how a "
-                    "run is stepped do not.",
+                    f"'{factor.name}' of {where} needs another preparation; start values and options of "
+                    "how a run is stepped do not.",
                     name=factor.name,
                 )
 

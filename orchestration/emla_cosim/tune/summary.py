@@ -58,7 +58,7 @@ def _objective(result: TuneResult) -> Table:
         table.add_column(head, justify="left" if not head else "right")
     for case in result.best.training.by_case:
         table.add_row(escape(case), *_pair(result.start, case), *_pair(result.best, case))
-    table.add_row("all, weighted", *_pair(result.start, None), *_pair(result.best, None), style="bold")
+    table.add_row("all", *_pair(result.start, None), *_pair(result.best, None), style="bold")
     return table
 
 

@@ -1,7 +1,7 @@
-"""The one way to tune: gains proposed by a search, tried on a farm of workers, and looked at on other seeds."""
+"""The one way to tune: gains that a search proposes, tried on a farm of workers, and on other seeds."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
@@ -153,7 +153,7 @@ class _Tuning:
             search.tell([score.order for score in scores])
             left -= len(asked)
             self._tried(generation, list(zip(values, scores, strict=True)))
-            place = min(range(len(scores)), key=lambda i: _comparable(scores[i]))
+            place = min(range(len(scores)), key=[_comparable(score) for score in scores].__getitem__)
             if _comparable(scores[place]) < _comparable(self.best.training):
                 self.best = Gains(values[place], gains[place]["set"], scores[place])
             self._kept(False)
@@ -184,7 +184,7 @@ class _Tuning:
     def _tried(self, generation: int, tried: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:
         for values, score in tried:
             before = self.rows[-1]["best"] if self.rows else float("inf")
-            known = score.objective if score.holds and score.objective == score.objective else float("inf")
+            known = score.objective if not score.violation else float("inf")
             self.rows.append(
                 {
                     "evaluation": len(self.rows),
