@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Gains:
+class Tuned:
     """A set of gains, and what it is worth on the seeds of training and of validation.
 
     `values` are those that vary, by name, None for one that is no number in the scenario; `set` are the
@@ -47,8 +47,8 @@ class TuneResult:
 
     name: str
     objective: str
-    start: Gains
-    best: Gains
+    start: Tuned
+    best: Tuned
     history: polars.DataFrame
     units: Mapping[str, str] = field(default_factory=dict)
     seeds: Mapping[str, Sequence[int]] = field(default_factory=dict)

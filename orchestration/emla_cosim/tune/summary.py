@@ -7,7 +7,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from .result import Gains, TuneResult
+from .result import Tuned, TuneResult
 from .score import Score, told
 
 
@@ -62,7 +62,7 @@ def _objective(result: TuneResult) -> Table:
     return table
 
 
-def _pair(gains: Gains, case: str | None) -> tuple[str, str, str]:
+def _pair(gains: Tuned, case: str | None) -> tuple[str, str, str]:
     """The objective in training and validation, and by how much they differ."""
     found = [_of(score, case) for score in (gains.training, gains.validation)]
     ratio = found[1] / found[0] if found[0] else math.nan

@@ -28,7 +28,7 @@ from .evaluation import Evaluation
 from .folder import TuneFolder
 from .plan import LARGEST_SEED, PLAIN, TuningPlan, tuning_of
 from .preparing import Task, prepared_task, scenario_content
-from .result import Gains, TuneResult
+from .result import Tuned, TuneResult
 from .score import Score
 from .search import Search
 from .tracking import tracked
@@ -131,7 +131,7 @@ class _Tuning:
         first = self.evaluation.scores([{}], training)
         if first is None:
             raise CommandError("interrupted before anything was tried.")
-        self.start = self.best = Gains(dict(space.start), {}, first[0])
+        self.start = self.best = Tuned(dict(space.start), {}, first[0])
         self._tried(0, [(dict(space.start), first[0])])
         whole = self._search(training)
         if whole and validation:
@@ -155,7 +155,7 @@ class _Tuning:
             self._tried(generation, list(zip(values, scores, strict=True)))
             place = min(range(len(scores)), key=[_comparable(score) for score in scores].__getitem__)
             if _comparable(scores[place]) < _comparable(self.best.training):
-                self.best = Gains(values[place], gains[place]["set"], scores[place])
+                self.best = Tuned(values[place], gains[place]["set"], scores[place])
             self._kept(False)
         return True
 
@@ -260,5 +260,5 @@ def _record(task: Task, result: TuneResult) -> dict[str, Any]:
     }
 
 
-def _gains(gains: Gains) -> dict[str, Any]:
+def _gains(gains: Tuned) -> dict[str, Any]:
     return {**asdict(gains), "ratio": gains.ratio}
