@@ -44,8 +44,8 @@ from .tubes.tolerance import Tolerance as Tolerance
 from .tubes.tube import Tube as Tube
 from .tune.plan import Case as Case
 from .tune.plan import TuningPlan as TuningPlan
-from .tune.result import TuneResult as TuneResult
 from .tune.result import Tuned as Tuned
+from .tune.result import TuneResult as TuneResult
 from .tune.tuning import tune as tune
 from .units import LinearTransformation as LinearTransformation
 from .units import Unit as Unit
