@@ -185,9 +185,9 @@ def _remarks(
         (True, "(19) wants K along p^-1 C'; what acts on the speed alone, as loads do, is not."),
         (
             True,
-            f"What is measured is held for a step, in which the joint goes {1e6 * travel:.3g} µm at most, and has "
-            f"a resolution of {1e6 * own.get('plant.sensor.resolution', 0.0):.2g} µm: of both the bound of the "
-            "observer's error knows nothing.",
+            f"What is measured is held for a step, in which the joint goes {1e6 * travel:.3g} µm at most, "
+            f"and has a resolution of {1e6 * own.get('plant.sensor.resolution', 0.0):.2g} µm: of both the "
+            "bound of the observer's error knows nothing.",
         ),
         (
             own.get("observer.omega_d", 0.0) > 0.0,
