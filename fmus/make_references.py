@@ -10,14 +10,18 @@ FMU by the file's interval (StepSize). Outputs in the row of t_k+1 belong to the
 then; the first row is the state after initialization with the first row's inputs.
 """
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from tests.support import reference_controllers as compared
 from tests.support import reference_model as paper
+from tests.support.reference_drive import DeadTime, Drive, EndStops, Friction, Winding
 from tests.support.reference_model import Vector
 
 FMUS = Path(__file__).parent
@@ -59,11 +63,24 @@ def rounded(row: Row) -> Row:
 
 # ---- the plant: voltages and a load that shake it, beyond the inverter's limit for a moment ----
 
+DRIVE = Drive(  # every effect of a drive that is not random
+    dead_time=DeadTime(2e-6, 10e3, 5.0),
+    friction=Friction(300.0, 450.0, 0.03),
+    end_stops=EndStops(0.2385, 0.2412, 4e9, 3.0),
+    winding=Winding(25.0, 80.0, 0.5),
+    eta_back=0.7,
+    v_0=0.01,
+)
+DELAY = 2
+"""Steps by which the plant's voltages come late."""
+ACTUATOR = paper.Actuator(drive=DRIVE)
+INPUT_NAMES = {"sag": "supply.sag"}
+"""FMI names of inputs that go by another name in the reference model."""
+
 
 def plant() -> Solution:
-    """0.2 s: the open loop rings with some 40 Hz, up to 0.11 m/s."""
-    step, count = 5e-4, 401
-    p = paper.Actuator()
+    """0.18 s: the open loop rings with some 40 Hz between its end stops."""
+    step, count, p = 5e-4, 361, ACTUATOR
 
     def given(k: int) -> Row:
         t = k * step
@@ -77,16 +94,36 @@ def plant() -> Solution:
                 "d_2": 0.8 * math.sin(8.0 * t) + 0.7 * math.sin(20.0 * t),
                 "d_3": 0.42 * math.cos(8.0 * t + math.pi / 3.0),
                 "d_4": -0.15 * math.cos(12.0 * t + math.pi / 6.0),
+                "sag": 0.1 if 0.15 <= t < 0.16 else 0.0,
             }
         )
 
-    return solved(
-        step,
-        [given(k) for k in range(count)],
-        [0.24, 0.0, 0.0, 0.0],
-        lambda t, x, u: paper.plant_rates(p, x, paper.PlantInputs(**u)),
-        lambda t, x, u: paper.plant_outputs(p, x, paper.PlantInputs(**u)),
-    )
+    def rates(t: float, x: Vector, u: Row) -> Vector:
+        motion, acting = x[:4], {name: u[name] for name in inputs[0]}
+        return np.array(
+            [
+                *paper.plant_rates(p, motion, paper.PlantInputs(**acting)),
+                paper.heating(p, motion, float(x[4])),
+            ]
+        )
+
+    def outputs(t: float, x: Vector, u: Row) -> Row:
+        acting = {**{name: u[name] for name in inputs[0]}, "u_q": u["next u_q"], "u_d": u["next u_d"]}
+        shown = paper.plant_outputs(p, x[:4], paper.PlantInputs(**acting))
+        return {**shown, "motor.temperature_rise": float(x[4])}
+
+    def late(k: int) -> Row:  # 0 V before
+        return {name: inputs[k - DELAY][name] if k >= DELAY else 0.0 for name in ("u_q", "u_d")}
+
+    inputs = [given(k) for k in range(count)]
+    # the outputs in the end of a step show the voltages that take effect then
+    effective = [
+        {**u, **late(k), **{f"next {name}": value for name, value in late(k + 1).items()}}
+        for k, u in enumerate(inputs)
+    ]
+    solution = solved(step, effective, [0.24, 0.0, 0.0, 0.0, 0.0], rates, outputs)
+    named = [{INPUT_NAMES.get(name, name): value for name, value in u.items()} for u in inputs]
+    return Solution(step, named, solution.outputs)
 
 
 # ---- the observer: a position that it trails and overtakes ------------------------------------
@@ -103,13 +140,14 @@ def observer() -> Solution:
             {
                 "y": 0.245 + 0.004 * math.sin(6.0 * t) + (0.002 if t >= 0.4 else 0.0),
                 "i_q_ref": 4.0 * math.cos(7.0 * t),
+                "i_q": 3.9 * math.cos(7.0 * t),
             }
         )
 
     return solved(
         step,
         [given(k) for k in range(count)],
-        [0.24, 0.0, 1.0],
+        [0.24, 0.0, 0.0, 1.0],
         lambda t, s, u: paper.observer_rates(o, t, s, u["y"], u["i_q_ref"]),
         lambda t, s, u: paper.observer_outputs(o, t, s, u["y"]),
     )
@@ -148,6 +186,44 @@ def controller() -> Solution:
     )
 
 
+# ---- the controllers that it is compared with: the same move, and a start that asks for too much ----
+
+
+def compared_with(c: compared.Foc | compared.Cac | compared.Anatc, states: int) -> Solution:
+    """0.1 s with the default gains: first at the limits of current or voltage, later the supply sags."""
+    step, count = 1e-3, 101
+    move = paper.Motion((0.240, 0.252), (0.0,), (0.4,))
+
+    def given(k: int) -> Row:
+        t = k * step
+        x_d, v_d, a_d = paper.reference(move, t)
+        return rounded(
+            {
+                "x_hat": x_d - 2e-3 * math.exp(-60.0 * t) + 3e-6 * math.cos(17.0 * t),
+                "v_hat": v_d + 0.12 * math.exp(-60.0 * t) + 2e-4 * math.sin(30.0 * t),
+                "d_hat": 0.3 * math.sin(9.0 * t),
+                "i_q": 20.0 + 15.0 * math.sin(25.0 * t),
+                "i_d": 0.5 * math.sin(11.0 * t),
+                "u_available": 440.0 - (390.0 if 0.07 <= t < 0.08 else 0.0),
+                "x_d": x_d,
+                "v_d": v_d,
+                "a_d": a_d,
+            }
+        )
+
+    def at(u: Row) -> compared.Given:
+        x = u["x_hat"], u["v_hat"], u["i_q"], u["i_d"]
+        return compared.Given(x, (u["x_d"], u["v_d"], u["a_d"]), u["d_hat"], u["u_available"])
+
+    return solved(
+        step,
+        [given(k) for k in range(count)],
+        [0.0] * states,
+        lambda t, s, u: c.evaluate(t, s, at(u))[0],
+        lambda t, s, u: c.evaluate(t, s, at(u))[1],
+    )
+
+
 # ---- the reference: way-points out and back, again after a period -------------------------------
 
 MOTION = paper.Motion(
@@ -179,6 +255,7 @@ SURROUNDINGS = paper.Surroundings(
     decay_2=0.3,
     cosines_3=((0.42, 8.0, math.pi / 3.0), (0.032, 5.0, -math.pi / 2.0)),
     cosine_4=(-0.15, 12.0, math.pi / 6.0),
+    sag=(0.2, 3.01, 0.5),
 )
 
 
@@ -200,6 +277,9 @@ SOLUTIONS: dict[str, Callable[[], Solution]] = {
     "Reference": reference,
     "Disturbance": disturbance,
     "RsbaController": controller,
+    "FocController": lambda: compared_with(compared.Foc(omega_d=500.0), 3),
+    "CacController": lambda: compared_with(compared.Cac(omega_n=(500.0, 1000.0)), 11),
+    "AnatcController": lambda: compared_with(compared.Anatc(), 6),
 }
 """What makes the files of each model."""
 
@@ -215,8 +295,26 @@ def waves(name: str, given: Sequence[paper.Wave]) -> dict[str, float]:
     return {k: x for part, values in parts for k, x in indexed(f"{name}.{part}", values).items()}
 
 
-START_VALUES: dict[str, dict[str, float]] = {
-    "EmlaPlant": {},
+def attributes(group: str, part: Any, **names: str) -> dict[str, float]:
+    """Attributes of a part of the reference model by FMI name."""
+    return {f"{group}.{name}": getattr(part, attribute) for attribute, name in names.items()}
+
+
+START_VALUES: dict[str, dict[str, Any]] = {
+    "EmlaPlant": {
+        "solver.internal_step": 1e-5,
+        "inverter.delay": 1e-3,
+        **attributes("inverter", DRIVE.dead_time, seconds="dead_time", frequency="f_PWM", i_0="i_0"),
+        **attributes("friction", DRIVE.friction, F_C="F_C", F_S="F_S", v_S="v_S"),
+        "friction.v_0": DRIVE.v_0,
+        **attributes("screw", DRIVE.end_stops, low="q_LB", high="q_UB"),
+        **attributes("stop", DRIVE.end_stops, k="stiffness", c="damping"),
+        **attributes(
+            "motor", DRIVE.winding, i_N="i_N", permitted_rise="permitted_rise", time_constant="tau_th"
+        ),
+        "gearbox.directional": True,
+        "gearbox.eta_back": DRIVE.eta_back,
+    },
     "EmlaObserver": {},
     "Reference": {
         **indexed("waypoint", MOTION.waypoints),
@@ -237,18 +335,26 @@ START_VALUES: dict[str, dict[str, float]] = {
         "d_4.amplitude": SURROUNDINGS.cosine_4[0],
         "d_4.omega": SURROUNDINGS.cosine_4[1],
         "d_4.phase": SURROUNDINGS.cosine_4[2],
+        **dict(zip(("supply.depth", "supply.start", "supply.duration"), SURROUNDINGS.sag, strict=True)),
     },
     "RsbaController": {},
+    "FocController": {"omega_d": 500.0},
+    "CacController": indexed("omega_n", (500.0, 1000.0)),  # the usual ones are too fast for RK4 to be exact
+    "AnatcController": {},
 }
 """Start values that differ from the FMU's, by model and FMI name."""
 
 
 RELATIVE = {
-    # Of the range of every output: RK4 with the default internal step of 5e-5 s against reference
+    # Of the range of every output: RK4 with the internal step of the start values against reference
     # solutions that are exact to 1e-11. Machines differ in their last digits, so these are not closer.
-    "EmlaPlant": 1e-7,  # omega_e up to 2000 rad/s, 0.1 rad per internal step: 1e-8 in the currents
+    "EmlaPlant": 2e-7,  # 1e-5 s; phase currents turn with up to 2000 rad/s: 8e-8
     "EmlaObserver": 2e-10,  # eta_hat falls with 200 rad/s: 3e-11
     "RsbaController": 1e-8,  # P_3 loses eight of 16 digits; 2e-9 in hosts that sum up time
+    # limits that act and end within an internal step
+    "FocController": 1e-5,
+    "CacController": 1e-4,
+    "AnatcController": 1e-9,
     # closed forms: rounding, and that time is summed up step by step
     "Reference": 1e-12,
     "Disturbance": 1e-12,
@@ -260,7 +366,7 @@ MADE_BY = "python -m fmus.make_references: the paper's equations written indepen
 
 def about(model: str) -> str:
     """The TOML file of a model's reference."""
-    values = "".join(f'"{name}" = {value!r}\n' for name, value in START_VALUES[model].items())
+    values = "".join(f'"{name}" = {json.dumps(value)}\n' for name, value in START_VALUES[model].items())
     start = f"\n[set]\n{values}" if values else ""
     tolerance = f'"*" = {{ relative = {RELATIVE[model]!r}, time = 0.0 }}'
     return f'made_by = "{MADE_BY}"\n{start}\n[tolerance]\n{tolerance}\n'

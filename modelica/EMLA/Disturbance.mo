@@ -36,12 +36,19 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
     Real phase(unit = "rad") = 0.0 "Its phase";
   end D4;
 
+  record Supply "A rectangle of voltage that the supply lacks"
+    Real depth(min = 0.0, max = 0.99) = 0.0 "Part of the supply's voltage that a sag takes";
+    Real start(unit = "s") = NEVER "Time at which the sag begins";
+    Real duration(unit = "s", min = 0.0) = 1.0 "Time that the sag lasts";
+  end Supply;
+
   Interfaces.RealInput v_L(unit = "m/s", nominal = 0.1) "Screw speed, for the arctan term"
     annotation(Placement(transformation(extent = {{-120, -10}, {-100, 10}})));
   parameter Load load "Load force";
   parameter D2 d_2_terms "Terms of d_2";
   parameter D3 d_3_terms "Terms of d_3";
   parameter D4 d_4_terms "Term of d_4";
+  parameter Supply supply "Sag of the supply";
   discrete Real random(start = d_2_terms.seed, fixed = true) "State of the random generator";
   Interfaces.RealOutput F_L(unit = "N", nominal = 1e4) "Load force, positive against extension"
     annotation(Placement(transformation(extent = {{100, 65}, {120, 85}})));
@@ -51,6 +58,8 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
     annotation(Placement(transformation(extent = {{100, -35}, {120, -15}})));
   Interfaces.RealOutput d_4(unit = "V", nominal = 10.0) "Disturbance of the d-axis voltage"
     annotation(Placement(transformation(extent = {{100, -85}, {120, -65}})));
+  Interfaces.RealOutput sag "Part of the supply's voltage that is missing"
+    annotation(Placement(transformation(extent = {{-10, -120}, {10, -100}}, rotation = -90)));
 protected
   final parameter Boolean as_force = d_2_terms.reading == Types.DisturbanceReading.force "Whether (82) acts on the load";
   final parameter Real interval(unit = "s") =
@@ -76,6 +85,7 @@ equation
   d_2 = if as_force then 0.0 else d;
   d_3 = sum(d_3_terms.amplitude[i] * cos(d_3_terms.omega[i] * time + d_3_terms.phase[i]) for i in 1:2);
   d_4 = d_4_terms.amplitude * cos(d_4_terms.omega * time + d_4_terms.phase);
+  sag = if time >= supply.start and time < supply.start + supply.duration then supply.depth else 0.0;
   annotation(
     Icon(graphics = {Line(points = {{-80, 0}, {-60, 40}, {-40, -30}, {-20, 50}, {0, -50}, {20, 30}, {40, -40}, {60, 20}, {80, 0}}, color = {0, 0, 127}, thickness = 0.5)}),
     Documentation(info = "<html>

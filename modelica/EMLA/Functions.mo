@@ -98,10 +98,68 @@ realistic stiffnesses no motor could move it. The plant's default is a rigid scr
     y := sqrt(-2.0 * log(uniform(x1))) * cos(2.0 * pi * uniform(x2));
   end normal;
 
-  function quantized "Position rounded to a resolution; 0 is no rounding"
-    input Real x(unit = "m");
-    input Real resolution(unit = "m");
-    output Real y(unit = "m");
+  function normal_sine "The other draw of the same two states, independent of the first"
+    input Real x1 "State of the generator";
+    input Real x2 "State of the generator";
+    output Real y;
+  algorithm
+    y := sqrt(-2.0 * log(uniform(x1))) * sin(2.0 * pi * uniform(x2));
+  end normal_sine;
+
+  function smooth_sign "A smooth sign, linear well within a width"
+    input Real x;
+    input Real width "More than 0";
+    output Real y "Between -1 and 1";
+  algorithm
+    y := x / sqrt(x * x + width * width);
+  end smooth_sign;
+
+  function friction "Coulomb and Stribeck friction, against the speed (the form of Hess and Soom, 1990)"
+    input Real v(unit = "m/s");
+    input Real F_C(unit = "N") "Coulomb friction";
+    input Real F_S(unit = "N") "Friction that breaks away";
+    input Real v_S(unit = "m/s") "Speed halfway between the two";
+    input Real v_0(unit = "m/s") "Speed within which friction is like a damper";
+    output Real F(unit = "N");
+  algorithm
+    F := (F_C + (F_S - F_C) / (1.0 + (v / v_S) * (v / v_S))) * smooth_sign(v, v_0);
+  end friction;
+
+  function felt_load "The load as the motor feels it, through gears whose losses go against the motion"
+    input Real F_L(unit = "N") "Load force";
+    input Real v(unit = "m/s");
+    input Real eta_GB "Efficiency where the motor drives";
+    input Real eta_back "Efficiency where the load drives; 0 is 2 - 1 / eta_GB";
+    input Real v_0(unit = "m/s") "Speed within which the losses vanish";
+    output Real F(unit = "N") "F_L / eta_GB, eta_back F_L, or F_L at rest";
+  protected
+    Real forward "Loss where the motor drives";
+    Real backward "Loss where the load drives";
+    Real s "Smooth sign of the speed";
+  algorithm
+    forward := 1.0 / eta_GB - 1.0;
+    backward := if eta_back == 0.0 then forward else 1.0 - eta_back;
+    s := smooth_sign(v, v_0);
+    F := F_L + 0.5 * (forward + backward) * abs(F_L) * s + 0.5 * (forward - backward) * F_L * s * s;
+  end felt_load;
+
+  function end_stop "Force of a stop that is pressed in (Hunt and Crossley, 1975), which never pulls"
+    input Real depth(unit = "m") "At least 0";
+    input Real approach(unit = "m/s") "Its rate";
+    input Real stiffness(unit = "N/m2");
+    input Real damping(unit = "s/m");
+    output Real F(unit = "N");
+  protected
+    Real z "Relative growth of the force";
+  algorithm
+    z := damping * approach;
+    F := stiffness * depth * depth * (if z >= 0.0 then 1.0 + z else 1.0 / (1.0 + abs(z)));
+  end end_stop;
+
+  function quantized "Value rounded to a resolution; 0 is no rounding"
+    input Real x;
+    input Real resolution;
+    output Real y;
   algorithm
     y := if resolution > 0.0 then resolution * floor(x / resolution + 0.5) else x;
   end quantized;

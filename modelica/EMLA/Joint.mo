@@ -11,7 +11,7 @@ model Joint "One joint: reference, plant, disturbance, observer and controller, 
     screw(lead = emla.lead, M_BS = emla.M_BS, B_BS = emla.B_BS, C_eq = emla.C_eq,
       q_LB = emla.q_LB, q_UB = emla.q_UB, v_max = emla.v_max),
     inverter(u_max = emla.u_max))
-    "The actuator with its sensor"
+    "The actuator with its sensors"
     annotation(Placement(transformation(extent = {{70, -30}, {130, 30}})));
   Disturbance disturbance "What acts on the joint from outside"
     annotation(Placement(transformation(extent = {{0, -90}, {40, -50}})));
@@ -44,10 +44,18 @@ equation
     annotation(Line(points = {{133, 21}, {148, 21}, {148, -100}, {-10, -100}, {-10, -70}, {-2, -70}}, color = {0, 0, 127}));
   connect(plant.x_measured, observer.y)
     annotation(Line(points = {{133, -9}, {154, -9}, {154, 80}, {2, 80}}, color = {0, 0, 127}));
-  connect(plant.i_q, controller.i_q)
-    annotation(Line(points = {{133, 15}, {144, 15}, {144, -96}, {-70, -96}, {-70, 9}, {-53, 9}}, color = {0, 0, 127}));
-  connect(plant.i_d, controller.i_d)
-    annotation(Line(points = {{133, 9}, {140, 9}, {140, -92}, {-64, -92}, {-64, 0}, {-53, 0}}, color = {0, 0, 127}));
+  connect(disturbance.sag, plant.sag)
+    annotation(Line(points = {{20, -92}, {20, -104}, {82, -104}, {82, -33}}, color = {0, 0, 127}));
+  connect(plant.i_q_measured, observer.i_q)
+    annotation(Line(points = {{97, -33}, {97, -60}, {158, -60}, {158, 70}, {2, 70}}, color = {0, 0, 127}));
+  connect(plant.inverter.u_available, controller.u_available)
+    annotation(Line(points = {{121, -33}, {121, -88}, {-60, -88}, {-60, 33}, {-53, 33}}, color = {0, 0, 127}));
+  connect(observer.d_hat, controller.d_hat)
+    annotation(Line(points = {{-20, 92}, {-20, 96}, {-86, 96}, {-86, -33}, {-53, -33}}, color = {0, 0, 127}));
+  connect(plant.i_q_measured, controller.i_q)
+    annotation(Line(points = {{97, -33}, {97, -96}, {-70, -96}, {-70, 9}, {-53, 9}}, color = {0, 0, 127}));
+  connect(plant.i_d_measured, controller.i_d)
+    annotation(Line(points = {{109, -33}, {109, -92}, {-64, -92}, {-64, 0}, {-53, 0}}, color = {0, 0, 127}));
   connect(controller.u_q, plant.u_q)
     annotation(Line(points = {{13, 27}, {67, 27}}, color = {0, 0, 127}));
   connect(controller.u_d, plant.u_d)

@@ -18,6 +18,8 @@ block Observer "Adaptive robust observer of screw position and speed"
     annotation(Placement(transformation(extent = {{-120, 40}, {-100, 60}})));
   Interfaces.RealInput i_q_ref(unit = "A", nominal = 10.0) "Commanded q-axis current i_q*, used with use_model"
     annotation(Placement(transformation(extent = {{-120, -60}, {-100, -40}})));
+  Interfaces.RealInput i_q(unit = "A", nominal = 10.0) "Measured q-axis current, used with model_current = measured"
+    annotation(Placement(transformation(extent = {{-120, -10}, {-100, 10}})));
 
   parameter Real alpha_1(unit = "1/s", min = 1e-9) = 0.3192 "Gain on the position estimate";
   parameter Real alpha_2(unit = "1/s2", min = 1e-9) = 0.3129 "Gain on the speed estimate";
@@ -29,6 +31,8 @@ block Observer "Adaptive robust observer of screw position and speed"
   parameter Real m_decay(unit = "1/s", min = 1e-12) = 1e-3 "Decay of m(t), so that (22) holds";
   parameter Real ell(min = 0.0) = 1.0 "Adaptation gain of (23)";
   parameter Boolean use_model = true "Include B u + g of (20): commanded torque and viscous friction";
+  parameter Types.ModelCurrent model_current = Types.ModelCurrent.command "Current of B u: the commanded or the measured one";
+  parameter Real omega_d(unit = "1/s", min = 0.0) = 0.0 "Bandwidth of the estimated disturbance d_hat; 0 is none";
   parameter Known known "The actuator as the observer knows it";
   parameter Start start "Start";
 
@@ -36,6 +40,8 @@ block Observer "Adaptive robust observer of screw position and speed"
     annotation(Placement(transformation(extent = {{100, 70}, {120, 90}})));
   Interfaces.RealOutput v_hat(start = 0.0, fixed = true, unit = "m/s", nominal = 0.1) "Estimated screw speed"
     annotation(Placement(transformation(extent = {{100, 30}, {120, 50}})));
+  Interfaces.RealOutput d_hat(start = 0.0, fixed = true, unit = "m/s2") "Estimated disturbance of the screw's acceleration"
+    annotation(Placement(transformation(extent = {{100, 10}, {120, 30}})));
   Interfaces.RealOutput eta_hat(start = start.eta_hat, fixed = true, min = 0.0) "Estimated bound of the uncertainty"
     annotation(Placement(transformation(extent = {{100, -10}, {120, 10}})));
   Interfaces.RealOutput y_bar(unit = "m") "Innovation y - x_hat"
@@ -52,6 +58,7 @@ protected
   Real m "Decaying term of (21) and (23), whose integral is bounded (22)";
   Real y_bar_abs(unit = "m") "||y_bar|| of (21) and (23)";
   Real bound "Bound of the robust term, eta_hat H (25)";
+  Real current(unit = "A") "Current of B u";
   Real modelled(unit = "m/s2") "B u + g of (20)";
 equation
   y_bar = y - x_hat;
@@ -64,9 +71,13 @@ equation
   f = bound * bound * y_bar / (bound * y_bar_abs + m);
 
   // (20) with A = [0, 1; 0, 0] and C = [1, 0]; p^-1 C' multiplies f
-  modelled = if use_model then (1.5 * known.N_p * known.Phi_PM * i_q_ref - known.B_eq * v_hat) / known.A_eq else 0.0;
+  current = if model_current == Types.ModelCurrent.measured then i_q else i_q_ref;
+  modelled = if use_model then (1.5 * known.N_p * known.Phi_PM * current - known.B_eq * v_hat) / known.A_eq else 0.0;
   der(x_hat) = v_hat + alpha_1 * y_bar + p_22 / determinant * f;
-  der(v_hat) = modelled + alpha_2 * y_bar - p_12 / determinant * f;
+  der(v_hat) = modelled + d_hat + alpha_2 * y_bar - p_12 / determinant * f;
+
+  // what the model does not know
+  der(d_hat) = omega_d * alpha_2 * y_bar;
 
   // (23)
   der(eta_hat) = -m * ell * eta_hat + ell * H * y_bar_abs;
@@ -83,6 +94,9 @@ given alpha and Q, where Algorithm 1 draws Q at random.</p>
 only then is |f| &lt;= eta_hat H, as (25) and the stability proof need.</li>
 <li><code>use_model</code>: B u + g is the commanded torque and the viscous friction of the estimated speed; C_eq and the
 reluctance torque are left out, and the load is not in it.</li>
+<li><code>omega_d</code>: an estimate d_hat of what the model does not know, load included, is added to (20); it
+integrates the innovation.</li>
+<li>The FMU's <code>interpolate</code> is not here: y and i_q are continuous.</li>
 <li>The defaults are the published numbers of the lift.</li>
 </ul>
 </html>"));

@@ -6,6 +6,8 @@ block RsbaController "Robust subsystem-based adaptive (RSBA) control of one EMLA
     Real a_max(unit = "m/s2", min = 1e-6) = 1.2 "Braking acceleration";
     Real i_max(unit = "A", min = 1e-6) = 105.0 "Largest q-axis current";
     Real u_max(unit = "V", min = 1e-6) = 445.0 "Longest voltage vector";
+    Real v_max(unit = "m/s", min = 1e-9) = 0.136 "Largest screw speed";
+    Real u_reserve(min = 0.0, max = 0.9) = 0.1 "Part of the voltage that weaken_field keeps for changes of current";
     Real theta_max(min = 0.0) = 1e6 "Largest adaptation parameter";
     Real band(min = 1e-9) = 1e-3 "Excess of the limit, as a fraction, over which adaptation comes to a stop; 0 in the FMU";
   end Limit;
@@ -40,6 +42,10 @@ block RsbaController "Robust subsystem-based adaptive (RSBA) control of one EMLA
     annotation(Placement(transformation(extent = {{-120, -70}, {-100, -50}})));
   Interfaces.RealInput a_d(unit = "m/s2") "Reference acceleration, used with feed_acceleration"
     annotation(Placement(transformation(extent = {{-120, -100}, {-100, -80}})));
+  Interfaces.RealInput d_hat(unit = "m/s2") "Estimated disturbance of the screw's acceleration, used with compensate"
+    annotation(Placement(transformation(extent = {{-120, -120}, {-100, -100}})));
+  Interfaces.RealInput u_available(unit = "V", nominal = 100.0) "Longest voltage vector of the present supply, used with measure_supply; 0 is unknown"
+    annotation(Placement(transformation(extent = {{-120, 100}, {-100, 120}})));
 
   parameter Real beta[4](each unit = "1/s", each min = 1e-9) = {3000.0, 3000.0, 1000.0, 1000.0} "Feedback gain";
   parameter Real zeta[4](each min = 0.0) = {100.0, 100.0, 100.0, 100.0} "Gain of the adaptation in feedback and in (32)";
@@ -52,12 +58,21 @@ block RsbaController "Robust subsystem-based adaptive (RSBA) control of one EMLA
   parameter Boolean limit_current = false "Keep i_q* within i_max";
   parameter Boolean limit_voltage = false "Keep the voltage vector within u_max";
   parameter Boolean freeze_adaptation = false "Stop adapting while saturated and at theta_max";
+  parameter Boolean limit_speed = false "Keep the approach within v_max and the base speed";
+  parameter Boolean compensate = false "Take d_hat / A_2 off u_2";
+  parameter Boolean weaken_field = false "Ask for i_d < 0 where back-EMF needs it";
+  parameter Boolean measure_supply = false "Take u_available for the voltage limit";
+  parameter Real omega_u(unit = "1/s", min = 0.0) = 0.0 "Bandwidth of the estimated voltage disturbances d_3 and d_4; 0 is none";
   parameter Limit limit "Limits";
   parameter Known known "The actuator as the controller knows it";
   parameter Solver solver "Approach to theta_max";
 
   Interfaces.RealOutput theta[4](each start = 0.0, each fixed = true, each min = 0.0) "Adaptation parameter theta_hat"
     annotation(Placement(transformation(extent = {{100, -60}, {120, -40}})));
+  Interfaces.RealOutput z_q(start = 0.0, fixed = true, unit = "A") "q-axis current that the known voltages would make"
+    annotation(Placement(transformation(extent = {{100, -110}, {120, -90}})));
+  Interfaces.RealOutput z_d(start = 0.0, fixed = true, unit = "A") "d-axis current that the known voltages would make"
+    annotation(Placement(transformation(extent = {{100, -130}, {120, -110}})));
   Interfaces.RealOutput u_q(unit = "V", nominal = 100.0) "q-axis voltage u_3"
     annotation(Placement(transformation(extent = {{100, 80}, {120, 100}})));
   Interfaces.RealOutput u_d(unit = "V", nominal = 100.0) "d-axis voltage u_4"
@@ -80,6 +95,19 @@ protected
   Real gain[4](each unit = "1/s") "(beta_i + zeta_i theta_hat_i) / 2";
   Real linear_range(unit = "m") "Error up to which the approach speed is linear";
   Real approach_speed(unit = "m/s") "First term of -a_1, or what a_max can brake where that is less";
+  Real u_limit(unit = "V") "Longest voltage vector, as known or measured";
+  Real base_speed(unit = "m/s") "Speed up to which u_limit drives i_max without a weakened field";
+  Real fastest(unit = "m/s") "Speed that reference and approach may have together";
+  Real wanted(unit = "m/s") "First term of a_1";
+  Real speed_e(unit = "rad/s") "|omega_e|, kept away from 0";
+  Real u_weak(unit = "V") "Voltage that weaken_field counts with";
+  Real i_reachable(unit = "A") "i_q that u_weak drives without any field";
+  Real i_q_kept(unit = "A") "u_2 within i_reachable";
+  Real v_q_left(unit = "V") "q-axis voltage that omega_e L_q i_q leaves, less R_s i_q";
+  Real i_d_ref(unit = "A") "Commanded d-axis current";
+  Real i_limit(unit = "A") "Largest i_q*";
+  Real d_3(unit = "A/s") "Estimated voltage disturbance over L_q";
+  Real d_4(unit = "A/s") "Estimated voltage disturbance over L_d";
   Real a_1(unit = "m/s") "Virtual control (31)";
   Real u_2(unit = "A") "(39) before the limit";
   Real u_3(unit = "V") "(39) before the limit";
@@ -105,7 +133,7 @@ equation
   P[1] = x_hat - x_d;
   P[2] = v_hat - v_d - a_1;
   P[3] = i_q - i_q_ref;
-  P[4] = i_d;
+  P[4] = i_d - i_d_ref;
 
   // virtual control (31); beyond linear_range the braking parabola lies below the line
   linear_range = limit.a_max / (gain[1] * gain[1]);
@@ -113,19 +141,39 @@ equation
     if limit_acceleration and abs(P[1]) > linear_range
     then (if P[1] > 0.0 then 1.0 else -1.0) * sqrt(2.0 * limit.a_max * (abs(P[1]) - 0.5 * linear_range))
     else gain[1] * P[1]);
-  a_1 = -approach_speed - (if x_2d_in_a_1 then v_d else 0.0);
+  u_limit = if measure_supply and noEvent(u_available > 0.0) then noEvent(min(u_available, limit.u_max)) else limit.u_max;
+  base_speed = u_limit / (known.N_p * known.alpha_RL * sqrt(known.Phi_PM ^ 2 + (known.L_q * limit.i_max) ^ 2));
+  fastest = noEvent(max(min(0.95 * limit.v_max, base_speed), 1.02 * abs(v_d)));
+  wanted = if limit_speed then Functions.clamp(v_d - approach_speed, -fastest, fastest) - v_d else -approach_speed;
+  a_1 = wanted - (if x_2d_in_a_1 then v_d else 0.0);
 
   // control signals (39)
-  u_2 = (-gain[2] * P[2] - P[1] - g_2 + (if feed_acceleration then a_d else 0.0)) / A_2;
-  u_3 = (-gain[3] * P[3] - g_3) / A_3;
-  u_4 = (-gain[4] * P[4] - g_4) / A_4;
+  d_3 = omega_u * (i_q - z_q);
+  d_4 = omega_u * (i_d - z_d);
+  u_2 = (-gain[2] * P[2] - P[1] - g_2 + (if feed_acceleration then a_d else 0.0) - (if compensate then d_hat else 0.0)) / A_2;
+  u_3 = (-gain[3] * P[3] - g_3 - d_3) / A_3;
+  u_4 = (-gain[4] * P[4] - g_4 - d_4) / A_4;
+  der(z_q) = if omega_u > 0.0 then A_3 * u_q + g_3 + d_3 else 0.0;
+  der(z_d) = if omega_u > 0.0 then A_4 * u_d + g_4 + d_4 else 0.0;
 
-  i_q_ref = if limit_current then Functions.clamp(u_2, -limit.i_max, limit.i_max) else u_2;
-  scale = if limit_voltage then Functions.shortening(u_3, u_4, limit.u_max) else 1.0;
+  // field: R_s i_q + omega_e (L_d i_d + Phi_PM) and omega_e L_q i_q within the voltage
+  speed_e = noEvent(max(abs(omega_e), 1e-6));
+  u_weak = (1.0 - limit.u_reserve) * u_limit;
+  i_reachable = u_weak / (speed_e * known.L_q);
+  i_q_kept = Functions.clamp(u_2, -i_reachable, i_reachable);
+  v_q_left = noEvent(sqrt(max(u_weak ^ 2 - (speed_e * known.L_q * i_q_kept) ^ 2, 0.0))
+    - known.R_s * i_q_kept * (if omega_e > 0.0 then 1.0 else if omega_e < 0.0 then -1.0 else 0.0));
+  i_d_ref = if weaken_field
+    then Functions.clamp((v_q_left / speed_e - known.Phi_PM) / known.L_d, -known.Phi_PM / known.L_d, 0.0)
+    else 0.0;
+  i_limit = if weaken_field then noEvent(min(limit.i_max, i_reachable)) else limit.i_max;
+
+  i_q_ref = if limit_current then Functions.clamp(u_2, -i_limit, i_limit) else u_2;
+  scale = if limit_voltage then Functions.shortening(u_3, u_4, u_limit) else 1.0;
   u_q = scale * u_3;
   u_d = scale * u_4;
-  current_excess = if limit_current then noEvent(abs(u_2)) / limit.i_max - 1.0 else 0.0;
-  voltage_excess = if limit_voltage then sqrt(u_3 * u_3 + u_4 * u_4) / limit.u_max - 1.0 else 0.0;
+  current_excess = if limit_current then noEvent(abs(u_2)) / i_limit - 1.0 else 0.0;
+  voltage_excess = if limit_voltage then sqrt(u_3 * u_3 + u_4 * u_4) / u_limit - 1.0 else 0.0;
   saturated = noEvent(if current_excess > 0.0 or voltage_excess > 0.0 then 1.0 else 0.0);
 
   // adaptation (32), stopped where freeze_adaptation says so
@@ -161,6 +209,10 @@ a linear a_1 overshoots; the speed it asks for is kept to what can be braked wit
 can do.</li>
 <li><code>freeze_adaptation</code>: (32) integrates errors that a saturated actuator cannot remove. Adaptation stops while
 its subsystem saturates and at theta_max.</li>
+<li><code>compensate</code>, <code>omega_u</code>: what acts unknown is estimated and taken off, d_hat by the observer,
+the voltages here.</li>
+<li><code>limit_speed</code>, <code>weaken_field</code>, <code>measure_supply</code>: speed and field that the supply's
+voltage allows.</li>
 </ul>
 <p>|P_i|^2 in (32) is the plain square.</p>
 </html>"));

@@ -1,12 +1,15 @@
-"""The robust subsystem-based adaptive (RSBA) controller and its gains.
+"""The robust subsystem-based adaptive (RSBA) controller, those it is compared with, and their gains.
 
 The paper is Mehdi Heydari Shahna, Mohammad Bahari and Jouni Mattila, "Robustness-Guaranteed Observer-Based
 Control Strategy with Modularity for Cleantech EMLA-Driven Heavy-Duty Robotic Manipulator". Numbers in
 parentheses are those of its equations as printed, Roman numbers those of its tables and sections.
 """
 
+from .anatc import AnatcController
+from .cac import CacController
 from .controller import RsbaController
+from .foc import FocController
 
-BLOCKS = (RsbaController,)
+BLOCKS = (RsbaController, FocController, CacController, AnatcController)
 
-__all__ = ["BLOCKS", "RsbaController"]
+__all__ = ["BLOCKS", "AnatcController", "CacController", "FocController", "RsbaController"]

@@ -153,12 +153,8 @@ class RsbaController(Block):
 
     theta = State(0.0, shape=4, minimum=0.0, description="Adaptation parameter theta_hat")
 
-    z_3 = State(
-        0.0, unit="A", name="z[3]", description="q-axis current without the voltages that act unknown"
-    )
-    z_4 = State(
-        0.0, unit="A", name="z[4]", description="d-axis current without the voltages that act unknown"
-    )
+    z_q = State(0.0, unit="A", description="q-axis current that the known voltages would make")
+    z_d = State(0.0, unit="A", description="d-axis current that the known voltages would make")
 
     u_q_before = DiscreteState(0.0, unit="V", name="before.u_q", description="u_q of the step that ends")
     u_d_before = DiscreteState(0.0, unit="V", name="before.u_d", description="u_d of the step that ends")
@@ -183,8 +179,8 @@ class RsbaController(Block):
         d_3, d_4 = self.voltage_disturbances(v)
         return {
             "theta": [self.adaptation(v, i, laws.P[i], frozen[i]) for i in range(4)],
-            "z_3": v.u_q_before / v.L_q + g_3 + d_3,
-            "z_4": v.u_d_before / v.L_d + g_4 + d_4,
+            "z_q": where(v.omega_u > 0.0, v.u_q_before / v.L_q + g_3 + d_3, 0.0),
+            "z_d": where(v.omega_u > 0.0, v.u_d_before / v.L_d + g_4 + d_4, 0.0),
         }
 
     def update(self, v: Any) -> dict[str, Any]:
@@ -239,7 +235,7 @@ class RsbaController(Block):
 
     def voltage_disturbances(self, v: Any) -> tuple[Any, Any]:
         """Estimated d_3 and d_4 in A/s: by how much the currents run ahead of their model."""
-        return v.omega_u * (v.i_q - v.z_3), v.omega_u * (v.i_d - v.z_4)
+        return v.omega_u * (v.i_q - v.z_q), v.omega_u * (v.i_d - v.z_d)
 
     def speed_beyond_reference(self, v: Any, P_1: Any, u_max: Any) -> Any:
         """First term of a_1 in m/s; with limit_speed no more than the limits leave beside v_d.

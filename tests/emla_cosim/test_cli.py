@@ -220,10 +220,6 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
         ),
         (["run", "lift", "--step-multiple", "lift.plant"], ["--step-multiple lift.plant", "NAME=VALUE"]),
         (
-            ["run", "lift", "--step-multiple", "lift.plant=7"],
-            ["100000 steps are no multiple of 7", "lift.plant", "another stop time"],
-        ),
-        (
             ["run", "lift", "--step-multiple", "lift.plant=2", "--algorithm", "strong"],
             ["the algorithm strong has no step multiples"],
         ),

@@ -131,7 +131,7 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
     order = data.draw(st.permutations(names), label="order")
     kind = data.draw(st.sampled_from(KINDS), label="algorithm")
     extrapolation = data.draw(st.sampled_from(EXTRAPOLATIONS), label="extrapolation")
-    multiples = data.draw(st.dictionaries(st.sampled_from(names), st.sampled_from([1, 2, 3, 4])))
+    multiples = data.draw(st.dictionaries(st.sampled_from(names), st.sampled_from([1, 2, 3, 5])))
     transformation = st.just((1.0, 0.0)) | st.tuples(values, values)
     transformations = [data.draw(transformation) for _ in system.connections]
     every, room = data.draw(st.integers(1, 7), label="every"), data.draw(st.integers(1, 5), label="room")

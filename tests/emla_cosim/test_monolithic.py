@@ -6,7 +6,7 @@ a tolerance far below anything asserted here.
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from fmublock.instance import Instance
 from fmublock.results import Results
 from rsba_fmu import RsbaController
 from rsba_fmu.gains import PUBLISHED
+from tests.support import reference_drive
 from tests.support import reference_model as paper
 from tests.support.simulated import simulated
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
@@ -50,23 +51,29 @@ class Run:
     largest_P_1: float
 
 
+@pytest.fixture(scope="module", params=["robust", "compensated"])
+def gains(request: pytest.FixtureRequest) -> str:
+    """The set of gains of controller and observer."""
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def solution() -> paper.Vector:
+def solution(gains: str) -> paper.Vector:
     """The joint as one equation.
 
     Solved to 1e-12 instead, eta_hat moves by 6e-8 of its range, no other state by 1e-9.
     """
-    return whole(np.linspace(0.0, STOP, round(STOP / SAMPLE) + 1))
+    return whole(np.linspace(0.0, STOP, round(STOP / SAMPLE) + 1), gains)
 
 
 @pytest.fixture(scope="module", params=["jacobi", "gauss-seidel"])
-def runs(request: pytest.FixtureRequest, fmu_folder: Path) -> list[Run]:
+def runs(request: pytest.FixtureRequest, gains: str, fmu_folder: Path) -> list[Run]:
     """The joint co-simulated by one algorithm with each of `STEPS`."""
-    return [co_simulated(request.param, step, fmu_folder) for step in STEPS]
+    return [co_simulated(request.param, step, fmu_folder, gains) for step in STEPS]
 
 
-def co_simulated(algorithm: str, step: float, folder: Path) -> Run:
-    system = lift()
+def co_simulated(algorithm: str, step: float, folder: Path, gains: str) -> Run:
+    system = lift(gains)
     fmus = {c.name: folder / c.model / f"{c.model}.fmu" for c in system.components}
     watched = ["lift.plant.inverter.saturated", "lift.controller.saturated", "lift.controller.P[1]"]
     with Assembly(system, fmus) as assembly:
@@ -79,11 +86,17 @@ def co_simulated(algorithm: str, step: float, folder: Path) -> Run:
 
 def errors(runs: list[Run], solution: paper.Vector) -> paper.Vector:
     """Largest difference of each state over the times of comparison, per its range; a row per step."""
-    return np.array([np.abs(run.states - solution).max(axis=0) for run in runs]) / np.ptp(solution, axis=0)
+    return np.array([np.abs(run.states - solution).max(axis=0) for run in runs]) / ranges(solution)
 
 
-def test_the_setting_is_smooth(runs: list[Run]) -> None:
-    system = lift()
+def ranges(solution: paper.Vector) -> paper.Vector:
+    """Range of each state; 1 of those that rest."""
+    found = np.ptp(solution, axis=0)
+    return np.where(found > 0.0, found, 1.0)
+
+
+def test_the_setting_is_smooth(runs: list[Run], gains: str) -> None:
+    system = lift(gains)
     c: Mapping[str, Any] = system.component("lift.controller").parameters
     for run in runs:
         assert run.saturated == 0.0
@@ -91,20 +104,24 @@ def test_the_setting_is_smooth(runs: list[Run]) -> None:
         assert run.largest_P_1 < c["limit.a_max"] / (0.5 * c["beta[1]"]) ** 2
 
 
-def test_error_is_of_first_order_in_the_communication_step(runs: list[Run], solution: paper.Vector) -> None:
+def test_error_is_of_first_order_in_the_communication_step(
+    runs: list[Run], solution: paper.Vector, gains: str
+) -> None:
     columns = [paper.JOINT_STATES.index(name) for name in FIRST_ORDER]
     error = errors(runs, solution)[:, columns]
     assert (error[1:] < error[:-1]).all()
     order = np.log2(error[:-1] / error[1:])
-    # the next term of the error is worth 2 % at the second-last halving and halves with the step
-    assert order[-2:] == pytest.approx(np.ones((2, len(columns))), abs=0.05)
+    # the next term of the error is worth 2 % at the second-last halving and halves with the step; where
+    # the observer interpolates, y and i_q have no first term, and what others have is smaller
+    within = {"robust": 0.05, "compensated": 0.25}[gains]
+    assert order[-2:] == pytest.approx(np.ones((2, len(columns))), abs=within)
 
 
 def test_limit_of_short_steps_is_the_solution_of_the_whole(runs: list[Run], solution: paper.Vector) -> None:
     """Without the first three terms of the error what is left measures the equations themselves."""
     a, b, c, d = (run.states for run in runs[-4:])
     extrapolated = (64.0 * d - 56.0 * c + 14.0 * b - a) / 21.0
-    left = np.abs(extrapolated - solution).max(axis=0) / np.ptp(solution, axis=0)
+    left = np.abs(extrapolated - solution).max(axis=0) / ranges(solution)
     by_name = dict(zip(paper.JOINT_STATES, left, strict=True))
     # the fourth term leaves 2e-6; without F_2 of (84), the smallest effect, 3e-5 would be left
     assert {name: by_name[name] for name in FIRST_ORDER if by_name[name] > 5e-6} == {}
@@ -326,12 +343,54 @@ def shown(block: Block, v: Values) -> dict[str, float]:
     return dict(zip(names, found, strict=True))
 
 
+def drawn_drive(draw: np.random.Generator, x_L: float) -> tuple[reference_drive.Drive, dict[str, Any]]:
+    """A drive with each effect on or off, and the same as values by attribute of the block."""
+    effects = ("dead", "friction", "stops", "winding", "gears")
+    on = dict(zip(effects, (draw.random(5) < 0.5).tolist(), strict=True))
+    dead = reference_drive.DeadTime(*draw.uniform([1e-6, 4e3, 0.1], [5e-6, 16e3, 5.0]).tolist())
+    friction = reference_drive.Friction(*draw.uniform([10.0, 10.0, 1e-3], [5e3, 9e3, 2e-2]).tolist())
+    low, high = (x_L + draw.uniform(-0.05, 0.05, size=2)).tolist()
+    stops = reference_drive.EndStops(min(low, high), max(low, high), 1e9 * draw.random(), 9.0 * draw.random())
+    winding = reference_drive.Winding(*draw.uniform([5.0, 50.0, 50.0], [40.0, 150.0, 300.0]).tolist())
+    eta_back, v_0 = float(draw.uniform(-0.5, 1.0)), float(10.0 ** draw.uniform(-4.0, -1.0))
+    drive = reference_drive.Drive(
+        dead if on["dead"] else None,
+        friction if on["friction"] else None,
+        stops if on["stops"] else None,
+        winding if on["winding"] else None,
+        eta_back if on["gears"] else None,
+        v_0,
+    )
+    F = asdict(friction) if on["friction"] else {"F_C": 0.0, "F_S": 0.0, "v_S": 1.0}
+    return drive, {
+        **F,
+        "v_0": v_0,
+        "dead_time": dead.seconds * on["dead"],
+        "f_PWM": dead.frequency,
+        "i_0": dead.i_0,
+        "q_LB": stops.low,
+        "q_UB": stops.high,
+        "stop_stiffness": stops.k * on["stops"],
+        "stop_damping": stops.c,
+        "i_N": winding.i_N * on["winding"],
+        "permitted_rise": winding.permitted_rise,
+        "tau_th": winding.time_constant,
+        "directional": float(on["gears"]),
+        "eta_back": eta_back,
+    }
+
+
+IDEAL_SENSORS = dict.fromkeys(
+    ("sigma", "resolution", "noise", "sigma_i", "resolution_i", "noise_q", "noise_d"), 0.0
+)
+
+
 def test_plant_at_random_points() -> None:
-    """Every term of some size, the inverter's limit met or not, torque from current and command."""
+    """Every term of some size, each effect of a drive on or off, torque from current and command."""
     draw = np.random.default_rng(20240517)
-    block, met = EmlaPlant(), dict.fromkeys(("limited", "free", "commanded"), 0)
+    block, met = EmlaPlant(), dict.fromkeys(("limited", "free", "commanded", "in a stop", "driven"), 0)
     acts = ("u_q", "u_d", "i_q_ref", "F_L", "d_2", "d_3", "d_4")
-    for _ in range(100):
+    for _ in range(200):
         scaled = ("R_s", "L_d", "L_q", "Phi_PM", "J_m", "B_m", "rho", "lead", "M_BS", "eta_GB", "u_max")
         given = {name: getattr(paper.Actuator(), name) * draw.uniform(0.5, 1.1) for name in scaled}
         given |= {"J_c": draw.uniform(0.0, 0.01), "J_GB": draw.uniform(0.0, 0.01)}
@@ -343,21 +402,29 @@ def test_plant_at_random_points() -> None:
         F, commanded = draw.uniform(-0.1, 0.1, size=3).tolist(), bool(draw.random() < 0.5)
         x = draw.uniform([0.0, -0.2, -100.0, -100.0], [0.5, 0.2, 100.0, 100.0])
         acting = dict(zip(acts, draw.normal(size=7) * [250.0, 200.0, 50.0, 5e4, 2.0, 2.0, 2.0], strict=True))
-        p = paper.Actuator(**given, F=tuple(F), torque_from_command=commanded)
+        acting["sag"] = float(draw.uniform(0.0, 0.5))
+        drive, switched = drawn_drive(draw, x[0])
+        rise = float(draw.uniform(0.0, 100.0)) if drive.winding else 0.0
+        p = paper.Actuator(**given, F=tuple(F), torque_from_command=commanded, drive=drive)
         u = paper.PlantInputs(**acting)
 
         source = TorqueSource.COMMAND if commanded else TorqueSource.CURRENT
         v = values(given, acting, torque_source=float(source), F_2=F[0], F_3=F[1], F_4=F[2])
-        v = values(vars(v), x_L=x[0], v_L=x[1], i_q=x[2], i_d=x[3], sigma=0.0, resolution=0.0, noise=0.0)
-        # terms of either sign add up: 3 or 4 of 16 digits are lost
-        assert rates(block, v) == pytest.approx(paper.plant_rates(p, x, u), rel=1e-11)
-        outputs = paper.plant_outputs(p, x, u)
+        v = values(vars(v), switched, IDEAL_SENSORS, delay=0.0, u_q_late=0.0, u_d_late=0.0)
+        v = values(vars(v), dict(zip(("x_L", "v_L", "i_q", "i_d"), x.tolist(), strict=True)))
+        v.temperature_rise, v.u_measured = rise, p.u_max * (1.0 - acting["sag"])  # sampled when it is steady
+        # terms of either sign add up: 3 or 4 of 16 digits are lost; electrical angles of 1e4 rad are
+        # known to 2e-12 rad, and so are the parts of 150 A that dead time depends on
+        expected = [*paper.plant_rates(p, x, u), paper.heating(p, x, rise)]
+        assert rates(block, v) == pytest.approx(expected, rel=1e-10)
+        outputs = {**paper.plant_outputs(p, x, u), "motor.temperature_rise": rise}
         found, phases = shown(block, v), [f"phase.i_{name}" for name in "abc"]
-        # electrical angles of 1e4 rad are known to 2e-12 rad, and so are parts of 150 A
         assert [found.pop(n) for n in phases] == pytest.approx([outputs.pop(n) for n in phases], abs=1e-9)
-        assert found == pytest.approx(outputs, rel=1e-11)
+        assert found == pytest.approx(outputs, rel=1e-10)
         met["limited" if outputs["inverter.saturated"] else "free"] += 1
         met["commanded"] += commanded
+        met["in a stop"] += drive.end_stops is not None and drive.end_stops.force(x[0], x[1]) != 0.0
+        met["driven"] += drive.eta_back is not None and x[1] * acting["F_L"] < 0.0
     assert min(met.values()) >= 20, met
 
 
@@ -371,7 +438,8 @@ def test_observer_at_random_points() -> None:
         given = dict(zip(("H_0", "m_0", "m_decay", "ell"), draw.uniform(0.1, 2.0, size=4), strict=True))
         knows_command = bool(draw.random() < 0.5)
         y, i_q_ref, t = draw.uniform(-1.0, 1.0), draw.uniform(-50.0, 50.0), draw.uniform(0.0, 2.0)
-        s = draw.uniform([y - 2.0, -1.0, 0.0], [y + 2.0, 1.0, 3.0])
+        s = draw.uniform([y - 2.0, -1.0, -3.0, 0.0], [y + 2.0, 1.0, 3.0, 3.0])
+        i_q, omega_d, measures = draw.uniform(-50.0, 50.0), draw.uniform(0.0, 5.0), bool(draw.random() < 0.5)
         o = paper.Observer(
             alpha=(alpha[0], alpha[1]),
             Q=(Q[0], Q[1], Q[2]),
@@ -379,16 +447,20 @@ def test_observer_at_random_points() -> None:
             knows_command=knows_command,
             A_2=1.5 * N_p * Phi_PM / A_eq,
             friction=B_eq / A_eq,
+            measures_current=measures,
+            omega_d=omega_d,
         )
 
         v = values(given, alpha_1=alpha[0], alpha_2=alpha[1], Q_11=Q[0], Q_12=Q[1], Q_22=Q[2])
         v = values(vars(v), N_p=N_p, Phi_PM=Phi_PM, A_eq=A_eq, B_eq=B_eq, use_model=float(knows_command))
-        v = values(vars(v), x_hat=s[0], v_hat=s[1], eta_hat=s[2], y=y, i_q_ref=i_q_ref, time=t)
+        v = values(vars(v), x_hat=s[0], v_hat=s[1], d_hat=s[2], eta_hat=s[3], y=y, i_q_ref=i_q_ref, time=t)
+        v = values(vars(v), i_q=i_q, omega_d=omega_d, model_current=float(1 + measures))
+        v = values(vars(v), interpolate=0.0, y_before=0.0, i_before=0.0, t_before=0.0, h_before=0.0)
         # p^-1 of a Lyapunov equation solved in two ways
-        assert rates(block, v) == pytest.approx(paper.observer_rates(o, t, s, y, i_q_ref), rel=1e-10)
+        assert rates(block, v) == pytest.approx(paper.observer_rates(o, t, s, y, i_q_ref, i_q), rel=1e-10)
         outputs = shown(block, v)
         assert outputs == pytest.approx(paper.observer_outputs(o, t, s, y), rel=1e-12)
-        assert abs(outputs["f"]) <= s[2] * o.H(y)  # (25)
+        assert abs(outputs["f"]) <= s[3] * o.H(y)  # (25)
 
 
 def test_controller_at_random_points() -> None:
@@ -404,14 +476,21 @@ def test_controller_at_random_points() -> None:
     limits = {"a_max": 1.2, "i_max": 105.0, "u_max": 445.0}
     limited = ("acceleration", "current", "voltage")
     switches = ("x_2d_in_a_1", "feed_acceleration", "freeze_adaptation", *(f"limit_{x}" for x in limited))
-    met = dict.fromkeys(("braking", "current", "voltage only", "free", "theta_max", "printed a_1"), 0)
+    later = ("compensate", "weaken_field", "limit_speed", "measure_supply")
+    situations = ("braking", "current", "voltage only", "free", "theta_max", "printed a_1")
+    met = dict.fromkeys((*situations, "weakened", "no room for i_q", "fastest"), 0)
     for _ in range(300):
         scale = 10.0 ** draw.uniform(-7.0, -3.0)  # errors from nothing to hopeless
         x_d, v_d, a_d = draw.uniform(0.2, 0.3), draw.uniform(-0.1, 0.1), draw.uniform(-1.0, 1.0)
         x_hat, v_hat = x_d + scale * draw.normal(), v_d + 30.0 * scale * draw.normal()
         i_q, i_d = draw.uniform(-100.0, 100.0), draw.uniform(-20.0, 20.0)
         theta = draw.uniform(0.0, 12.0, size=4)
-        on = {name: bool(draw.random() < 0.75) for name in switches}
+        on = {name: bool(draw.random() < 0.75) for name in (*switches, *later)}
+        for name in ("weaken_field", "limit_speed"):  # they need to know the limits
+            on[name] &= on["limit_current"] and on["limit_voltage"]
+        d_hat, z = draw.normal(), np.array([i_q, i_d]) + draw.normal(size=2)
+        v_max, omega_u = draw.uniform(0.05, 0.2), float(draw.choice([0.0, 500.0]))
+        u_available = draw.uniform(200.0, 500.0)
         kept = [
             x if on[f"limit_{name}"] else math.inf for name, x in zip(limited, limits.values(), strict=True)
         ]
@@ -423,16 +502,28 @@ def test_controller_at_random_points() -> None:
             **dict(zip(limits, kept, strict=True)),
             theta_max=10.0,
             freeze=on["freeze_adaptation"],
+            compensate=on["compensate"],
+            v_max=v_max if on["limit_speed"] else math.inf,
+            weaken=on["weaken_field"],
+            u_reserve=0.15,
+            omega_u=omega_u,
         )
-        signals = paper.control(c, theta, (x_hat, v_hat, i_q, i_d), (x_d, v_d, a_d))
+        if on["measure_supply"]:
+            c = replace(c, u_max=min(c.u_max, u_available) if on["limit_voltage"] else c.u_max)
+        x = (x_hat, v_hat, i_q, i_d)
+        signals = paper.control(c, theta, x, (x_d, v_d, a_d), d_hat, z)
         adapted = paper.adaptation(c, theta, signals)
+        flowing = paper.currents_of_known(c, x, z, signals)
 
         v = values(asdict(known), gains, limits, {name: float(x) for name, x in on.items()}, theta_max=10.0)
         v = values(vars(v), x_hat=x_hat, v_hat=v_hat, i_q=i_q, i_d=i_d, x_d=x_d, v_d=v_d, a_d=a_d)
+        v = values(vars(v), d_hat=d_hat, u_available=u_available, v_max=v_max, omega_u=omega_u)
+        v = values(vars(v), u_reserve=0.15, z_q=z[0], z_d=z[1])
+        v = values(vars(v), u_q_before=signals.u_q, u_d_before=signals.u_d)
         v.theta, v.internal_step = theta.tolist(), c.approach_time
         # P_2 and what follows from it lose 4 or 5 of 16 digits where v_hat - v_d and a_1 cancel
-        assert shown(block, v) == pytest.approx(paper.controller_outputs(theta, signals), rel=1e-10)
-        assert rates(block, v) == pytest.approx(adapted, rel=1e-10)
+        assert shown(block, v) == pytest.approx(paper.controller_outputs(theta, signals, z), rel=1e-10)
+        assert rates(block, v) == pytest.approx([*adapted, *flowing], rel=1e-9)
 
         free = not (signals.current_limited or signals.voltage_limited)
         met["braking"] += abs(signals.P[0]) > c.a_max / (0.5 * (800.0 + 10.0 * theta[0])) ** 2
@@ -441,4 +532,9 @@ def test_controller_at_random_points() -> None:
         met["free"] += free
         met["theta_max"] += free and c.freeze and bool(((theta > 10.0) & (adapted < 0.0)).any())
         met["printed a_1"] += c.x_2d_in_a_1
+        met["weakened"] += bool(signals.P[3] != i_d)
+        met["no room for i_q"] += abs(signals.i_q_ref) < 0.99 * c.i_max and signals.current_limited
+        met["fastest"] += paper.fastest(c, v_d) < abs(
+            v_d - paper.approach(c, 400.0 + 5.0 * theta[0], x_hat - x_d)
+        )
     assert min(met.values()) >= 10, met

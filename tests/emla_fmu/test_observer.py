@@ -10,6 +10,7 @@ from hypothesis import given
 
 from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaObserver, observer_gains
+from fmublock.instance import Instance
 from tests.support.slaves import BlockSlave, interface
 
 OUTPUTS = interface(EmlaObserver)[1]
@@ -49,8 +50,8 @@ def test_the_robust_term_keeps_its_bound(y_bar: float, eta_hat: float, y: float,
     """(25): |f| <= eta_hat H, and f has the innovation's sign."""
     gains = observer_gains.ROBUST["lift"]
     values = SimpleNamespace(**vars(gains) | {"y": y, "x_hat": y - y_bar, "eta_hat": eta_hat, "time": time})
-    f = EmlaObserver().robust_term(values)
-    assert abs(f) <= eta_hat * EmlaObserver().H(values) * (1 + 1e-12)
+    f = EmlaObserver().robust_term(values, y)
+    assert abs(f) <= eta_hat * EmlaObserver().H(values, y) * (1 + 1e-12)
     assert f * (values.y - values.x_hat) >= 0.0
 
 
@@ -92,6 +93,9 @@ def test_repaired_gains_weigh_small_innovations_as_promised(w: float) -> None:
         "eta_hat": gains.eta_hat_start,
         "time": 0.0,
         "i_q_ref": 10.0,
+        "i_q": 10.0,
+        "d_hat": 0.0,
+        **dict.fromkeys(("y_before", "i_before", "t_before", "h_before"), 0.0),
     }
     known = {"N_p": 8, "Phi_PM": 0.15, "A_eq": 35.26, "B_eq": 3.67}
     resting = SimpleNamespace(**vars(gains), **known, **start)
@@ -122,3 +126,44 @@ def test_published_poles() -> None:
     assert sorted(poles.imag) == pytest.approx([-0.536, 0.536], abs=1e-3)
     assert poles.real == pytest.approx([-0.1596, -0.1596], abs=1e-4)
     assert math.isclose(gains.alpha_2, abs(poles[0]) ** 2)
+
+
+@pytest.mark.parametrize("p", [400.0, 1600.0])
+def test_compensated_gains_put_all_poles_at_one_place(p: float) -> None:
+    """s^3 + alpha_1 s^2 + alpha_2 s + omega_d alpha_2: position, speed and disturbance."""
+    gains = observer_gains.compensated(p)
+    poles = np.roots([1.0, gains.alpha_1, gains.alpha_2, gains.omega_d * gains.alpha_2])
+    assert poles == pytest.approx([-p, -p, -p], rel=1e-4)  # triple roots are known to a third of the digits
+
+
+def _follows(step: float, stop: float, **values: float) -> dict[str, float]:
+    """Errors of an observer at 2 m/s2, of which its current explains 1.5 m/s2."""
+    gains = observer_gains.compensated(400.0)
+    A_2 = 1.5 * 8 * 0.15 / 35.26
+    parameters = start_values(EmlaObserver, gains, {"x_hat_start": 0.0, "B_eq": 0.0} | values)
+    instance = Instance(EmlaObserver())
+    for name, value in parameters.items():
+        instance[name] = value
+    instance.enter_initialization()
+    instance["i_q"] = 1.5 / A_2
+    instance.exit_initialization()
+    for k in range(round(stop / step)):
+        instance["y"] = ((k + 1) * step) ** 2
+        instance.do_step(k * step, step)
+    true = {"x_hat": stop**2, "v_hat": 2.0 * stop, "d_hat": 0.5}
+    return {name: instance[name] - value for name, value in true.items()}
+
+
+def test_a_constant_disturbance_leaves_no_error() -> None:
+    """After 40 time constants, with the position on a line between samples: what is left is its curvature."""
+    errors = _follows(1e-4, 0.1)
+    assert abs(errors["d_hat"]) < 2e-3
+    assert abs(errors["v_hat"]) < 1e-5
+    assert abs(errors["x_hat"]) < 1e-8
+
+
+def test_a_held_position_is_ahead_by_half_a_step() -> None:
+    """0.2 m/s for half of 1 ms, less what 0.4 of a time constant smooths; interpolation takes it away."""
+    held, moving = (_follows(1e-3, 0.1, interpolate=value)["x_hat"] for value in (0.0, 1.0))
+    assert held == pytest.approx(0.2 * 0.5e-3, rel=0.25)
+    assert abs(moving) < 0.01 * held

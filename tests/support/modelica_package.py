@@ -16,8 +16,22 @@ PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
 CLASSES = {model: model.removeprefix("Emla") for model in MODELS}
 """Name of the class in the package by our model."""
 
+WRITTEN = tuple(m for m in MODELS if m not in ("FocController", "CacController", "AnatcController"))
+"""Models that the package has; it leaves out the controllers that RSBA is compared with."""
+
 RENAMED = {"model": "known", **{name: f"{name}_terms" for name in ("d_2", "d_3", "d_4")}}
 """Groups of parameters whose FMI name is a keyword of Modelica, or the name of an output as well."""
+
+MOVED = {
+    "d_2.random": "random",
+    "supply.sag": "sag",
+    "motor.temperature_rise": "temperature_rise",
+    "motor.load": "motor_load",
+}
+"""Variables that change, and stand in a group of parameters by their FMI name."""
+
+DELAYED = ("delay", "u_q_late", "u_d_late", "u_q_line", "u_d_line", "u_measured")
+"""What the inverter delays: voltages by computing, the supply's by sampling."""
 
 SCALARS = {model: {s.name: s for s in block.layout().scalars} for model, block in MODELS.items()}
 """Every variable of our models by FMI name."""
@@ -31,8 +45,12 @@ def name_in(model: str, fmi_name: str) -> str | None:
         return None
     if fmi_name == "solver.internal_step" and model != "RsbaController":  # tools have their own solvers
         return None
-    if fmi_name == "d_2.random":
-        return "random"
+    if fmi_name == "interpolate" or fmi_name.startswith("before."):  # continuous inputs need no last values
+        return None
+    if fmi_name in MOVED:
+        return MOVED[fmi_name]
+    if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(DELAYED):
+        return None  # everything acts at once there
     group, dot, rest = fmi_name.partition(".")
     return RENAMED.get(group, group) + dot + rest if dot else fmi_name
 
@@ -57,7 +75,7 @@ def driven(model: str, values: Mapping[str, Any], inputs: Mapping[str, str]) -> 
     Inputs are expressions of `time` by name; those not given are 0.
     """
     names = [s.name for s in SCALARS[model].values() if isinstance(s.variable, Input)]
-    lines = [f"  c.{name} = {inputs.get(name, '0.0')};" for name in names]
+    lines = [f"  c.{name_in(model, name)} = {inputs.get(name, '0.0')};" for name in names]
     return "\n".join([f"  EMLA.{CLASSES[model]} c({modifications(model, values)});", "equation", *lines])
 
 

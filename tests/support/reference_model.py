@@ -3,7 +3,8 @@
 Numbers in parentheses are the paper's equations, names its labels. Nothing here is taken from the
 blocks; where both agree, two readings of the paper agree. A state of the plant is the vector
 x = (x_1, x_2, x_3, x_4) = (x_L, v_L, i_q, i_d); all quantities are in SI units. Only what is
-deterministic is here: no sensor, no random part of (82).
+deterministic is here: no sensor, no random part of (82). What a drive has beside the paper's plant is in
+`reference_drive`.
 """
 
 import math
@@ -16,6 +17,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+
+from tests.support.reference_drive import NO_DRIVE, Drive
 
 Vector = NDArray[np.floating[Any]]
 Four = tuple[float, float, float, float]
@@ -82,6 +85,8 @@ class Actuator:
     """F_2, F_3, F_4 as fractions of g_2, g_3, g_4 (84)."""
     torque_from_command: bool = False
     """Whether i_q* drives the screw (9) instead of i_q (3)."""
+    drive: Drive = NO_DRIVE
+    """What it has beside the paper's plant."""
 
     @cached_property
     def known(self) -> Subsystems:
@@ -100,7 +105,7 @@ class Actuator:
 
 @dataclass(frozen=True)
 class PlantInputs:
-    """What acts on the plant; d_2 is an acceleration, d_3 and d_4 are voltages."""
+    """What acts on the plant; d_2 is an acceleration, d_3 and d_4 are voltages, sag a part of u_max."""
 
     u_q: float = 0.0
     u_d: float = 0.0
@@ -109,6 +114,7 @@ class PlantInputs:
     d_2: float = 0.0
     d_3: float = 0.0
     d_4: float = 0.0
+    sag: float = 0.0
 
 
 def shortened(u_q: float, u_d: float, u_max: float) -> tuple[float, float, bool]:
@@ -119,33 +125,66 @@ def shortened(u_q: float, u_d: float, u_max: float) -> tuple[float, float, bool]
     return u_q * u_max / length, u_d * u_max / length, True
 
 
+def motor_voltage(p: Actuator, x: Vector, u: PlantInputs) -> tuple[float, float, bool]:
+    """What the inverter gives: within the supply, less what dead time takes from each phase."""
+    available = (1.0 - u.sag) * p.u_max
+    u_q, u_d, saturated = shortened(u.u_q, u.u_d, available)
+    if p.drive.dead_time is None:
+        return u_q, u_d, saturated
+    lost = [p.drive.dead_time.lost(i, math.sqrt(3.0) * available) for i in phase_currents(p, x)]
+    e_d, e_q, _ = (2.0 * park(p, float(x[0])) / 3.0) @ lost
+    return u_q + float(e_q), u_d + float(e_d), saturated
+
+
+def force_against(p: Actuator, x: Vector, F_L: float) -> float:
+    """Load, friction and end stops on the screw in N, as the motor feels them."""
+    x_L, v_L = float(x[0]), float(x[1])
+    d = p.drive
+    force = F_L / p.eta_GB if d.eta_back is None else F_L + d.lost_in_gears(F_L, v_L, p.eta_GB)
+    if d.friction is not None:
+        force += d.friction.force(v_L, d.v_0)
+    return force - (d.end_stops.force(x_L, v_L) if d.end_stops is not None else 0.0)
+
+
 def plant_rates(p: Actuator, x: Vector, u: PlantInputs) -> Vector:
     """(26) with d_1 = 0, the load of Table I and the uncertainties (84)."""
-    u_q, u_d, _ = shortened(u.u_q, u.u_d, p.u_max)
+    u_q, u_d, _ = motor_voltage(p, x, u)
     A, g = p.known.A, p.known.g(x)
     F = np.array([0.0, *p.F]) * g
     drive = np.array([x[1], u.i_q_ref if p.torque_from_command else x[2], u_q, u_d])
-    d = np.array([0.0, u.d_2 - p.D_eq * u.F_L / p.known.A_eq, u.d_3 / p.L_q, u.d_4 / p.L_d])
+    load = force_against(p, x, u.F_L) / (p.known.alpha_RL * p.known.A_eq)
+    d = np.array([0.0, u.d_2 - load, u.d_3 / p.L_q, u.d_4 / p.L_d])
     return A * drive + g + F + d
 
 
+def heating(p: Actuator, x: Vector, rise: float) -> float:
+    """Rate of the winding's temperature rise in K/s."""
+    winding = p.drive.winding
+    return 0.0 if winding is None else winding.rate(float(x[2]), float(x[3]), rise, p.R_s)
+
+
 def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
-    """What can be seen of the plant, by the names of its FMU; the sensor is ideal."""
+    """What can be seen of the plant, by the names of its FMU; sensors are ideal."""
     x_L, v_L, i_q, i_d = (float(value) for value in x)
-    u_q, u_d, saturated = shortened(u.u_q, u.u_d, p.u_max)
+    u_q, u_d, saturated = motor_voltage(p, x, u)
     magnet_current = u.i_q_ref if p.torque_from_command else i_q
+    winding = p.drive.winding
     return {
         "x_L": x_L,
         "v_L": v_L,
         "i_q": i_q,
         "i_d": i_d,
         "x_measured": x_L,
+        "i_q_measured": i_q,
+        "i_d_measured": i_d,
+        "inverter.u_available": (1.0 - u.sag) * p.u_max,
         "a_L": float(plant_rates(p, x, u)[1]),
         "tau_m": 1.5 * p.N_p * (i_q * i_d * p.L_d + magnet_current * p.Phi_PM - i_d * i_q * p.L_q),
         "omega_m": p.known.alpha_RL * v_L,
         "inverter.u_q": u_q,
         "inverter.u_d": u_d,
         "inverter.saturated": float(saturated),
+        "motor.load": 0.0 if winding is None else winding.load(i_q, i_d),
         "P_el": 1.5 * ((u_q + u.d_3) * i_q + (u_d + u.d_4) * i_d),
         "P_L": u.F_L * v_L,
         **dict(zip(("phase.i_a", "phase.i_b", "phase.i_c"), phase_currents(p, x), strict=True)),
@@ -154,10 +193,14 @@ def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
 
 def phase_currents(p: Actuator, x: Vector) -> list[float]:
     """The currents that (2) turns into i_d, i_q and 0."""
-    angle, third = p.N_p * p.known.alpha_RL * float(x[0]), 2.0 * math.pi / 3.0
+    return np.linalg.solve(2.0 * park(p, float(x[0])) / 3.0, [x[3], x[2], 0.0]).tolist()
+
+
+def park(p: Actuator, x_L: float) -> Vector:
+    """The matrix of (2) without its factor 2/3: rows d, q and zero sequence."""
+    angle, third = p.N_p * p.known.alpha_RL * x_L, 2.0 * math.pi / 3.0
     shifted = np.array([angle, angle - third, angle + third])
-    T = np.array([np.cos(shifted), -np.sin(shifted), np.full(3, 0.5)])
-    return np.linalg.solve(2.0 * T / 3.0, [x[3], x[2], 0.0]).tolist()
+    return np.array([np.cos(shifted), -np.sin(shifted), np.full(3, 0.5)])
 
 
 # ---- observer ------------------------------------------------------------------------------
@@ -183,6 +226,10 @@ class Observer:
     """Acceleration per commanded current, as the observer knows it."""
     friction: float = 3.67 / 35.26
     """B_eq / A_eq as the observer knows it, 1/s."""
+    measures_current: bool = False
+    """Whether B u is made of the measured current instead of the commanded one."""
+    omega_d: float = 0.0
+    """Gain of the estimated disturbance over that of the speed, 1/s."""
 
     @cached_property
     def A_bar(self) -> Vector:
@@ -212,24 +259,25 @@ class Observer:
 
 
 def observer_f(o: Observer, t: float, s: Vector, y: float) -> float:
-    """(21); s = (x_hat, v_hat, eta_hat)."""
-    y_bar, eta_H = y - s[0], s[2] * o.H(y)
+    """(21); s = (x_hat, v_hat, d_hat, eta_hat)."""
+    y_bar, eta_H = y - s[0], s[3] * o.H(y)
     return float(eta_H**2 * y_bar / (eta_H * abs(y_bar) + o.m(t)))
 
 
-def observer_rates(o: Observer, t: float, s: Vector, y: float, i_q_ref: float) -> Vector:
-    """(20) with A = [0 1; 0 0], B = [0; A_2], C = [1 0], and (23)."""
-    x_hat, v_hat, eta_hat = s
+def observer_rates(o: Observer, t: float, s: Vector, y: float, i_q_ref: float, i_q: float = 0.0) -> Vector:
+    """(20) with A = [0 1; 0 0], B = [0; A_2], C = [1 0], and (23); d_hat integrates the innovation."""
+    x_hat, v_hat, d_hat, eta_hat = s
     y_bar = y - x_hat
-    model = o.A_2 * i_q_ref - o.friction * v_hat if o.knows_command else 0.0
-    x_hat_rate = np.array([v_hat, model]) + np.array(o.alpha) * y_bar + o.p_inverse_C * observer_f(o, t, s, y)
+    model = o.A_2 * (i_q if o.measures_current else i_q_ref) - o.friction * v_hat if o.knows_command else 0.0
+    known = np.array([v_hat, model + d_hat])
+    x_hat_rate = known + np.array(o.alpha) * y_bar + o.p_inverse_C * observer_f(o, t, s, y)
     eta_hat_rate = -o.m(t) * o.ell * eta_hat + o.ell * o.H(y) * abs(y_bar)
-    return np.array([*x_hat_rate, eta_hat_rate])
+    return np.array([*x_hat_rate, o.omega_d * o.alpha[1] * y_bar, eta_hat_rate])
 
 
 def observer_outputs(o: Observer, t: float, s: Vector, y: float) -> dict[str, float]:
     """What can be seen of the observer, by the names of its FMU."""
-    names = ("x_hat", "v_hat", "eta_hat")
+    names = ("x_hat", "v_hat", "d_hat", "eta_hat")
     return {
         **dict(zip(names, s.tolist(), strict=True)),
         "y_bar": float(y - s[0]),
@@ -264,6 +312,16 @@ class Controller:
     """Time in s that theta would at least take to theta_max."""
     freeze: bool = False
     """Whether adaptation rests while the actuator saturates, and ends at theta_max."""
+    compensate: bool = False
+    """Whether u_2 takes off the estimated disturbance."""
+    v_max: float = math.inf
+    """Speed that a_1 may ask for, beside that of the reference; infinite is none at all."""
+    weaken: bool = False
+    """Whether i_d* makes room for i_q* in the voltage."""
+    u_reserve: float = 0.1
+    """Part of u_max that i_d* leaves."""
+    omega_u: float = 0.0
+    """Bandwidth of the estimates of the voltages that act unknown, 1/s."""
 
 
 @dataclass(frozen=True)
@@ -286,23 +344,57 @@ def approach(c: Controller, k: float, P_1: float) -> float:
     return math.copysign(math.sqrt(2.0 * c.a_max * (e - c.a_max / (2.0 * k**2))), P_1)
 
 
-def control(c: Controller, theta: Vector, x: Sequence[float] | Vector, x_d: Sequence[float]) -> Signals:
+def fastest(c: Controller, v_d: float) -> float:
+    """Speed in m/s that a_1 and reference may have together: v_max with 5 % left, and the base speed."""
+    if math.isinf(c.v_max):
+        return math.inf
+    k = c.known
+    # u_max^2 = (omega Phi)^2 + (omega L_q i_max)^2
+    omega = c.u_max / abs(complex(k.Phi_PM, k.L_q * c.i_max))
+    return max(min(0.95 * c.v_max, omega / (k.N_p * k.alpha_RL)), 1.02 * abs(v_d))
+
+
+def room_for_i_q(c: Controller, i_q: float, v: float) -> tuple[float, float]:
+    """i_d* and the largest i_q in A, of R_s i_q + omega (L_d i_d + Phi) and omega L_q i_q on the circle."""
+    k, u = c.known, (1.0 - c.u_reserve) * c.u_max
+    omega = max(abs(k.N_p * k.alpha_RL * v), 1e-6)
+    largest = u / (omega * k.L_q)
+    kept = min(max(i_q, -largest), largest)
+    v_q = math.sqrt(max(u**2 - (omega * k.L_q * kept) ** 2, 0.0)) - k.R_s * kept * np.sign(v)
+    i_d = (v_q / omega - k.Phi_PM) / k.L_d
+    return min(max(i_d, -k.Phi_PM / k.L_d), 0.0), largest
+
+
+def control(
+    c: Controller,
+    theta: Vector,
+    x: Sequence[float] | Vector,
+    x_d: Sequence[float],
+    d_hat: float = 0.0,
+    z: Sequence[float] | Vector = (0.0, 0.0),
+) -> Signals:
     """Algorithm 2; x is what is measured or estimated, x_d = (x_1d, x_2d, derivative of x_2d)."""
     A, g = c.known.A, c.known.g(x)
-    gain = 0.5 * (np.array(c.beta) + np.array(c.zeta) * theta)
+    gain = 0.5 * (np.array(c.beta) + np.array(c.zeta) * theta[:4])
+    d = (0.0, d_hat if c.compensate else 0.0, c.omega_u * (x[2] - z[0]), c.omega_u * (x[3] - z[1]))
 
-    def W(i: int, P_i: float) -> float:  # (41)
-        return float(-(gain[i - 1] * P_i + g[i - 1]) / A[i - 1])
+    def W(i: int, P_i: float) -> float:  # (41), less what is estimated
+        return float(-(gain[i - 1] * P_i + g[i - 1] + d[i - 1]) / A[i - 1])
 
     P_1 = x[0] - x_d[0]
-    a_1 = -approach(c, float(gain[0]), P_1) - (x_d[1] if c.x_2d_in_a_1 else 0.0)  # (31)
+    most = fastest(c, x_d[1])
+    wanted = min(max(x_d[1] - approach(c, float(gain[0]), P_1), -most), most) - x_d[1]
+    a_1 = wanted - (x_d[1] if c.x_2d_in_a_1 else 0.0)  # (31)
     P_2 = x[1] - x_d[1] - a_1
     u_2 = W(2, P_2) - P_1 * A[0] / A[1] + (x_d[2] / A[1] if c.feed_acceleration else 0.0)
-    i_q_ref = min(max(u_2, -c.i_max), c.i_max)
-    P_3, P_4 = x[2] - i_q_ref, x[3]
+    i_d_ref, largest = room_for_i_q(c, u_2, float(x[1])) if c.weaken else (0.0, math.inf)
+    i_max = min(c.i_max, largest)
+    i_q_ref = min(max(u_2, -i_max), i_max) if math.isfinite(c.i_max) else u_2
+    P_3, P_4 = x[2] - i_q_ref, x[3] - i_d_ref
     u_q, u_d, voltage_limited = shortened(W(3, P_3), W(4, P_4), c.u_max)
     P = np.array([P_1, P_2, P_3, P_4])
-    return Signals(float(i_q_ref), u_q, u_d, P, bool(abs(u_2) > c.i_max), voltage_limited)
+    limited = math.isfinite(c.i_max) and bool(abs(u_2) > i_max)
+    return Signals(float(i_q_ref), u_q, u_d, P, limited, voltage_limited)
 
 
 def adaptation(c: Controller, theta: Vector, s: Signals) -> Vector:
@@ -318,7 +410,20 @@ def adaptation(c: Controller, theta: Vector, s: Signals) -> Vector:
     return rates
 
 
-def controller_outputs(theta: Vector, s: Signals) -> dict[str, float]:
+def currents_of_known(
+    c: Controller, x: Sequence[float] | Vector, z: Sequence[float] | Vector, s: Signals
+) -> Vector:
+    """Rates of z_q and z_d: the currents under the voltages that are known and estimated."""
+    if c.omega_u == 0.0:
+        return np.zeros(2)
+    A, g = c.known.A, c.known.g(x)
+    i, u = np.array([x[2], x[3]]), np.array([s.u_q, s.u_d])
+    return A[2:] * u + g[2:] + c.omega_u * (i - np.array(z))
+
+
+def controller_outputs(
+    theta: Vector, s: Signals, z: Sequence[float] | Vector = (0.0, 0.0)
+) -> dict[str, float]:
     """What can be seen of the controller, by the names of its FMU."""
     return {
         **{f"theta[{i + 1}]": float(theta[i]) for i in range(4)},
@@ -326,6 +431,8 @@ def controller_outputs(theta: Vector, s: Signals) -> dict[str, float]:
         "u_d": s.u_d,
         "i_q_ref": s.i_q_ref,
         "saturated": float(s.current_limited or s.voltage_limited),
+        "z_q": float(z[0]),
+        "z_d": float(z[1]),
         **{f"P[{i + 1}]": float(s.P[i]) for i in range(4)},
     }
 
@@ -379,10 +486,12 @@ class Surroundings:
     cosine_4: Wave = (0.0, 0.0, 0.0)
     d_2_is_force: bool = False
     """Read (82) in N: it then acts against the load force."""
+    sag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What the supply lacks as a fraction, from when on and for how long in s."""
 
 
 def disturbance(s: Surroundings, t: float, v_L: float) -> dict[str, float]:
-    """F_L, d_2, d_3, d_4 by name."""
+    """F_L, d_2, d_3, d_4 and the supply's sag by name."""
     points, forces = [0.0], [s.levels[0]]
     for i, start in enumerate(s.level_starts):
         points += [start, start + s.ramp]
@@ -398,6 +507,7 @@ def disturbance(s: Surroundings, t: float, v_L: float) -> dict[str, float]:
         "d_2": 0.0 if s.d_2_is_force else d_2,
         "d_3": d_3,
         "d_4": a * math.cos(omega * t + phase),
+        "supply.sag": s.sag[0] if s.sag[1] <= t < s.sag[1] + s.sag[2] else 0.0,
     }
 
 
@@ -405,8 +515,8 @@ def disturbance(s: Surroundings, t: float, v_L: float) -> dict[str, float]:
 
 JOINT_STATES = (
     *("x_L", "v_L", "i_q", "i_d"),
-    *("x_hat", "v_hat", "eta_hat"),
-    *("theta[1]", "theta[2]", "theta[3]", "theta[4]"),
+    *("x_hat", "v_hat", "d_hat", "eta_hat"),
+    *("theta[1]", "theta[2]", "theta[3]", "theta[4]", "z_q", "z_d"),
 )
 """Names of the joint's states in the order of its state vector."""
 
@@ -424,17 +534,19 @@ class Joint:
 
 def joint_rates(j: Joint, t: float, s: Vector) -> Vector:
     """Right-hand side of the whole joint, with every exchange between its parts instantaneous."""
-    x, estimate, theta = s[:4], s[4:7], s[7:]
+    x, estimate, theta, z = s[:4], s[4:8], s[8:12], s[12:]
     y = float(x[0])
     believed = (estimate[0], estimate[1], x[2], x[3])
-    signals = control(j.controller, theta, believed, reference(j.motion, t))
+    signals = control(j.controller, theta, believed, reference(j.motion, t), float(estimate[2]), z)
     outside = disturbance(j.surroundings, t, float(x[1]))
-    u = PlantInputs(signals.u_q, signals.u_d, signals.i_q_ref, **outside)
+    sag = outside.pop("supply.sag")
+    u = PlantInputs(signals.u_q, signals.u_d, signals.i_q_ref, sag=sag, **outside)
     return np.concatenate(
         [
             plant_rates(j.plant, x, u),
-            observer_rates(j.observer, t, estimate, y, signals.i_q_ref),
+            observer_rates(j.observer, t, estimate, y, signals.i_q_ref, float(x[2])),
             adaptation(j.controller, theta, signals),
+            currents_of_known(j.controller, believed, z, signals),
         ]
     )
 

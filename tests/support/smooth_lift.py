@@ -9,6 +9,7 @@ import numpy as np
 
 from emla_cosim.loading import load
 from emla_cosim.system.model import System
+from emla_fmu.observer import ModelCurrent
 from tests.support import reference_model as paper
 
 # The lift joint of the study in the middle of its move, with a number wherever the paper's own
@@ -45,13 +46,14 @@ START = {
     "v_hat": v_0,
     "eta_hat": 1.0,
 }
-_OWNERS = dict.fromkeys(paper.JOINT_STATES[:4], "plant") | dict.fromkeys(paper.JOINT_STATES[4:7], "observer")
+"""What is not here starts from 0."""
+_OWNERS = dict.fromkeys(paper.JOINT_STATES[:4], "plant") | dict.fromkeys(paper.JOINT_STATES[4:8], "observer")
 STATE_SIGNALS = tuple(f"lift.{_OWNERS.get(state, 'controller')}.{state}" for state in paper.JOINT_STATES)
 """Names of the signals that are `JOINT_STATES`, in their order."""
 
 
-def lift() -> System:
-    """The lift joint as the scenario has it, in the setting above."""
+def lift(gains: str = "robust") -> System:
+    """The lift joint as the scenario has it with these gains, in the setting above."""
     given = {
         "plant.motor.L_d": PLANT.L_d,
         "plant.coupling.J_c": PLANT.J_c,
@@ -68,7 +70,7 @@ def lift() -> System:
         "observer.start.eta_hat": START["eta_hat"],
         "observer.v_hat": START["v_hat"],
     }
-    system = load("lift", gains="robust").system
+    system = load("lift", gains=gains).system
     return system.with_parameters({f"lift.{name}": value for name, value in given.items()})
 
 
@@ -94,6 +96,11 @@ def joint(system: System) -> paper.Joint:
         u_max=PLANT.u_max,
         theta_max=1e6,
         freeze=True,
+        compensate=bool(c["compensate"]),
+        v_max=c["limit.v_max"] if c["limit_speed"] else math.inf,
+        weaken=bool(c["weaken_field"]),
+        u_reserve=c["limit.u_reserve"],
+        omega_u=c["omega_u"],
     )
     observer = paper.Observer(
         alpha=(o["alpha_1"], o["alpha_2"]),
@@ -105,12 +112,14 @@ def joint(system: System) -> paper.Joint:
         knows_command=o["use_model"],
         A_2=float(nominal.A[1]),
         friction=nominal.B_eq / nominal.A_eq,
+        measures_current=o["model_current"] == ModelCurrent.MEASURED,
+        omega_d=o["omega_d"],
     )
     return paper.Joint(PLANT, observer, controller, MOTION, SURROUNDINGS)
 
 
-def whole(times: np.ndarray) -> paper.Vector:
+def whole(times: np.ndarray, gains: str = "robust") -> paper.Vector:
     """The joint as one equation: a row of `JOINT_STATES` for each of the times in s."""
-    equation = joint(lift())
+    equation = joint(lift(gains))
     start = [START.get(name, 0.0) for name in paper.JOINT_STATES]
     return paper.solve(lambda t, s: paper.joint_rates(equation, t, s), start, times, rtol=1e-11, atol=1e-16)

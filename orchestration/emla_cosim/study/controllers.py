@@ -7,7 +7,16 @@ from typing import Any
 
 from emla_fmu import observer_gains
 from fmublock import Block
-from rsba_fmu import RsbaController, gains
+from rsba_fmu import (
+    AnatcController,
+    CacController,
+    FocController,
+    RsbaController,
+    anatc_gains,
+    cac_gains,
+    foc_gains,
+    gains,
+)
 
 from ..errors import CommandError, check_choice, listed
 from ..models import block_of
@@ -39,6 +48,9 @@ class Controller:
     )
 
 
+_OBSERVER = {**observer_gains.ROBUST, "prototype": observer_gains.robust(800.0)}
+"""Observer of the compared controllers; the prototype's loop runs at 1 kHz."""
+
 CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
@@ -47,7 +59,22 @@ CONTROLLERS: dict[str, Controller] = {
             "published": Gains(observer_gains.PUBLISHED, gains.PUBLISHED, printed_estimate=True),
             "compensated": Gains(observer_gains.COMPENSATED, gains.COMPENSATED),
         },
-    )
+    ),
+    "foc": Controller(
+        FocController,
+        {"rule": Gains(_OBSERVER, foc_gains.RULE), "tuned": Gains(_OBSERVER, foc_gains.TUNED)},
+    ),
+    "cac": Controller(
+        CacController,
+        {"published": Gains(_OBSERVER, cac_gains.PUBLISHED), "tuned": Gains(_OBSERVER, cac_gains.TUNED)},
+    ),
+    "anatc": Controller(
+        AnatcController,
+        {
+            "published": Gains(_OBSERVER, anatc_gains.PUBLISHED),
+            "tuned": Gains(_OBSERVER, anatc_gains.TUNED),
+        },
+    ),
 }
 """Controllers by name; whoever adds one here can choose it wherever a name is given."""
 

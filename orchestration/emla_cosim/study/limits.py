@@ -24,6 +24,7 @@ RANGES = (
     Range("plant.v_L", "speed", "m/s", None, "plant.screw.v_max"),
     Range("plant.i_q", "current", "A", None, "plant.motor.i_max"),
     Range("plant.i_d", "current", "A", None, "plant.motor.i_max"),
+    Range("plant.motor.temperature_rise", "winding temperature", "K", None, "plant.motor.permitted_rise"),
 )
 """What a joint should stay within; a plant without these parameters has no ranges."""
 

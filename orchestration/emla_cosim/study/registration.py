@@ -7,7 +7,7 @@ from importlib.resources import files
 from ..recorders.metrics import METRICS
 from ..results.plotting import FIGURES
 from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS, TUNINGS
-from . import systems
+from . import experiments, systems
 from .figures import JOINT_FIGURES
 from .metrics import joint_metrics
 from .tuning_plans import tuning_plans
@@ -15,8 +15,9 @@ from .tuning_plans import tuning_plans
 
 def register() -> None:
     """Make all of it known under its names; again makes no difference."""
-    SYSTEMS.update(systems.SYSTEMS)
-    for name in systems.SYSTEMS:
+    own = systems.SYSTEMS | experiments.SYSTEMS
+    SYSTEMS.update(own)
+    for name in own:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)

@@ -2,14 +2,16 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
 from emla_fmu import TorqueSource
 from emla_fmu.disturbance import LEVELS
+from emla_fmu.drive import DRIVES, ENCODER_STEPS
 from emla_fmu.parameters import EMLAS
 from emla_fmu.reference import rest_to_rest
+from fmublock.noise import MODULUS
 
 from ..system.model import System
 from .controllers import chosen
@@ -84,25 +86,30 @@ VOLTAGE_DISTURBANCES = {
 UNCERTAINTIES = {"F_2": 0.01, "F_3": 0.002, "F_4": 0.001}
 """(84) as parameters of the plant."""
 
-ENCODER_STEPS = 2**20
-"""Steps per motor turn of the position sensor: a 20-bit encoder (assumed)."""
-
-
 Choice = str | type | None
 """A controller, or a set of gains: by name, the controller also as a block; None for the usual one."""
 
 
 def _study_joint(
-    name: str, controller: Choice, gains: Choice, *, as_printed: bool = False, true_feedback: bool = False
+    name: str,
+    controller: Choice,
+    gains: Choice,
+    *,
+    as_printed: bool = False,
+    true_feedback: bool = False,
+    drive: bool = False,
 ) -> System:
     """One joint of the study.
 
-    `as_printed` is the paper's plant: driven by the commanded current, with an ideal sensor.
+    `as_printed` is the paper's plant: driven by the commanded current, with an ideal sensor. `drive`
+    is a drive as it is (`emla_fmu.drive`).
     """
     study, emla = STUDY[name], EMLAS[name]
     plant: dict[str, Any] = {"x_L_start": study.x_start, "seed": study.seed, **UNCERTAINTIES}
     if as_printed:
         plant["torque_source"] = int(TorqueSource.COMMAND)
+    elif drive:
+        plant |= {**asdict(DRIVES[name]), "seed_i": current_seed(study.seed)}
     else:
         plant["resolution"] = emla.rho * emla.lead / ENCODER_STEPS
     closing, gain_set = chosen(controller, gains if gains is None else str(gains))
@@ -125,6 +132,11 @@ def _study_joint(
     )
 
 
+def current_seed(seed: int) -> int:
+    """Seed of the current sensors' noise beside that of the position's: far from it in the sequence."""
+    return 69621 * seed % int(MODULUS)
+
+
 def _three_joints(controller: Choice, gains: Choice, **variant: bool) -> System:
     first, *others = (_study_joint(name, controller, gains, **variant) for name in STUDY)
     return sum(others, first)
@@ -132,6 +144,7 @@ def _three_joints(controller: Choice, gains: Choice, **variant: bool) -> System:
 
 SYSTEMS: dict[str, Callable[[Choice, Choice], System]] = {
     "study": _three_joints,
+    "study-drive": partial(_three_joints, drive=True),
     **{name: partial(_study_joint, name) for name in STUDY},
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),

@@ -13,7 +13,7 @@ from .controllers import CONTROLLERS
 _BEHIND = 0.010
 """So much farther from its reference than in the study a joint starts in one case, in m."""
 
-_GAINS = {"rsba": "compensated"}
+_GAINS = {"rsba": "compensated", "foc": "tuned", "cac": "tuned", "anatc": "tuned"}
 """The set that a search begins with; for any other controller its usual one."""
 
 
@@ -52,6 +52,7 @@ def _text(controller: str, joint: str) -> str:
         controller=controller,
         gains=_GAINS.get(controller) or next(iter(CONTROLLERS[controller].gains)),
         tau_max=tau_max,
+        inductance=EMLAS[joint].L_q,
         paper_torque=min(printed.torque, tau_max),
         paper_convergence=printed.convergence,
         far=printed.far,

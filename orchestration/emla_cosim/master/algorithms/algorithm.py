@@ -15,8 +15,8 @@ from ..slaves.slave import Slave
 from .extrapolation import EXTRAPOLATIONS, Exchange
 from .initialization import initialize
 
-Span = Callable[[int], float]
-"""The length in s of so many communication steps from where the simulation is."""
+Span = Callable[[int], tuple[float, float]]
+"""Where so many communication steps up to the end of the present one begin, and their length, in s."""
 
 
 @dataclass(eq=False)
@@ -64,10 +64,10 @@ class Algorithm(ABC):
     def step(self, time: float, step: float, span: Span | None = None) -> None:
         """Advance all slaves from `time` by `step`, in s; signals then hold the outputs at the end.
 
-        `span` knows the lengths of steps that some slaves do at once, which rounding may make
-        differ from multiples of `step`.
+        `span` knows the steps that some slaves do at once, whose lengths rounding may make differ
+        from multiples of `step`.
         """
-        self._step(time, step, span or (lambda count: count * step))
+        self._step(time, step, span or (lambda count: (time - (count - 1) * step, count * step)))
         self.steps += 1
 
     @abstractmethod
@@ -103,8 +103,7 @@ class Algorithm(ABC):
     @property
     def kept(self) -> dict[str, Vector]:
         """The arrays, by name, that go back with a snapshot; they are changed in place."""
-        history = self.exchange.history
-        return {"previous": history.previous, "at": history.at, "before": history.before}
+        return vars(self.exchange.history)
 
 
 def require(slaves: Sequence[Slave], ability: str, flag: str, purpose: str) -> None:

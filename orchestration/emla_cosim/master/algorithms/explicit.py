@@ -39,14 +39,15 @@ class Operation:
 class Explicit(Algorithm):
     """Works through a table of operations in every step.
 
-    `step_multiples` gives, by name, slaves that step more rarely: one with the multiple m gets its
-    inputs and does a step of m communication steps at every m-th of them; the others see its new
-    outputs when they have reached the same time.
+    `step_multiples` gives, by name, slaves that step more rarely: one with the multiple m waits
+    until the others come to an m-th communication point, and then does m steps at once in its place
+    of the table, with the inputs that it finds there. It samples at these points: nothing is late
+    that would not be late with short steps, and then by a short step.
     """
 
     step_multiples: Mapping[str, int] = option(
         {},
-        help="Step a component at every N-th step (repeatable).",
+        help="Let a component sample at every N-th point and do N steps at once (repeatable).",
         flag="--step-multiple",
         metavar="COMPONENT=N",
         identity="step multiples",
@@ -66,6 +67,7 @@ class Explicit(Algorithm):
                 right = "at least 1" if least else f"at most {MOST}"
                 raise CommandError(f"the step multiple {multiple} of {name} must be {right}.")
         self.multiples = np.array([self.step_multiples.get(n, 1) for n in names], dtype=np.int64)
+        self.exchange.rare = [bool(m > 1) for m in self.multiples]
         self.operations = self.table(network)
         self._calls = [(int(o.call), o.slave, int(self.multiples[o.slave])) for o in self.operations]
 
@@ -74,14 +76,15 @@ class Explicit(Algorithm):
         """The operations of one step, in order."""
 
     def _step(self, time: float, step: float, span: Span) -> None:
-        exchange, slaves, done = self.exchange, self.network.slaves, self.steps
+        exchange, slaves, reached = self.exchange, self.network.slaves, self.steps + 1
         for call, i, multiple in self._calls:
-            if (done + 1 if call == _GET else done) % multiple:
+            if reached % multiple:
                 continue
+            begin, length = (time, step) if multiple == 1 else span(multiple)
             if call == _SET:
-                exchange.pass_inputs(i, time, step if multiple == 1 else span(multiple))
+                exchange.pass_inputs(i, begin, length)
             elif call == _STEP:
-                slaves[i].do_step(time, step if multiple == 1 else span(multiple))
+                slaves[i].do_step(begin, length)
             else:
                 exchange.shift(i, time + step)
                 slaves[i].get_outputs()

@@ -10,6 +10,8 @@ length h then sees
 `master` uses the line's value in the middle of the step, `fmu` gives the line itself to
 `fmi2SetRealInputDerivatives`. A source that has been stepped already makes this an interpolation.
 The factor and the offset of a link are applied to what comes out, and the factor to its slope.
+For a slave that does several steps at once, y' is the value that it took at its step before, where that
+is older: the line goes over all of its long step, and noise in the last short one is not prolonged.
 
 In smooth motion held inputs make states exact to first order in the step, followed ones to second
 order. After `master` an output in which an input shows at once is still that of the middle of the
@@ -44,12 +46,15 @@ class History:
     """The signals one communication point earlier, and when each slave's signals were.
 
     `previous` has the shape of the signals; `at` and `before` hold, per slave, the times in s of
-    its newest signals and of those in `previous`.
+    its newest signals and of those in `previous`. `taken` holds, per input of slaves that step more
+    rarely than others, the signal that it took last, and `taken_at` that signal's time.
     """
 
     previous: Vector
     at: Vector
     before: Vector
+    taken: Vector
+    taken_at: Vector
 
 
 class Exchange:
@@ -68,7 +73,10 @@ class Exchange:
             self.owners[part], self.smooth[part] = i, slave.continuous_outputs
         self.modes = [int(_mode(extrapolation, slave.interpolates)) for slave in network.slaves]
         self.derivatives: Vector = np.zeros(len(network.inputs))
-        self.history = History(np.zeros(size), np.zeros(count), np.zeros(count))
+        taken = len(network.inputs)
+        self.history = History(*(np.zeros(n) for n in (size, count, count, taken, taken)))
+        self.rare = [False] * count
+        """Which slaves do several steps at once."""
 
     @property
     def accuracy(self) -> int:
@@ -79,7 +87,9 @@ class Exchange:
     def begin(self, time: float) -> None:
         """The present signals are those of `time` in s, and there were none before."""
         self.history.previous[:] = self.network.signals
-        self.history.at[:] = self.history.before[:] = time
+        self.history.at[:] = self.history.before[:] = self.history.taken_at[:] = time
+        for taken, sources in zip(self.network.input_parts, self.network.sources, strict=True):
+            self.history.taken[taken] = self.network.signals[sources]
 
     def pass_inputs(self, i: int, time: float, step: float) -> None:
         """Give slave i its inputs for the step from `time` of length `step`, both in s."""
@@ -89,7 +99,8 @@ class Exchange:
             return
         slave, sources = self.network.slaves[i], self.network.sources[i]
         slopes = self.derivatives[self.network.input_parts[i]]
-        slopes[:] = np.where(slave.continuous_inputs, self._rates(sources), 0.0)
+        rates = self._rates_since_taken(i) if self.rare[i] else self._rates(sources)
+        slopes[:] = np.where(slave.continuous_inputs, rates, 0.0)
         ahead = time - self.history.at[self.owners[sources]] + (0.5 * step if mode == _MIDDLE else 0.0)
         slave.inputs[:] = self.network.signals[sources] + ahead * slopes
         if self.network.transforms[i]:
@@ -106,9 +117,25 @@ class Exchange:
 
     def _rates(self, which: Indices) -> Vector:
         """How fast these signals changed last, per s; 0 for discrete ones and where nothing is known."""
-        owners = self.owners[which]
-        span = self.history.at[owners] - self.history.before[owners]
-        change = self.network.signals[which] - self.history.previous[which]
+        return self._slopes(which, self.history.previous[which], self.history.before[self.owners[which]])
+
+    def _rates_since_taken(self, i: int) -> Vector:
+        """How fast the signals changed that slave i reads since it read them; it reads them now."""
+        history, which, part = self.history, self.network.sources[i], self.network.input_parts[i]
+        before = history.before[self.owners[which]]
+        older = history.taken_at[part] < before
+        earlier = np.where(older, history.taken[part], history.previous[which])
+        rates = self._slopes(which, earlier, np.where(older, history.taken_at[part], before))
+        history.taken[part], history.taken_at[part] = (
+            self.network.signals[which],
+            history.at[self.owners[which]],
+        )
+        return rates
+
+    def _slopes(self, which: Indices, earlier: Vector, then: Vector) -> Vector:
+        """Slopes from these earlier values, of these times, to the present ones."""
+        span = self.history.at[self.owners[which]] - then
+        change = self.network.signals[which] - earlier
         rates = np.zeros(len(which))
         return np.divide(change, span, out=rates, where=self.smooth[which] & (span > 0.0))
 

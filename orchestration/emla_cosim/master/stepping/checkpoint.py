@@ -17,7 +17,7 @@ from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping import Stepping
 
-FORMAT = 2
+FORMAT = 3
 _STATE, _MEMORY = "state/", "memory/"
 
 

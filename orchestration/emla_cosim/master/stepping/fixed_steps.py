@@ -4,7 +4,6 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ...errors import CommandError
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.explicit import Explicit
 from .compilation import compile_kernel
@@ -22,15 +21,8 @@ class FixedSteps(Stepping):
     """
 
     def __init__(self, algorithm: Algorithm, times: Timing, compiled: bool = True) -> None:
-        """Take an algorithm that is set up; CommandError where the run ends between steps of a slave."""
+        """Take an algorithm that is set up."""
         super().__init__(algorithm, times)
-        multiples = algorithm.step_multiples if isinstance(algorithm, Explicit) else {}
-        for name, multiple in multiples.items():
-            if times.steps % multiple:
-                raise CommandError(
-                    f"{times.steps} steps are no multiple of {multiple}, the steps that {name} does "
-                    "at once; choose another stop time."
-                )
         self._kernel = compile_kernel(algorithm) if compiled else None
 
     @property
@@ -82,7 +74,7 @@ class FixedSteps(Stepping):
     def _advance_here(self, rows: Rows, last: int) -> None:
         algorithm, times = self.algorithm, self.times
         for k in range(algorithm.steps, last):
-            algorithm.step(times.point(k), times.span(k, 1), partial(times.span, k))
+            algorithm.step(times.point(k), times.span(k, 1), partial(times.stretch, k + 1))
             if (failure := algorithm.network.not_finite(times.point(k + 1))) is not None:
                 algorithm.steps = k  # as in compiled code: the step does not count
                 raise failure

@@ -64,7 +64,7 @@ class Kernel:
         failure = Failure(self._advance(loop.ctypes.data, first, count, every, rows.ctypes.data))
         reached = int(loop["reached"])
         self._algorithm.steps += reached - first
-        error = self._error(failure, clock.point(reached), clock.point(reached + 1))
+        error = self._error(failure, reached, clock)
         return int(loop["recorded"]), error
 
     @staticmethod
@@ -88,13 +88,14 @@ class Kernel:
         loop["present"] = ctypes.addressof(self._present)
         return loop
 
-    def _error(self, failure: Failure, time: float, end: float) -> RunError | None:
-        network = self._algorithm.network
+    def _error(self, failure: Failure, reached: int, clock: Clock) -> RunError | None:
+        network, i = self._algorithm.network, int(self._loop["slave"])
         if failure == Failure.NONE:
             return None
         if failure == Failure.NOT_FINITE:
-            return network.not_finite(end)
-        slave, status = network.slaves[int(self._loop["slave"])], int(self._loop["status"])
+            return network.not_finite(clock.point(reached + 1))
+        slave, status = network.slaves[i], int(self._loop["status"])
+        time = clock.point(reached + 1 - int(self._algorithm.multiples[i]))
         call = f"doStep at t = {time:.9g} s" if failure == Failure.DO_STEP else _CALL_NAMES[failure]
         return slave.error(call, status)
 
@@ -131,6 +132,11 @@ def _inputs(algorithm: Explicit) -> Any:
     records["previous"] = _addresses(history.previous, sources)
     records["at"] = _addresses(history.at, owners)
     records["before"] = _addresses(history.before, owners)
+    every = np.arange(len(sources))
+    records["taken"], records["taken_at"] = (
+        _addresses(history.taken, every),
+        _addresses(history.taken_at, every),
+    )
     records["factor"] = np.concatenate([np.empty(0), *network.factors])
     records["offset"] = np.concatenate([np.empty(0), *network.offsets])
     records["moves"] = movable & exchange.smooth[sources]

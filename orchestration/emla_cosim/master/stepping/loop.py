@@ -119,10 +119,16 @@ def _compute_inputs(slave, time, length):
             inputs[j] = source.factor * signal + source.offset
             continue
         newest = _doubles(source.at)[0]
-        span = newest - _doubles(source.before)[0]
+        earlier, then = _doubles(source.previous)[0], _doubles(source.before)[0]
+        if slave.multiple > 1:
+            taken, taken_at = _doubles(source.taken), _doubles(source.taken_at)
+            if taken_at[0] < then:
+                earlier, then = taken[0], taken_at[0]
+            taken[0], taken_at[0] = signal, newest
+        span = newest - then
         slope = 0.0
         if source.moves and span > 0.0:
-            slope = (signal - _doubles(source.previous)[0]) / span
+            slope = (signal - earlier) / span
         inputs[j] = source.factor * (signal + (time - newest + middle) * slope) + source.offset
         derivatives[j] = source.factor * slope
 
@@ -149,8 +155,9 @@ def _set(slave, present, time, length):
 
 
 @_part
-def _step(slave, time, length):
+def _step(slave, present, time, length):
     """Let a slave do its step."""
+    present.time = time
     status = _do_step(slave.do_step, (slave.component, time, length, _NO_WAY_BACK))
     return _DO_STEP if _is_bad(status) else _NONE, status
 
@@ -195,19 +202,21 @@ def _record(loop, time, rows):
 def _advance(loop, k, time, step):
     """Step k: all its operations; returns the failure."""
     present = _present(loop.present, 0)
-    present.time = time
     for o in range(loop.operation_count):
         operation = _operation(loop.operations, o)
         slave, call = _slave(loop.slaves, operation.slave), operation.call
         multiple = slave.multiple
-        if not _divides(multiple, k + 1 if call == _GET else k):
+        if not _divides(multiple, k + 1):
             continue
-        length = step if multiple == 1 else _point(loop.clock, k + multiple) - time
+        begin, length = time, step
+        if multiple > 1:
+            begin = _point(loop.clock, k + 1 - multiple)
+            length = _point(loop.clock, k + 1) - begin
         present.code = operation.code
         if call == _SET:
-            failure, status = _set(slave, present, time, length)
+            failure, status = _set(slave, present, begin, length)
         elif call == _STEP:
-            failure, status = _step(slave, time, length)
+            failure, status = _step(slave, present, begin, length)
         else:
             failure, status = _get(slave, time + step)
         if failure != _NONE:

@@ -77,6 +77,10 @@ class Timing:
         """
         return self.point(k + count) - self.point(k)
 
+    def stretch(self, k: int, count: int) -> tuple[float, float]:
+        """Where the `count` steps up to the communication point k begin, and their length, in s."""
+        return self.point(k - count), self.span(k - count, count)
+
 
 def timing(stop_time: float, step_size: float, start_time: float = 0.0) -> Timing:
     """Communication points from start to stop, in s.

@@ -1,0 +1,128 @@
+"""Adaptive neural asymptotic tracking control of one EMLA, in the manner of "ANATC"."""
+
+from typing import Any
+
+from fmublock import Output, Parameter, State, dot, exp, maximum, sqrt, tanh, where
+
+from . import drive_laws
+from .drive import DriveController
+
+NODES = 5
+"""Neurons of the network."""
+
+
+class AnatcController(DriveController):
+    """ANATC-type: adaptive neural asymptotic tracking with a bounded current, i_d taken as zero.
+
+    Of the controller that the paper compares with (Zhang et al. 2023, "ANATC") only the gains of
+    Table V are at hand. What is here is the literature's standard form with these gains; it is no copy.
+
+    Standard:
+
+    - backstepping from position to speed to current, the derivative of the virtual speed included;
+    - a network of Gaussian radial basis functions for the unknown, its weights adapted
+      by the speed error;
+    - an adaptive bound of what the network leaves, against which z / sqrt(z^2 + sigma^2) pushes, with
+      sigma(t) of finite integral: that makes tracking asymptotic, and in the limit a sign function;
+    - the current kept within its constraint by a smooth function, i_max tanh(i / i_max), whose slope
+      also slows adaptation down as the limit comes near;
+    - i_d assumed to be zero: the laws do not contain it.
+
+    Our reading:
+
+    - k_1 and k_2 are the gains of position and speed; lambda_1 adapts the weights and lambda_2 the
+      bound, ell_1 and ell_2 are their leaks, and g and b make sigma(t) = g exp(-b t), which the leaks
+      contain as well.
+    - The source's motor turns: from the speed step on errors count in rad at the motor, and what they
+      call for in A. Read as 1/s at the screw, 0.7 holds no joint's load.
+    - Two gains are two steps: the q-axis current is the control. Current controllers with the axes
+      decoupled, as any drive has them, make it at w_c, and i_d the zero that is assumed.
+    - The network's input is the speed over v_max, its centres lie evenly from -1 to 1.
+    - `approach` keeps the virtual speed to what can be braked, and adaptation rests while the
+      voltage is at its limit.
+    """
+
+    k_1 = Parameter(0.14, unit="1/s", minimum=1e-9, description="Gain of the position")
+    k_2 = Parameter(0.7, unit="A.s/rad", minimum=0.0, description="Gain of the speed")
+    lambda_1 = Parameter(1.22, minimum=0.0, unit="A/rad", description="Rate of adaptation of the weights")
+    lambda_2 = Parameter(0.66, minimum=0.0, unit="A/rad", description="Rate of adaptation of the bound")
+    ell = Parameter(0.03, shape=2, minimum=0.0, description="Leak of weights and of bound, times sigma(t)")
+    g = Parameter(0.075, unit="rad/s", minimum=1e-12, description="sigma(t) = g exp(-b t) at t = 0")
+    b = Parameter(2.0, unit="1/s", minimum=0.0, description="Decay of sigma(t); 0 keeps it as it is")
+    sigma_min = Parameter(
+        1e-9, unit="rad/s", minimum=1e-12, description="Least sigma(t), so that no step divides by zero"
+    )
+    w_c = Parameter(2500.0, unit="1/s", minimum=1e-9, description="Bandwidth of the current controllers")
+
+    W = State(0.0, shape=NODES, unit="A", description="Weights of the network")
+    delta = State(0.0, unit="A", minimum=0.0, description="Bound of what the network leaves")
+
+    z_1 = Output(unit="m", name="z[1]", description="Error of the position")
+    z_2 = Output(unit="m/s", name="z[2]", description="Error of the speed")
+    unknown = Output(unit="A", description="Current against the unknown, as network and bound have it")
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        """Adaptation of the weights and of the bound."""
+        omega = v.alpha_RL * self.errors(v)[1]
+        sigma = self.sigma(v)
+        _, slope, _ = self.current(v)
+        learning = slope * (1.0 - self.voltage_control(v)[4])
+        S = self.network(v)
+        return {
+            "W": [v.lambda_1 * (learning * S[i] * omega - v.ell[0] * sigma * v.W[i]) for i in range(NODES)],
+            "delta": v.lambda_2
+            * (learning * omega * self.smooth_sign(omega, sigma) - v.ell[1] * sigma * v.delta),
+        }
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        """Voltages, commanded current, errors, and what is taken for unknown."""
+        z_1, z_2, _ = self.errors(v)
+        u_q, u_d, _, _, voltage_limited = self.voltage_control(v)
+        i_q_ref, _, current_limited = self.current(v)
+        return {
+            "u_q": u_q,
+            "u_d": u_d,
+            "i_q_ref": i_q_ref,
+            "saturated": maximum(current_limited, voltage_limited),
+            "z_1": z_1,
+            "z_2": z_2,
+            "unknown": self.estimated(v),
+        }
+
+    def errors(self, v: Any) -> tuple[Any, Any, Any]:
+        """z_1, z_2, and the derivative of the virtual speed in m/s2."""
+        z_1 = v.x_hat - v.x_d
+        speed, slope = drive_laws.approach(v, v.k_1, z_1)
+        return z_1, v.v_hat - v.v_d + speed, v.a_d - slope * (v.v_hat - v.v_d)
+
+    def current(self, v: Any) -> tuple[Any, Any, Any]:
+        """i_q* within its constraint, the slope of the constraint, and whether it halves that (0 or 1)."""
+        z_1, z_2, virtual_rate = self.errors(v)
+        known = virtual_rate - drive_laws.known_acceleration(v, 0.0) - v.compensate * v.d_hat
+        needed = known / drive_laws.acceleration_per_current(v) - self.estimated(v)
+        limit = drive_laws.current_limit(v)
+        part = tanh((needed - v.alpha_RL * (v.k_2 * z_2 + z_1)) / limit)
+        slope = 1.0 - part * part
+        return limit * part, slope, where(slope < 0.5, 1.0, 0.0)
+
+    def voltage_control(self, v: Any) -> tuple[Any, Any, Any, Any, Any]:
+        """The current controllers: see `DriveController.voltage`."""
+        return self.voltage(v, v.w_c * (self.current(v)[0] - v.i_q), -v.w_c * v.i_d)
+
+    def estimated(self, v: Any) -> Any:
+        """Network and bound in A."""
+        omega = v.alpha_RL * self.errors(v)[1]
+        return dot(v.W, self.network(v)) + v.delta * self.smooth_sign(omega, self.sigma(v))
+
+    def network(self, v: Any) -> list[Any]:
+        """The Gaussian basis functions, each half a unit from the next and as wide."""
+        distances = [v.v_hat / v.v_max - (2.0 * i / (NODES - 1) - 1.0) for i in range(NODES)]
+        return [exp(-2.0 * d * d) for d in distances]
+
+    def sigma(self, v: Any) -> Any:
+        """Width of the smooth sign, which shrinks to `sigma_min`, in rad/s."""
+        return maximum(v.g * exp(-v.b * v.time), v.sigma_min)
+
+    def smooth_sign(self, z: Any, sigma: Any) -> Any:
+        """Sign of z, smooth over a width of sigma: z / sqrt(z^2 + sigma^2)."""
+        return z / sqrt(z * z + sigma * sigma)

@@ -1,0 +1,83 @@
+"""What every controller of a PMSM-driven EMLA knows and respects: its model and its limits.
+
+Each function takes the values of a block that declares the variables of `DriveController`.
+"""
+
+from typing import Any
+
+from fmublock import clamp, maximum, minimum, sign, sqrt, where
+
+
+def acceleration_per_current(v: Any) -> Any:
+    """A_2 of (26): screw acceleration per q-axis current, in m/(s2 A)."""
+    return 1.5 * v.N_p * v.Phi_PM / v.A_eq
+
+
+def known_acceleration(v: Any, i_d: Any) -> Any:
+    """g_2 of Table I in m/s2: what reluctance, friction and stiffness do to the screw, load left out.
+
+    `i_d` is the d-axis current in A that counts: the measured one, or 0 where it is assumed.
+    """
+    reluctance = 1.5 * v.N_p * v.i_q * i_d * (v.L_d - v.L_q)
+    return (reluctance - v.B_eq * v.v_hat - v.C_eq * v.x_hat) / v.A_eq
+
+
+def holding_voltage(v: Any) -> tuple[Any, Any]:
+    """q- and d-axis voltage in V that keep the currents as they are: -g_3 / A_3, -g_4 / A_4 of Table I.
+
+    Resistance, back-EMF and the coupling of the axes.
+    """
+    omega_e = v.N_p * v.alpha_RL * v.v_hat
+    return v.R_s * v.i_q + omega_e * (v.i_d * v.L_d + v.Phi_PM), v.R_s * v.i_d - omega_e * v.i_q * v.L_q
+
+
+def available_voltage(v: Any) -> Any:
+    """Longest voltage vector in V: the inverter's, or what the supply leaves of it."""
+    # the last digits belong to rounding, so that no vector is ever longer than the limit
+    return maximum(minimum(v.u_max, v.u_available), 0.0) * (1.0 - 1e-15)
+
+
+def left_by_emf(v: Any, u: Any) -> Any:
+    """What the back-EMF in q leaves of a voltage u for the d-axis, in V; a tenth at least."""
+    emf = v.N_p * v.alpha_RL * v.v_hat * v.Phi_PM
+    return sqrt(maximum(u * u - emf * emf, 0.01 * u * u))
+
+
+def within_voltage(v: Any, u_q: Any, u_d: Any) -> tuple[Any, Any, Any]:
+    """The voltage vector within the limit, d-axis first; and whether it was too long (0 or 1).
+
+    The d-axis voltage is what decouples the axes. Shortening the vector in proportion takes it away
+    just where back-EMF is large, and the current loop is lost. So u_d is kept first, but only to
+    what the back-EMF leaves: without a voltage against that i_q would run away while braking.
+    """
+    u = available_voltage(v)
+    first = left_by_emf(v, u)
+    d = clamp(u_d, -first, first)
+    rest = sqrt(maximum(u * u - d * d, 0.0))
+    q = clamp(u_q, -rest, rest)
+    return q, d, where(abs(q - u_q) + abs(d - u_d) > 0.0, 1.0, 0.0)
+
+
+def current_limit(v: Any) -> Any:
+    """Largest |i_q*| in A: i_max, or what the voltage can hold at this speed without field weakening.
+
+    At (i_q, 0) the coupling takes omega_e L_q i_q in d, back-EMF omega_e Phi_PM in q. More current
+    could be asked for but not held. A twentieth of the voltage stays for the current controllers.
+    """
+    left = left_by_emf(v, 0.95 * available_voltage(v))
+    return minimum(v.i_max, left / maximum(abs(v.N_p * v.alpha_RL * v.v_hat) * v.L_q, 1e-6))
+
+
+def approach(v: Any, k: Any, e: Any) -> tuple[Any, Any]:
+    """Speed in m/s at which an error e in m is left behind, and its slope over e in 1/s.
+
+    k e where that is least; what `a_max` can brake, min(k |e|, sqrt(2 a_max (|e| - a_max / (2 k^2))));
+    and `v_max` at most, beyond which back-EMF leaves no voltage for the currents.
+    """
+    distance = abs(e)
+    linear_range = v.a_max / (k * k)  # here the braking parabola touches the line; beyond it lies below
+    braking = sqrt(2.0 * v.a_max * maximum(distance - 0.5 * linear_range, 0.5 * linear_range))
+    is_linear = distance <= linear_range
+    speed = where(is_linear, k * distance, braking)
+    slope = where(is_linear, k, v.a_max / braking)
+    return sign(e) * minimum(speed, v.v_max), where(speed < v.v_max, slope, 0.0)

@@ -1,0 +1,108 @@
+"""What a drive has beside the paper's plant, written a second time: part of what the tests compare against.
+
+Nothing here is taken from the blocks. All quantities are in SI units; a value of zero switches an
+effect off, as None does for one with several numbers. What is random is not here.
+"""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class DeadTime:
+    """A leg loses `seconds` of U_dc per period of 1 / `frequency`, against its current."""
+
+    seconds: float
+    frequency: float
+    i_0: float
+
+    def lost(self, current: float, U_dc: float) -> float:
+        """Mean voltage of a leg with this current."""
+        return -self.seconds * self.frequency * U_dc * current / math.hypot(current, self.i_0)
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Coulomb and Stribeck friction in N."""
+
+    F_C: float
+    F_S: float
+    v_S: float
+
+    def force(self, v: float, v_0: float) -> float:
+        """Against the speed, so of its sign."""
+        excess = (self.F_S - self.F_C) * self.v_S**2 / (self.v_S**2 + v**2)
+        return smooth_sign(v, v_0) * (self.F_C + excess)
+
+
+@dataclass(frozen=True)
+class EndStops:
+    """Hunt and Crossley with an exponent of 2, never pulling."""
+
+    low: float
+    high: float
+    k: float
+    c: float
+
+    def force(self, x: float, v: float) -> float:
+        """On the screw, positive where it pushes the actuator out."""
+        if x < self.low:
+            return self._of_one(self.low - x, -v)
+        return -self._of_one(x - self.high, v) if x > self.high else 0.0
+
+    def _of_one(self, depth: float, approach: float) -> float:
+        z = self.c * approach
+        return self.k * depth**2 * (1.0 + z if z > 0.0 else 1.0 / (1.0 - z))
+
+
+@dataclass(frozen=True)
+class Winding:
+    """One body with a thermal resistance and a heat capacity."""
+
+    i_N: float
+    permitted_rise: float
+    time_constant: float
+
+    def load(self, i_q: float, i_d: float) -> float:
+        return (i_q**2 + i_d**2) / self.i_N**2
+
+    def rate(self, i_q: float, i_d: float, rise: float, R_s: float) -> float:
+        """K/s."""
+        resistance = self.permitted_rise / (1.5 * R_s * self.i_N**2)
+        capacity = self.time_constant / resistance
+        return (1.5 * R_s * (i_q**2 + i_d**2) - rise / resistance) / capacity
+
+
+@dataclass(frozen=True)
+class Drive:
+    """All effects, each off unless given."""
+
+    dead_time: DeadTime | None = None
+    friction: Friction | None = None
+    end_stops: EndStops | None = None
+    winding: Winding | None = None
+    eta_back: float | None = None
+    """Efficiency where the load drives; None leaves D_eq as printed."""
+    v_0: float = 1e-4
+
+    def lost_in_gears(self, F: float, v: float, eta: float) -> float:
+        """Force against the motion, by which the motor feels another load than F; of the speed's sign.
+
+        Well above v_0 it is (1 / eta - 1) |F| where the motor drives and (1 - eta_back) |F| where the
+        load does. Below, each of the two counts by how sure the direction is.
+        """
+        if self.eta_back is None:
+            return 0.0
+        s = smooth_sign(v, self.v_0)
+        driving, driven = 1.0 / eta - 1.0, 1.0 - self.eta_back
+        sure = s if F > 0.0 else -s
+        return abs(F) * s * (0.5 * (1.0 + sure) * driving + 0.5 * (1.0 - sure) * driven)
+
+
+def smooth_sign(v: float, v_0: float) -> float:
+    """From -1 to 1."""
+    return v / math.hypot(v, v_0)
+
+
+NO_DRIVE = Drive()
+"""The paper's plant alone."""
