@@ -43,6 +43,11 @@ from .system.model import System as System
 from .tubes.comparison import Comparison as Comparison
 from .tubes.tolerance import Tolerance as Tolerance
 from .tubes.tube import Tube as Tube
+from .tune.plan import Case as Case
+from .tune.plan import TuningPlan as TuningPlan
+from .tune.result import Tuned as Tuned
+from .tune.result import TuneResult as TuneResult
+from .tune.tuning import tune as tune
 from .units import LinearTransformation as LinearTransformation
 from .units import Unit as Unit
 from .verify.references.recording import Recording as Recording

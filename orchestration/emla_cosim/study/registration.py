@@ -6,10 +6,11 @@ from importlib.resources import files
 
 from ..recorders.metrics import METRICS
 from ..results.plotting import FIGURES
-from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS
+from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS, TUNINGS
 from . import experiments, systems
 from .figures import JOINT_FIGURES
 from .metrics import joint_metrics
+from .tuning_plans import tuning_plans
 
 
 def register() -> None:
@@ -20,6 +21,7 @@ def register() -> None:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
+    TUNINGS.update(tuning_plans())
     METRICS["joints"] = joint_metrics
     FIGURES.update(JOINT_FIGURES)
 
