@@ -1,4 +1,6 @@
 from .bars import BarProgress as BarProgress
+from .compare.comparing import compare as compare
+from .compare.result import CompareResult as CompareResult
 from .errors import CommandError as CommandError
 from .errors import CosimError as CosimError
 from .errors import RunError as RunError

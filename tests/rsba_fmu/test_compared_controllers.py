@@ -1,4 +1,4 @@
-"""The controllers that RSBA is compared with: their loops beside an independent one, and what always holds."""
+"""The controllers that RSBA is compared with: beside an independent loop, and what always holds."""
 
 import math
 from typing import Any
@@ -85,7 +85,7 @@ def _theirs(reference: Any, count: int, times: np.ndarray) -> np.ndarray:
 
 anything = st.floats(-1e6, 1e6)
 signals = st.fixed_dictionaries(
-    {n: anything for n in ("x_hat", "v_hat", "d_hat", "i_q", "i_d", "x_d", "v_d", "a_d")}
+    dict.fromkeys(("x_hat", "v_hat", "d_hat", "i_q", "i_d", "x_d", "v_d", "a_d"), anything)
     | {"u_available": st.floats(0.0, 1e6)}
 )
 names = st.sampled_from(["foc", "cac", "anatc"])

@@ -12,6 +12,9 @@ from .figures import JOINT_FIGURES
 from .metrics import joint_metrics
 from .tuning_plans import tuning_plans
 
+JOINTS = "joints"
+"""What metrics.json calls the part with the figures of joints."""
+
 
 def register() -> None:
     """Make all of it known under its names; again makes no difference."""
@@ -22,7 +25,7 @@ def register() -> None:
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
     TUNINGS.update(tuning_plans())
-    METRICS["joints"] = joint_metrics
+    METRICS[JOINTS] = joint_metrics
     FIGURES.update(JOINT_FIGURES)
 
 

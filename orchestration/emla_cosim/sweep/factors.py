@@ -15,6 +15,7 @@ from ..system.model import System, Value
 from ..system.resolution import refuse_driven
 from ..values import converted
 from .distributions import Distribution, distribution
+from .kinds.discrete import Values
 from .reserved import RESERVED
 from .targets import FMU, OPTION, START, Target, assigned
 
@@ -59,6 +60,14 @@ def factors(
         found += varying.factors(given)
     _check_names(found, where)
     return found
+
+
+def start_values(
+    pattern: str, system: System, interfaces: Mapping[str, Interface]
+) -> dict[str, float | None]:
+    """Names of all numbers that fit a pattern and can be set, with start values where these are known."""
+    varying = _Varying(pattern, f"'{pattern}'", system, interfaces)
+    return {name: varying._start(name) for name in varying._matching(pattern, Values((0,)))}
 
 
 def _check_names(found: Sequence[Factor], where: str) -> None:
