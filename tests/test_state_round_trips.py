@@ -19,11 +19,16 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "sensor.sigma": 1e-5,
         "sensor.resolution": 1e-6,
         "sensor.seed": 12345,
+        "sensor.current.sigma": 0.1,
+        "inverter.delay": 3e-3,
         "uncertainty.F_2": 0.1,
         "motor.L_q": 3e-3,
     },
     "EmlaObserver": {"H_0": 2.0, "start.eta_hat": 3.0},
     "RsbaController": {"limit_acceleration": True, "limit_current": True, "freeze_adaptation": True},
+    "FocController": {"omega_d": 500.0},
+    "CacController": {},
+    "AnatcController": {},
     "Reference": {"waypoint[2]": 0.3, "move.start[1]": 1e-4, "move.duration[1]": 5e-3},
     "Disturbance": {
         "d_2.low": -1.0,
@@ -32,10 +37,11 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "d_2.decay": 5.0,
         "load.ripple": 9.0,
     },
+    "SignalFault": {"kind": 2, "start": 1e-3, "duration": 2e-3},
 }
 """Start values that make noise, memory and limits act."""
 
-LARGEST = {"V": 400.0, "A": 100.0, "m": 0.5, "m/s": 0.3, "m/s2": 2.0, "N": 6e4}
+LARGEST = {"V": 400.0, "A": 100.0, "m": 0.5, "m/s": 0.3, "m/s2": 2.0, "N": 6e4, None: 0.5}
 """Inputs up to which they are drawn, by unit."""
 
 TWO_STEPS = [Step(1e-3), Step(2e-3)]

@@ -48,6 +48,10 @@ equation
     annotation(Line(points = {{20, -92}, {20, -104}, {82, -104}, {82, -33}}, color = {0, 0, 127}));
   connect(plant.i_q_measured, observer.i_q)
     annotation(Line(points = {{97, -33}, {97, -60}, {158, -60}, {158, 70}, {2, 70}}, color = {0, 0, 127}));
+  connect(plant.inverter.u_available, controller.u_available)
+    annotation(Line(points = {{121, -33}, {121, -88}, {-60, -88}, {-60, 33}, {-53, 33}}, color = {0, 0, 127}));
+  connect(observer.d_hat, controller.d_hat)
+    annotation(Line(points = {{-20, 92}, {-20, 96}, {-86, 96}, {-86, -33}, {-53, -33}}, color = {0, 0, 127}));
   connect(plant.i_q_measured, controller.i_q)
     annotation(Line(points = {{97, -33}, {97, -96}, {-70, -96}, {-70, 9}, {-53, 9}}, color = {0, 0, 127}));
   connect(plant.i_d_measured, controller.i_d)

@@ -23,6 +23,6 @@ model Lift "The lift joint of the study"
       load(level = fill(57e3, 6)),
       d_2_terms(amplitude = {0.8, 0.7}, omega = {8.0, 20.0}, arctan = 1.2, decay = 3.0, seed = 1690412731)),
     observer(start(x_hat = 0.240)),
-    controller(beta = {800.0, 2000.0, 5000.0, 5000.0}, limit(a_max = 1.2, i_max = emla.i_max, u_max = emla.u_max)));
+    controller(beta = {800.0, 2000.0, 5000.0, 5000.0}, limit(a_max = 1.2, i_max = emla.i_max, u_max = emla.u_max, v_max = emla.v_max)));
   annotation(experiment(StartTime = 0.0, StopTime = 10.0, Tolerance = 1e-6, Interval = 1e-3));
 end Lift;

@@ -44,8 +44,6 @@ block Observer "Adaptive robust observer of screw position and speed"
     annotation(Placement(transformation(extent = {{100, 10}, {120, 30}})));
   Interfaces.RealOutput eta_hat(start = start.eta_hat, fixed = true, min = 0.0) "Estimated bound of the uncertainty"
     annotation(Placement(transformation(extent = {{100, -10}, {120, 10}})));
-  Interfaces.RealOutput d_hat(unit = "m/s2") "Estimated disturbance of the screw's acceleration"
-    annotation(Placement(transformation(extent = {{-10, 100}, {10, 120}}, rotation = 90)));
   Interfaces.RealOutput y_bar(unit = "m") "Innovation y - x_hat"
     annotation(Placement(transformation(extent = {{100, -50}, {120, -30}})));
   Interfaces.RealOutput f "Robust term of (21)"
@@ -63,7 +61,6 @@ protected
   Real current(unit = "A") "Current of B u";
   Real modelled(unit = "m/s2") "B u + g of (20)";
 equation
-  d_hat = 0.0;
   y_bar = y - x_hat;
   y_bar_abs = noEvent(abs(y_bar));
   H = H_0 * (cos(y) ^ 4 + sin(y) ^ 4);

@@ -23,6 +23,6 @@ model Telescope "The telescope joint of the study"
       load(level = fill(-3.4e3, 6)),
       d_2_terms(amplitude = {0.9, -0.3}, omega = {65.0, 50.0}, phase = {0.0, pi / 4.0}, seed = 1327217885)),
     observer(start(x_hat = 0.5)),
-    controller(beta = {1000.0, 2500.0, 5000.0, 5000.0}, limit(a_max = 10.0, i_max = emla.i_max, u_max = emla.u_max)));
+    controller(beta = {1000.0, 2500.0, 5000.0, 5000.0}, limit(a_max = 10.0, i_max = emla.i_max, u_max = emla.u_max, v_max = emla.v_max)));
   annotation(experiment(StartTime = 0.0, StopTime = 10.0, Tolerance = 1e-6, Interval = 1e-3));
 end Telescope;

@@ -23,6 +23,6 @@ model Tilt "The tilt joint of the study"
       load(level = fill(25e3, 6)),
       d_2_terms(amplitude = {0.8, 0.95}, omega = {7.0, 18.0}, low = 0.0, high = 2.0, seed = 715827883)),
     observer(start(x_hat = 0.385)),
-    controller(beta = {600.0, 1200.0, 5000.0, 5000.0}, limit(a_max = 1.2, i_max = emla.i_max, u_max = emla.u_max)));
+    controller(beta = {600.0, 1200.0, 5000.0, 5000.0}, limit(a_max = 1.2, i_max = emla.i_max, u_max = emla.u_max, v_max = emla.v_max)));
   annotation(experiment(StartTime = 0.0, StopTime = 10.0, Tolerance = 1e-6, Interval = 1e-3));
 end Tilt;

@@ -19,6 +19,7 @@ from .models import FLAVOURS, PLATFORMS
 from .option import COMPARE, EXPORT, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
+from .system.fault import Fault, read_faults
 from .system.model import Replacement, Value
 from .tubes.tolerance import Tolerance, read_tolerances
 from .values import converted
@@ -47,6 +48,12 @@ class Options:
     )
     mapping: Mapping[str, Path] = _system(
         {}, help="What the other FMU calls its variables (repeatable).", metavar="COMPONENT=FILE.ssm"
+    )
+    fault: Sequence[Fault] = _system(
+        [],
+        help="What becomes of a signal, from a time on (s), for a time; comma between several.",
+        metavar="SIGNAL=KIND[:VALUE]@START[+DURATION]",
+        parse=read_faults,
     )
     controller: str | type | None = _system(
         takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.", commands=(RUN, EXPORT, SWEEP)

@@ -1,6 +1,7 @@
 """Every block of ours gives the same bits natively, through PythonFMU and in process."""
 
 import zipfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,19 @@ import pytest
 from emla_cosim.models import FLAVOURS, MODELS, build, fmu_path
 from emla_cosim.study.joint import start_values
 from emla_fmu import observer_gains
+from emla_fmu.drive import DRIVES
 from emla_fmu.parameters import TILT
 from fmublock.platforms import host_platform
-from rsba_fmu import gains
+from rsba_fmu import anatc_gains, cac_gains, foc_gains, gains
 from tests.support.slaves import BlockSlave, fmu_slave, interface
 
 STEPS, STEP = 10_000, 1e-4
+
+COMPARED = {
+    "x_hat": 1e-3, "v_hat": 0.05, "d_hat": 1, "i_q": 20, "i_d": 5, "u_available": 400,
+    "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3,
+}  # fmt: skip
+"""Scales of the inputs of the controllers that RSBA is compared with."""
 
 # start values that exercise every branch, and the scale of each input's random walk
 DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
@@ -23,13 +31,15 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         start_values(
             MODELS["EmlaPlant"],
             TILT,
+            asdict(DRIVES["tilt"]),
             {"sigma": 1e-6, "resolution": 1e-7, "L_d": 3e-3, "F_2": 0.01, "F_3": 0.002, "F_4": 0.001},
         ),
-        {"u_q": 300, "u_d": 200, "i_q_ref": 10, "F_L": 2e4, "d_2": 1, "d_3": 0.4, "d_4": 0.2},
+        {"u_q": 300, "u_d": 200, "i_q_ref": 10, "F_L": 2e4, "d_2": 1, "d_3": 0.4, "d_4": 0.2}
+        | {"supply.sag": 0.1},
     ),
     "EmlaObserver": (
         start_values(MODELS["EmlaObserver"], TILT, observer_gains.ROBUST["tilt"], {"use_model": True}),
-        {"y": 1e-4, "i_q_ref": 10},
+        {"y": 1e-4, "i_q_ref": 10, "i_q": 10},
     ),
     "Reference": (
         {
@@ -51,6 +61,19 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         start_values(MODELS["RsbaController"], TILT, gains.ROBUST["tilt"]),
         {"x_hat": 1e-3, "v_hat": 0.05, "i_q": 20, "i_d": 5, "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3},
     ),
+    "FocController": (
+        start_values(MODELS["FocController"], TILT, foc_gains.RULE["tilt"]),
+        COMPARED,
+    ),
+    "CacController": (
+        start_values(MODELS["CacController"], TILT, cac_gains.PUBLISHED["tilt"]),
+        COMPARED,
+    ),
+    "AnatcController": (
+        start_values(MODELS["AnatcController"], TILT, anatc_gains.PUBLISHED["tilt"]),
+        COMPARED,
+    ),
+    "SignalFault": ({"kind": "freeze", "start": 0.1, "duration": 0.2}, {"u": 0.5}),
 }  # fmt: skip
 
 

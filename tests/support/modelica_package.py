@@ -13,7 +13,9 @@ from emla_cosim.system.model import System
 from fmublock.variables import Input, ScalarVariable, State, Variable
 
 PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
-CLASSES = {model: model.removeprefix("Emla") for model in MODELS}
+MISSING = {"FocController", "CacController", "AnatcController", "SignalFault"}
+"""FMUs alone: the controllers that RSBA is compared with, and faults."""
+CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model not in MISSING}
 """Name of the class in the package by our model."""
 
 RENAMED = {"model": "known", **{name: f"{name}_terms" for name in ("d_2", "d_3", "d_4")}}
@@ -27,8 +29,8 @@ MOVED = {
 }
 """Variables that change, and stand in a group of parameters by their FMI name."""
 
-DELAYED = ("delay", "u_q_late", "u_d_late", "u_q_line", "u_d_line")
-"""What belongs to the inverter's computing delay."""
+SAMPLED = ("delay", "u_q_late", "u_d_late", "u_q_line", "u_d_line", "u_measured")
+"""What the inverter has because it is sampled: a computing delay, and the last value of the supply."""
 
 SCALARS = {model: {s.name: s for s in block.layout().scalars} for model, block in MODELS.items()}
 """Every variable of our models by FMI name."""
@@ -46,7 +48,7 @@ def name_in(model: str, fmi_name: str) -> str | None:
         return None
     if fmi_name in MOVED:
         return MOVED[fmi_name]
-    if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(DELAYED):
+    if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(SAMPLED):
         return None  # everything acts at once there
     group, dot, rest = fmi_name.partition(".")
     return RENAMED.get(group, group) + dot + rest if dot else fmi_name
@@ -97,7 +99,7 @@ def modifications(model: str, values: Mapping[str, Any]) -> str:
 
     Of an array, all elements have to be given.
     """
-    groups: dict[str, dict[str, list[str]]] = {}
+    literals: dict[str, list[str]] = {}
     for fmi_name, value in values.items():
         scalar = SCALARS[model][fmi_name]
         name = name_in(model, fmi_name)
@@ -105,9 +107,8 @@ def modifications(model: str, values: Mapping[str, Any]) -> str:
             continue
         name = name.rpartition("[")[0] if scalar.index else name
         name += ".start" if isinstance(scalar.variable, State) else ""
-        group, _, rest = name.partition(".")
-        groups.setdefault(group, {}).setdefault(rest, []).append(_literal(scalar.variable, value))
-    return ", ".join(_modification(group, inside) for group, inside in groups.items())
+        literals.setdefault(name, []).append(_literal(scalar.variable, value))
+    return _modified({name: _array(elements) for name, elements in literals.items()})
 
 
 def joint_source(joint: str, system: System) -> str:
@@ -128,10 +129,17 @@ def declared(model: str) -> Iterator[tuple[ScalarVariable, str]]:
             yield scalar, name.rpartition("[")[0] if scalar.index else name
 
 
-def _modification(group: str, inside: Mapping[str, list[str]]) -> str:
-    if "" in inside:
-        return f"{group} = {_array(inside[''])}"
-    return f"{group}({', '.join(f'{name} = {_array(values)}' for name, values in inside.items())})"
+def _modified(values: Mapping[str, str]) -> str:
+    """Values by dotted name as a modification, group by group, as deep as names go."""
+    groups: dict[str, dict[str, str]] = {}
+    for name, value in values.items():
+        group, _, rest = name.partition(".")
+        groups.setdefault(group, {})[rest] = value
+    texts = (
+        f"{group} = {inside['']}" if "" in inside else f"{group}({_modified(inside)})"
+        for group, inside in groups.items()
+    )
+    return ", ".join(texts)
 
 
 def _array(values: list[str]) -> str:

@@ -48,7 +48,9 @@ def plant_points(draw: Draw) -> Point:
     x_L, sigma, noise = magnitude(draw, 0.01, 0.4), magnitude(draw, 1e-5, 1e-4), signed(draw, 0.1, 2.0)
     quantized = draw(st.booleans())
     steps = draw(st.integers(1, 5)) + draw(st.floats(-0.3, 0.3))
+    sag, F_C = magnitude(draw, 0.01, 0.4), magnitude(draw, 10.0, 1e3)
     values = {
+        "supply.sag": sag,
         "u_q": u_q,
         "u_d": u_d,
         "i_q_ref": signed(draw, 1.0, 100.0),
@@ -71,11 +73,31 @@ def plant_points(draw: Draw) -> Point:
         "screw.M_BS": magnitude(draw, 50.0, 500.0),
         "screw.B_BS": magnitude(draw, 1.0, 100.0),
         "screw.C_eq": magnitude(draw, 0.1, 10.0),
-        "screw.q_LB": signed(draw, 0.1, 1.0),
-        "screw.q_UB": signed(draw, 0.1, 1.0),
+        "screw.q_LB": beside(draw, x_L),
+        "screw.q_UB": beside(draw, x_L),
+        "stop.stiffness": magnitude(draw, 1e3, 1e6),
+        "stop.damping": magnitude(draw, 0.1, 10.0),
+        "friction.F_C": F_C,
+        "friction.F_S": F_C * draw(st.floats(1.1, 3.0)),
+        "friction.v_S": magnitude(draw, 1e-3, 1e-1),
+        "friction.v_0": magnitude(draw, 1e-3, 1e-1),
+        "gearbox.directional": draw(st.booleans()),
+        "gearbox.eta_back": signed(draw, 0.1, 0.9),
+        "motor.i_N": magnitude(draw, 5.0, 50.0),
+        "motor.permitted_rise": magnitude(draw, 10.0, 100.0),
+        "motor.tau_th": magnitude(draw, 1.0, 100.0),
+        "motor.temperature_rise": signed(draw, 1.0, 100.0),
+        "inverter.delay": 0.0,
+        "inverter.dead_time": magnitude(draw, 1e-6, 1e-5),
+        "inverter.f_PWM": magnitude(draw, 1e3, 2e4),
+        "inverter.i_0": magnitude(draw, 1.0, 10.0),
+        "sensor.current.sigma": magnitude(draw, 1e-3, 1e-1),
+        "sensor.current.noise_q": signed(draw, 0.1, 2.0),
+        "sensor.current.noise_d": signed(draw, 0.1, 2.0),
+        "sensor.current.resolution": 0.0,
         "screw.v_max": magnitude(draw, 0.01, 1.0),
         "motor.i_max": magnitude(draw, 1.0, 100.0),
-        "inverter.u_max": math.hypot(u_q, u_d) / beside(draw, 1.0),
+        "inverter.u_max": math.hypot(u_q, u_d) / (1.0 - sag) / beside(draw, 1.0),
         "torque_source": draw(st.integers(1, 2)),
         "uncertainty.F_2": signed(draw, 0.01, 0.2),
         "uncertainty.F_3": signed(draw, 0.01, 0.2),
@@ -89,7 +111,8 @@ def plant_points(draw: Draw) -> Point:
         "i_q": signed(draw, 0.1, 100.0),
         "i_d": signed(draw, 0.1, 100.0),
     }
-    return Point(values, kinks=set() if quantized else {"sensor.resolution"})
+    kinks = {"inverter.delay", "sensor.current.resolution"}
+    return Point(values, kinks=kinks if quantized else kinks | {"sensor.resolution"})
 
 
 @st.composite
@@ -186,6 +209,111 @@ def bounds_of_adaptation(values: dict[str, Any], found: dict[str, float]) -> lis
     return [3.0 * begins[-1], *(math.sqrt(low * high) for low, high in pairs)]
 
 
+def drive_points(draw: Draw) -> tuple[dict[str, Any], dict[str, float]]:
+    """Values, and reaches, of what FocController, CacController and AnatcController have in common.
+
+    Nothing is limited, or all of one kind is, by far; the approach brakes clearly or is clearly linear
+    for gains of the position up to 10 / s.
+    """
+    x_d, P_1 = signed(draw, 0.05, 0.5), signed(draw, 1e-3, 0.04)
+    limited = draw(st.sampled_from(["nothing", "speed", "current", "voltage"]))
+    u = 1e-2 if limited == "voltage" else 1e7
+    u_max, u_available = draw(st.sampled_from([(u, 3.0 * u), (3.0 * u, u)]))
+    values = {
+        "x_hat": x_d + P_1,
+        "v_hat": signed(draw, 1e-2, 0.3),
+        "d_hat": signed(draw, 0.1, 5.0),
+        "i_q": signed(draw, 0.1, 100.0),
+        "i_d": signed(draw, 0.1, 100.0),
+        "u_available": u_available,
+        "x_d": x_d,
+        "v_d": signed(draw, 1e-3, 0.3),
+        "a_d": signed(draw, 1e-2, 1.0),
+        "compensate": draw(st.booleans()),
+        "limit.a_max": draw(st.sampled_from([1e-4, 100.0])),
+        "limit.v_max": 1e-5 if limited == "speed" else 1.0,
+        "limit.i_max": 1e-3 if limited == "current" else 1e5,
+        "limit.u_max": u_max,
+        "model.R_s": magnitude(draw, 0.05, 0.5),
+        "model.L_d": magnitude(draw, 1e-3, 5e-3),
+        "model.L_q": magnitude(draw, 1e-3, 5e-3),
+        "model.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "model.N_p": draw(st.integers(2, 10)),
+        "model.alpha_RL": magnitude(draw, 500.0, 5000.0),
+        "model.A_eq": magnitude(draw, 10.0, 100.0),
+        "model.B_eq": magnitude(draw, 1.0, 10.0),
+        "model.C_eq": magnitude(draw, 0.1, 10.0),
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+    }
+    return values, {"x_hat": abs(P_1), "x_d": abs(P_1)}
+
+
+@st.composite
+def foc_points(draw: Draw) -> Point:
+    values, reach = drive_points(draw)
+    own = {
+        "k_p": magnitude(draw, 1.0, 10.0),
+        "k_v": magnitude(draw, 10.0, 1000.0),
+        "w_c": magnitude(draw, 100.0, 3000.0),
+        "w_i": magnitude(draw, 10.0, 300.0),
+        "omega_d": magnitude(draw, 10.0, 1000.0),
+        "xi_q": signed(draw, 10.0, 1e4),
+        "xi_d": signed(draw, 10.0, 1e4),
+        "load.z": signed(draw, 1e-2, 0.3),
+    }
+    return Point(values | own, kinks={"omega_d"}, reach=reach)
+
+
+@st.composite
+def cac_points(draw: Draw) -> Point:
+    values, reach = drive_points(draw)
+    own = {
+        "k[1]": magnitude(draw, 1.0, 10.0),
+        **{f"k[{i}]": magnitude(draw, 0.01, 1e3) for i in range(2, 6)},
+        "varpi[1]": magnitude(draw, 1e-3, 0.1),
+        **{f"varpi[{i}]": magnitude(draw, 0.1, 10.0) for i in range(2, 6)},
+        **{f"m[{i}]": magnitude(draw, 0.1, 1e3) for i in range(1, 4)},
+        "leak": magnitude(draw, 1e-3, 1.0),
+        "epsilon[1]": magnitude(draw, 0.03, 1.0),
+        "epsilon[2]": magnitude(draw, 0.3, 3.0),
+        "epsilon[3]": magnitude(draw, 30.0, 300.0),
+        "epsilon[4]": magnitude(draw, 30.0, 300.0),
+        "omega_n[1]": magnitude(draw, 100.0, 1e4),
+        "omega_n[2]": magnitude(draw, 100.0, 1e4),
+        "damping": magnitude(draw, 0.5, 2.0),
+        "filter.w": signed(draw, 1e-3, 0.1),
+        "filter.w_rate": signed(draw, 0.1, 10.0),
+        "filter.i_q": signed(draw, 0.1, 100.0),
+        "filter.i_q_rate": signed(draw, 10.0, 1e4),
+        "xi[1]": signed(draw, 1e-4, 1e-2),
+        "xi[2]": signed(draw, 1e-3, 0.1),
+        "xi[3]": signed(draw, 0.1, 10.0),
+        "xi[4]": signed(draw, 0.1, 10.0),
+        **{f"D[{i}]": signed(draw, 0.1, 10.0) for i in range(2, 5)},
+    }
+    return Point(values | own, reach=reach)
+
+
+@st.composite
+def anatc_points(draw: Draw) -> Point:
+    values, reach = drive_points(draw)
+    own = {
+        "k_1": magnitude(draw, 1.0, 10.0),
+        "k_2": magnitude(draw, 0.1, 10.0),
+        "lambda_1": magnitude(draw, 0.1, 100.0),
+        "lambda_2": magnitude(draw, 0.1, 100.0),
+        "ell[1]": magnitude(draw, 1e-3, 1.0),
+        "ell[2]": magnitude(draw, 1e-3, 1.0),
+        "g": magnitude(draw, 10.0, 300.0),
+        "b": magnitude(draw, 0.1, 3.0),
+        "sigma_min": draw(st.sampled_from([1e-3, 1e3])),
+        "w_c": magnitude(draw, 100.0, 3000.0),
+        **{f"W[{i}]": signed(draw, 0.1, 10.0) for i in range(1, 6)},
+        "delta": magnitude(draw, 0.1, 10.0),
+    }
+    return Point(values | own, draw(st.floats(0.0, 1.0)), reach=reach)
+
+
 @st.composite
 def reference_points(draw: Draw) -> Point:
     """A time within a move, or in a dwell; perhaps some periods later."""
@@ -226,6 +354,9 @@ def disturbance_points(draw: Draw) -> Point:
         "d_4.amplitude": signed(draw, 0.1, 10.0),
         "d_4.omega": magnitude(draw, 1.0, 10.0),
         "d_4.phase": signed(draw, 0.1, 3.0),
+        "supply.depth": magnitude(draw, 0.01, 0.5),
+        "supply.start": 5.0,
+        "supply.duration": 1.0,
     }
     for name in ("d_2", "d_3"):
         for i in (1, 2):
@@ -241,6 +372,20 @@ def disturbance_points(draw: Draw) -> Point:
         values |= {f"load.level[{i}]": signed(draw, 10.0, 1e4), f"load.start[{i}]": start}
     time = draw(st.sampled_from(starts)) + ramp * draw(st.sampled_from([-0.4, 0.3, 0.5, 0.8, 1.2]))
     return Point(values, time)
+
+
+@st.composite
+def fault_points(draw: Draw) -> Point:
+    """A time clearly before, within or after the fault."""
+    start, duration = draw(st.floats(0.3, 0.6)), draw(st.floats(0.3, 0.6))
+    values = {
+        "u": signed(draw, 0.1, 10.0),
+        "kind": draw(st.integers(1, 5)),
+        "start": start,
+        "duration": duration,
+        "value": signed(draw, 0.1, 10.0),
+    }
+    return Point(values, start + duration * draw(st.sampled_from([-0.4, 0.5, 1.4])))
 
 
 @st.composite
@@ -266,7 +411,11 @@ POINTS: dict[str, Callable[[], st.SearchStrategy[Point]]] = {
     "EmlaPlant": plant_points,
     "EmlaObserver": observer_points,
     "RsbaController": controller_points,
+    "FocController": foc_points,
+    "CacController": cac_points,
+    "AnatcController": anatc_points,
     "Reference": reference_points,
     "Disturbance": disturbance_points,
+    "SignalFault": fault_points,
     "Toy": toy_points,
 }

@@ -115,7 +115,10 @@ class Measures:
         return [*self.figures, *self.expressions, *self.functions]
 
     def of(self, result: Result) -> dict[str, Any]:
-        """The figures of a result: numbers, truths or None by name. Raises MeasureError where an expression or a function fails."""
+        """The figures of a result: numbers, truths or None by name.
+
+        Raises MeasureError where an expression or a function fails.
+        """
         known = by_name(result.metrics, {})
         found: dict[str, float | bool | None] = {name: known.get(name) for name in self.figures}
         if self.expressions:
