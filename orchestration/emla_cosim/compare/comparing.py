@@ -114,6 +114,8 @@ def _run(contest: Contest, table: str | None, cluster: tuple[Scheduler, int | No
         told.advance(len(chunk.outcomes))
 
     with interruption() as interrupted, farm(shipment, *cluster, told.note) as found:
+        for group in {heat.scenario: heat.group for heat in reversed(contest.heats)}.values():
+            found.describe(group)  # raises what no run of the scenario could do either
         told.begin("comparing", len(contest.heats), "runs")
         began = time.monotonic()
         ran.complete = found.run(contest.work(), contest.variant, measures, 0, keep, interrupted)
