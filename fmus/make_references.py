@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.support import reference_controllers as compared
 from tests.support import reference_model as paper
 from tests.support.reference_drive import DeadTime, Drive, EndStops, Friction, Winding
 from tests.support.reference_model import Vector
@@ -185,6 +186,44 @@ def controller() -> Solution:
     )
 
 
+# ---- the controllers that it is compared with: the same move, and a start that asks for too much ----
+
+
+def compared_with(c: compared.Foc | compared.Cac | compared.Anatc, states: int) -> Solution:
+    """0.1 s with the default gains: first at the limits of current or voltage, later the supply sags."""
+    step, count = 1e-3, 101
+    move = paper.Motion((0.240, 0.252), (0.0,), (0.4,))
+
+    def given(k: int) -> Row:
+        t = k * step
+        x_d, v_d, a_d = paper.reference(move, t)
+        return rounded(
+            {
+                "x_hat": x_d - 2e-3 * math.exp(-60.0 * t) + 3e-6 * math.cos(17.0 * t),
+                "v_hat": v_d + 0.12 * math.exp(-60.0 * t) + 2e-4 * math.sin(30.0 * t),
+                "d_hat": 0.3 * math.sin(9.0 * t),
+                "i_q": 20.0 + 15.0 * math.sin(25.0 * t),
+                "i_d": 0.5 * math.sin(11.0 * t),
+                "u_available": 440.0 - (390.0 if 0.07 <= t < 0.08 else 0.0),
+                "x_d": x_d,
+                "v_d": v_d,
+                "a_d": a_d,
+            }
+        )
+
+    def at(u: Row) -> compared.Given:
+        x = u["x_hat"], u["v_hat"], u["i_q"], u["i_d"]
+        return compared.Given(x, (u["x_d"], u["v_d"], u["a_d"]), u["d_hat"], u["u_available"])
+
+    return solved(
+        step,
+        [given(k) for k in range(count)],
+        [0.0] * states,
+        lambda t, s, u: c.evaluate(t, s, at(u))[0],
+        lambda t, s, u: c.evaluate(t, s, at(u))[1],
+    )
+
+
 # ---- the reference: way-points out and back, again after a period -------------------------------
 
 MOTION = paper.Motion(
@@ -238,6 +277,9 @@ SOLUTIONS: dict[str, Callable[[], Solution]] = {
     "Reference": reference,
     "Disturbance": disturbance,
     "RsbaController": controller,
+    "FocController": lambda: compared_with(compared.Foc(omega_d=500.0), 3),
+    "CacController": lambda: compared_with(compared.Cac(omega_n=(500.0, 1000.0)), 11),
+    "AnatcController": lambda: compared_with(compared.Anatc(), 6),
 }
 """What makes the files of each model."""
 
@@ -296,6 +338,9 @@ START_VALUES: dict[str, dict[str, Any]] = {
         **dict(zip(("supply.depth", "supply.start", "supply.duration"), SURROUNDINGS.sag, strict=True)),
     },
     "RsbaController": {},
+    "FocController": {"omega_d": 500.0},
+    "CacController": indexed("omega_n", (500.0, 1000.0)),  # the usual ones are too fast for RK4 to be exact
+    "AnatcController": {},
 }
 """Start values that differ from the FMU's, by model and FMI name."""
 
@@ -306,6 +351,10 @@ RELATIVE = {
     "EmlaPlant": 2e-7,  # 1e-5 s; phase currents turn with up to 2000 rad/s: 8e-8
     "EmlaObserver": 2e-10,  # eta_hat falls with 200 rad/s: 3e-11
     "RsbaController": 1e-8,  # P_3 loses eight of 16 digits; 2e-9 in hosts that sum up time
+    # limits that act and end within an internal step
+    "FocController": 1e-5,
+    "CacController": 1e-4,
+    "AnatcController": 1e-9,
     # closed forms: rounding, and that time is summed up step by step
     "Reference": 1e-12,
     "Disturbance": 1e-12,

@@ -15,7 +15,8 @@ from tests.support.points import POINTS, Point
 from tests.support.sessions import Session, continuous_states, refused, set_continuous_states
 from tests.support.toy import Toy
 
-WITH_STATES = ("EmlaPlant", "EmlaObserver", "RsbaController", "Toy")
+COMPARED = ("FocController", "CacController", "AnatcController")
+WITH_STATES = ("EmlaPlant", "EmlaObserver", "RsbaController", *COMPARED, "Toy")
 STARTS = ("start.x_L", "start.x_hat", "start.eta_hat", "x_0")
 """Parameters that states start from."""
 

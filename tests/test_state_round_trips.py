@@ -26,6 +26,9 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     },
     "EmlaObserver": {"H_0": 2.0, "start.eta_hat": 3.0},
     "RsbaController": {"limit_acceleration": True, "limit_current": True, "freeze_adaptation": True},
+    "FocController": {"omega_d": 500.0},
+    "CacController": {},
+    "AnatcController": {},
     "Reference": {"waypoint[2]": 0.3, "move.start[1]": 1e-4, "move.duration[1]": 5e-3},
     "Disturbance": {
         "d_2.low": -1.0,

@@ -10,7 +10,10 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
-MODELS = ("EmlaPlant", "EmlaObserver", "RsbaController", "Reference", "Disturbance")
+MODELS = (
+    *("EmlaPlant", "EmlaObserver", "Reference", "Disturbance"),
+    *("RsbaController", "FocController", "CacController", "AnatcController"),
+)
 OUTSIDE = {
     "CHANGELOG.md": "changelog.md",
     "benchmarks/README.md": "benchmarks.md",

@@ -8,6 +8,7 @@ block RsbaController "Robust subsystem-based adaptive (RSBA) control of one EMLA
     Real u_max(unit = "V", min = 1e-6) = 445.0 "Longest voltage vector";
     Real v_max(unit = "m/s", min = 1e-9) = 0.136 "Largest screw speed";
     Real u_reserve(min = 0.0, max = 0.9) = 0.1 "Part of the voltage that weaken_field keeps for changes of current";
+    Real i_reserve(min = 0.0, max = 0.9) = 0.0 "Part of i_max that is kept for what noise and delay add";
     Real theta_max(min = 0.0) = 1e6 "Largest adaptation parameter";
     Real band(min = 1e-9) = 1e-3 "Excess of the limit, as a fraction, over which adaptation comes to a stop; 0 in the FMU";
   end Limit;
@@ -106,6 +107,7 @@ protected
   Real v_q_left(unit = "V") "q-axis voltage that omega_e L_q i_q leaves, less R_s i_q";
   Real i_d_ref(unit = "A") "Commanded d-axis current";
   Real i_limit(unit = "A") "Largest i_q*";
+  final parameter Real i_motor(unit = "A") = (1.0 - limit.i_reserve) * limit.i_max;
   Real d_3(unit = "A/s") "Estimated voltage disturbance over L_q";
   Real d_4(unit = "A/s") "Estimated voltage disturbance over L_d";
   Real a_1(unit = "m/s") "Virtual control (31)";
@@ -166,7 +168,7 @@ equation
   i_d_ref = if weaken_field
     then Functions.clamp((v_q_left / speed_e - known.Phi_PM) / known.L_d, -known.Phi_PM / known.L_d, 0.0)
     else 0.0;
-  i_limit = if weaken_field then noEvent(min(limit.i_max, i_reachable)) else limit.i_max;
+  i_limit = if weaken_field then noEvent(min(i_motor, i_reachable)) else i_motor;
 
   i_q_ref = if limit_current then Functions.clamp(u_2, -i_limit, i_limit) else u_2;
   scale = if limit_voltage then Functions.shortening(u_3, u_4, u_limit) else 1.0;

@@ -116,6 +116,13 @@ class RsbaController(Block):
         name="limit.u_reserve",
         description="Part of the voltage that weaken_field keeps for changes of current",
     )
+    i_reserve = Parameter(
+        0.0,
+        minimum=0.0,
+        maximum=0.9,
+        name="limit.i_reserve",
+        description="Part of i_max that is kept for what noise and delay add",
+    )
     a_max = Parameter(1.2, unit="m/s2", minimum=1e-6, name="limit.a_max", description="Braking acceleration")
     i_max = Parameter(105.0, unit="A", minimum=1e-6, name="limit.i_max", description="Largest q-axis current")
     u_max = Parameter(445.0, unit="V", minimum=1e-6, name="limit.u_max", description="Longest voltage vector")
@@ -214,7 +221,8 @@ class RsbaController(Block):
         u_2 = u_2 - where(v.compensate, v.d_hat, 0.0) / A_2
         omega_e = v.N_p * v.alpha_RL * v.v_hat
         weakened, reachable = weakened_field(v, u_2, omega_e, (1.0 - v.u_reserve) * u_max)
-        i_max = where(v.weaken_field, minimum(v.i_max, reachable), v.i_max)
+        motor = (1.0 - v.i_reserve) * v.i_max
+        i_max = where(v.weaken_field, minimum(motor, reachable), motor)
         i_q_ref = where(v.limit_current, clamp(u_2, -i_max, i_max), u_2)
         current_limited = where(logical_and(v.limit_current, abs(u_2) > i_max), 1.0, 0.0)
 

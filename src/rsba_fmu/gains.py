@@ -25,6 +25,7 @@ class RsbaGains:
     weaken_field: bool = False
     measure_supply: bool = False
     u_reserve: float = 0.1
+    i_reserve: float = 0.0
     omega_u: float = 0.0
 
 
@@ -126,6 +127,7 @@ def compensated(T_s: float, a_max: float, k_1: float = 0.025, k_2: float = 0.08)
         weaken_field=True,
         measure_supply=True,
         u_reserve=0.2,
+        i_reserve=0.01,
         omega_u=0.03 / T_s,
     )
 

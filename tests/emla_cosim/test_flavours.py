@@ -14,10 +14,15 @@ from emla_fmu import observer_gains
 from emla_fmu.drive import DRIVES
 from emla_fmu.parameters import TILT
 from fmublock.platforms import host_platform
-from rsba_fmu import gains
+from rsba_fmu import anatc_gains, cac_gains, foc_gains, gains
 from tests.support.slaves import BlockSlave, fmu_slave, interface
 
 STEPS, STEP = 10_000, 1e-4
+
+COMPARED: dict[str, float] = dict(
+    x_hat=1e-3, v_hat=0.05, d_hat=1.0, i_q=20.0, i_d=5.0, u_available=400.0, x_d=1e-3, v_d=0.05, a_d=0.3
+)
+"""Scales of the inputs of the controllers that RSBA is compared with."""
 
 # start values that exercise every branch, and the scale of each input's random walk
 DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
@@ -54,6 +59,18 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
     "RsbaController": (
         start_values(MODELS["RsbaController"], TILT, gains.ROBUST["tilt"]),
         {"x_hat": 1e-3, "v_hat": 0.05, "i_q": 20, "i_d": 5, "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3},
+    ),
+    "FocController": (
+        start_values(MODELS["FocController"], TILT, foc_gains.RULE["tilt"]),
+        COMPARED,
+    ),
+    "CacController": (
+        start_values(MODELS["CacController"], TILT, cac_gains.PUBLISHED["tilt"]),
+        COMPARED,
+    ),
+    "AnatcController": (
+        start_values(MODELS["AnatcController"], TILT, anatc_gains.PUBLISHED["tilt"]),
+        COMPARED,
     ),
 }  # fmt: skip
 

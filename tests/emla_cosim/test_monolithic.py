@@ -412,7 +412,7 @@ def test_plant_at_random_points() -> None:
         v = values(given, acting, torque_source=float(source), F_2=F[0], F_3=F[1], F_4=F[2])
         v = values(vars(v), switched, IDEAL_SENSORS, delay=0.0, u_q_late=0.0, u_d_late=0.0)
         v = values(vars(v), dict(zip(("x_L", "v_L", "i_q", "i_d"), x.tolist(), strict=True)))
-        v.temperature_rise = rise
+        v.temperature_rise, v.u_measured = rise, p.u_max * (1.0 - acting["sag"])  # sampled when it is steady
         # terms of either sign add up: 3 or 4 of 16 digits are lost; electrical angles of 1e4 rad are
         # known to 2e-12 rad, and so are the parts of 150 A that dead time depends on
         expected = [*paper.plant_rates(p, x, u), paper.heating(p, x, rise)]
@@ -506,6 +506,7 @@ def test_controller_at_random_points() -> None:
             v_max=v_max if on["limit_speed"] else math.inf,
             weaken=on["weaken_field"],
             u_reserve=0.15,
+            i_reserve=0.05,
             omega_u=omega_u,
         )
         if on["measure_supply"]:
@@ -518,7 +519,7 @@ def test_controller_at_random_points() -> None:
         v = values(asdict(known), gains, limits, {name: float(x) for name, x in on.items()}, theta_max=10.0)
         v = values(vars(v), x_hat=x_hat, v_hat=v_hat, i_q=i_q, i_d=i_d, x_d=x_d, v_d=v_d, a_d=a_d)
         v = values(vars(v), d_hat=d_hat, u_available=u_available, v_max=v_max, omega_u=omega_u)
-        v = values(vars(v), u_reserve=0.15, z_q=z[0], z_d=z[1])
+        v = values(vars(v), u_reserve=0.15, i_reserve=0.05, z_q=z[0], z_d=z[1])
         v = values(vars(v), u_q_before=signals.u_q, u_d_before=signals.u_d)
         v.theta, v.internal_step = theta.tolist(), c.approach_time
         # P_2 and what follows from it lose 4 or 5 of 16 digits where v_hat - v_d and a_1 cancel
@@ -533,7 +534,7 @@ def test_controller_at_random_points() -> None:
         met["theta_max"] += free and c.freeze and bool(((theta > 10.0) & (adapted < 0.0)).any())
         met["printed a_1"] += c.x_2d_in_a_1
         met["weakened"] += bool(signals.P[3] != i_d)
-        met["no room for i_q"] += abs(signals.i_q_ref) < 0.99 * c.i_max and signals.current_limited
+        met["no room for i_q"] += abs(signals.i_q_ref) < 0.9 * c.i_max and signals.current_limited
         met["fastest"] += paper.fastest(c, v_d) < abs(
             v_d - paper.approach(c, 400.0 + 5.0 * theta[0], x_hat - x_d)
         )

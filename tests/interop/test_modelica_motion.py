@@ -222,6 +222,7 @@ COMPENSATED = {
     "omega_u": 200.0,
     "limit.v_max": 0.08,
     "limit.u_reserve": 0.2,
+    "limit.i_reserve": 0.1,
     "limit.u_max": 300.0,
 }
 COMPENSATED_INPUTS = {"d_hat": "0.5 * sin(20.0 * time)", "u_available": "280.0 + 50.0 * sin(35.0 * time)"}

@@ -209,6 +209,111 @@ def bounds_of_adaptation(values: dict[str, Any], found: dict[str, float]) -> lis
     return [3.0 * begins[-1], *(math.sqrt(low * high) for low, high in pairs)]
 
 
+def drive_points(draw: Draw) -> tuple[dict[str, Any], dict[str, float]]:
+    """Values, and reaches, of what FocController, CacController and AnatcController have in common.
+
+    Nothing is limited, or all of one kind is, by far; the approach brakes clearly or is clearly linear
+    for gains of the position up to 10 / s.
+    """
+    x_d, P_1 = signed(draw, 0.05, 0.5), signed(draw, 1e-3, 0.04)
+    limited = draw(st.sampled_from(["nothing", "speed", "current", "voltage"]))
+    u = 1e-2 if limited == "voltage" else 1e7
+    u_max, u_available = draw(st.sampled_from([(u, 3.0 * u), (3.0 * u, u)]))
+    values = {
+        "x_hat": x_d + P_1,
+        "v_hat": signed(draw, 1e-2, 0.3),
+        "d_hat": signed(draw, 0.1, 5.0),
+        "i_q": signed(draw, 0.1, 100.0),
+        "i_d": signed(draw, 0.1, 100.0),
+        "u_available": u_available,
+        "x_d": x_d,
+        "v_d": signed(draw, 1e-3, 0.3),
+        "a_d": signed(draw, 1e-2, 1.0),
+        "compensate": draw(st.booleans()),
+        "limit.a_max": draw(st.sampled_from([1e-4, 100.0])),
+        "limit.v_max": 1e-5 if limited == "speed" else 1.0,
+        "limit.i_max": 1e-3 if limited == "current" else 1e5,
+        "limit.u_max": u_max,
+        "model.R_s": magnitude(draw, 0.05, 0.5),
+        "model.L_d": magnitude(draw, 1e-3, 5e-3),
+        "model.L_q": magnitude(draw, 1e-3, 5e-3),
+        "model.Phi_PM": magnitude(draw, 0.05, 0.3),
+        "model.N_p": draw(st.integers(2, 10)),
+        "model.alpha_RL": magnitude(draw, 500.0, 5000.0),
+        "model.A_eq": magnitude(draw, 10.0, 100.0),
+        "model.B_eq": magnitude(draw, 1.0, 10.0),
+        "model.C_eq": magnitude(draw, 0.1, 10.0),
+        "solver.internal_step": magnitude(draw, 1e-5, 1e-4),
+    }
+    return values, {"x_hat": abs(P_1), "x_d": abs(P_1)}
+
+
+@st.composite
+def foc_points(draw: Draw) -> Point:
+    values, reach = drive_points(draw)
+    own = {
+        "k_p": magnitude(draw, 1.0, 10.0),
+        "k_v": magnitude(draw, 10.0, 1000.0),
+        "w_c": magnitude(draw, 100.0, 3000.0),
+        "w_i": magnitude(draw, 10.0, 300.0),
+        "omega_d": magnitude(draw, 10.0, 1000.0),
+        "xi_q": signed(draw, 10.0, 1e4),
+        "xi_d": signed(draw, 10.0, 1e4),
+        "load.z": signed(draw, 1e-2, 0.3),
+    }
+    return Point(values | own, kinks={"omega_d"}, reach=reach)
+
+
+@st.composite
+def cac_points(draw: Draw) -> Point:
+    values, reach = drive_points(draw)
+    own = {
+        "k[1]": magnitude(draw, 1.0, 10.0),
+        **{f"k[{i}]": magnitude(draw, 0.01, 1e3) for i in range(2, 6)},
+        "varpi[1]": magnitude(draw, 1e-3, 0.1),
+        **{f"varpi[{i}]": magnitude(draw, 0.1, 10.0) for i in range(2, 6)},
+        **{f"m[{i}]": magnitude(draw, 0.1, 1e3) for i in range(1, 4)},
+        "leak": magnitude(draw, 1e-3, 1.0),
+        "epsilon[1]": magnitude(draw, 0.03, 1.0),
+        "epsilon[2]": magnitude(draw, 0.3, 3.0),
+        "epsilon[3]": magnitude(draw, 30.0, 300.0),
+        "epsilon[4]": magnitude(draw, 30.0, 300.0),
+        "omega_n[1]": magnitude(draw, 100.0, 1e4),
+        "omega_n[2]": magnitude(draw, 100.0, 1e4),
+        "damping": magnitude(draw, 0.5, 2.0),
+        "filter.w": signed(draw, 1e-3, 0.1),
+        "filter.w_rate": signed(draw, 0.1, 10.0),
+        "filter.i_q": signed(draw, 0.1, 100.0),
+        "filter.i_q_rate": signed(draw, 10.0, 1e4),
+        "xi[1]": signed(draw, 1e-4, 1e-2),
+        "xi[2]": signed(draw, 1e-3, 0.1),
+        "xi[3]": signed(draw, 0.1, 10.0),
+        "xi[4]": signed(draw, 0.1, 10.0),
+        **{f"D[{i}]": signed(draw, 0.1, 10.0) for i in range(2, 5)},
+    }
+    return Point(values | own, reach=reach)
+
+
+@st.composite
+def anatc_points(draw: Draw) -> Point:
+    values, reach = drive_points(draw)
+    own = {
+        "k_1": magnitude(draw, 1.0, 10.0),
+        "k_2": magnitude(draw, 0.1, 10.0),
+        "lambda_1": magnitude(draw, 0.1, 100.0),
+        "lambda_2": magnitude(draw, 0.1, 100.0),
+        "ell[1]": magnitude(draw, 1e-3, 1.0),
+        "ell[2]": magnitude(draw, 1e-3, 1.0),
+        "g": magnitude(draw, 10.0, 300.0),
+        "b": magnitude(draw, 0.1, 3.0),
+        "sigma_min": draw(st.sampled_from([1e-3, 1e3])),
+        "w_c": magnitude(draw, 100.0, 3000.0),
+        **{f"W[{i}]": signed(draw, 0.1, 10.0) for i in range(1, 6)},
+        "delta": magnitude(draw, 0.1, 10.0),
+    }
+    return Point(values | own, draw(st.floats(0.0, 1.0)), reach=reach)
+
+
 @st.composite
 def reference_points(draw: Draw) -> Point:
     """A time within a move, or in a dwell; perhaps some periods later."""
@@ -292,6 +397,9 @@ POINTS: dict[str, Callable[[], st.SearchStrategy[Point]]] = {
     "EmlaPlant": plant_points,
     "EmlaObserver": observer_points,
     "RsbaController": controller_points,
+    "FocController": foc_points,
+    "CacController": cac_points,
+    "AnatcController": anatc_points,
     "Reference": reference_points,
     "Disturbance": disturbance_points,
     "Toy": toy_points,

@@ -280,7 +280,6 @@ def observer_outputs(o: Observer, t: float, s: Vector, y: float) -> dict[str, fl
     names = ("x_hat", "v_hat", "d_hat", "eta_hat")
     return {
         **dict(zip(names, s.tolist(), strict=True)),
-        "d_hat": 0.0,
         "y_bar": float(y - s[0]),
         "f": observer_f(o, t, s, y),
     }
@@ -321,6 +320,8 @@ class Controller:
     """Whether i_d* makes room for i_q* in the voltage."""
     u_reserve: float = 0.1
     """Part of u_max that i_d* leaves."""
+    i_reserve: float = 0.0
+    """Part of i_max that i_q* leaves."""
     omega_u: float = 0.0
     """Bandwidth of the estimates of the voltages that act unknown, 1/s."""
 
@@ -389,7 +390,7 @@ def control(
     P_2 = x[1] - x_d[1] - a_1
     u_2 = W(2, P_2) - P_1 * A[0] / A[1] + (x_d[2] / A[1] if c.feed_acceleration else 0.0)
     i_d_ref, largest = room_for_i_q(c, u_2, float(x[1])) if c.weaken else (0.0, math.inf)
-    i_max = min(c.i_max, largest)
+    i_max = min((1.0 - c.i_reserve) * c.i_max, largest)
     i_q_ref = min(max(u_2, -i_max), i_max) if math.isfinite(c.i_max) else u_2
     P_3, P_4 = x[2] - i_q_ref, x[3] - i_d_ref
     u_q, u_d, voltage_limited = shortened(W(3, P_3), W(4, P_4), c.u_max)

@@ -100,6 +100,7 @@ def joint(system: System) -> paper.Joint:
         v_max=c["limit.v_max"] if c["limit_speed"] else math.inf,
         weaken=bool(c["weaken_field"]),
         u_reserve=c["limit.u_reserve"],
+        i_reserve=c["limit.i_reserve"],
         omega_u=c["omega_u"],
     )
     observer = paper.Observer(
