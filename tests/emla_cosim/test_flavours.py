@@ -19,9 +19,10 @@ from tests.support.slaves import BlockSlave, fmu_slave, interface
 
 STEPS, STEP = 10_000, 1e-4
 
-COMPARED: dict[str, float] = dict(
-    x_hat=1e-3, v_hat=0.05, d_hat=1.0, i_q=20.0, i_d=5.0, u_available=400.0, x_d=1e-3, v_d=0.05, a_d=0.3
-)
+COMPARED = {
+    "x_hat": 1e-3, "v_hat": 0.05, "d_hat": 1, "i_q": 20, "i_d": 5, "u_available": 400,
+    "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3,
+}  # fmt: skip
 """Scales of the inputs of the controllers that RSBA is compared with."""
 
 # start values that exercise every branch, and the scale of each input's random walk
