@@ -83,7 +83,7 @@ def current_limit(v: Any) -> Any:
 def weakening_current(v: Any, i_q_ref: Any) -> Any:
     """i_d* in A: what the magnet's flux has to be less so that i_q* can be held; 0 where it can be anyhow."""
     flux, across = reachable_flux(v), v.L_q * i_q_ref
-    along = sqrt(maximum(flux * flux - across * across, 0.0))
+    along = sqrt(maximum(flux * flux - across * across, 1e-4 * flux * flux))  # never the root of 0
     return clamp((along - v.Phi_PM) / v.L_d, weakest_current(v), 0.0)
 
 

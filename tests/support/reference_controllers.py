@@ -56,7 +56,9 @@ class Limits:
         return min(self.i_max, across / self.known.L_q)
 
     def i_d_ref(self, at: Given, i_q_ref: float) -> float:
-        along = math.sqrt(max(self.flux(at) ** 2 - (self.known.L_q * i_q_ref) ** 2, 0.0))
+        along = math.sqrt(
+            max(self.flux(at) ** 2 - (self.known.L_q * i_q_ref) ** 2, 1e-4 * self.flux(at) ** 2)
+        )
         return float(np.clip((along - self.known.Phi_PM) / self.known.L_d, self.weakest(), 0.0))
 
     def voltage(self, at: Given, q: float, d: float) -> tuple[float, float]:
