@@ -26,14 +26,21 @@ COMPARED = (FocController, CacController, AnatcController)
 MOVE = paper.Motion((0.242, 0.262), (0.0,), (0.6,))
 LOAD, UNTIL = 20e3, 0.04
 
-FOC = {"k_p": 150.0, "k_v": 300.0, "w_c": 1500.0, "w_i": 150.0, "omega_d": 300.0}
+FOC: dict[str, Any] = {"k_p": 150.0, "k_v": 300.0, "w_c": 1500.0, "w_i": 150.0, "omega_d": 300.0}
 CAC: dict[str, Any] = {
     "k": (150.0, 500.0, 3.0, 1.0, 3.0),
     "varpi": (0.05, 0.2, 0.5, 0.0, 0.5),
     "m": (6e4, 1e5, 1e5),
     "omega_n": (1500.0, 3000.0),
 }
-ANATC = {"k_1": 150.0, "k_2": 4.0, "lambda_1": 500.0, "lambda_2": 20.0, "g": 5.0, "w_c": 1500.0}
+ANATC: dict[str, Any] = {
+    "k_1": 150.0,
+    "k_2": 4.0,
+    "lambda_1": 500.0,
+    "lambda_2": 20.0,
+    "g": 5.0,
+    "w_c": 1500.0,
+}
 LOOPS = {
     FocController: (FOC, independent.Foc(**FOC), 3),
     CacController: (CAC, independent.Cac(**CAC), 11),
@@ -58,7 +65,7 @@ def _ours(block: type[Block], gains: dict[str, Any], times: np.ndarray) -> np.nd
     plant, controller = Continuous(EmlaPlant, {"x_L_start": 0.24, "v_L": 0.0}), Continuous(block, gains)
 
     def rates(t: float, s: Any) -> Any:
-        wires = dict(zip(("x_d", "v_d", "a_d"), paper.reference(MOVE, t), strict=True))
+        wires: dict[str, float] = dict(zip(("x_d", "v_d", "a_d"), paper.reference(MOVE, t), strict=True))
         wires |= dict(zip(("x_hat", "v_hat", "i_q", "i_d"), map(float, s[:4]), strict=True))
         u = controller.outputs(t, s[4:], wires)
         plant.outputs(t, s[:4], {"u_q": u["u_q"], "u_d": u["u_d"], "F_L": LOAD})
