@@ -48,7 +48,7 @@ def name_in(model: str, fmi_name: str) -> str | None:
         return None
     if fmi_name in MOVED:
         return MOVED[fmi_name]
-    if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(DELAYED):
+    if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(SAMPLED):
         return None  # everything acts at once there
     group, dot, rest = fmi_name.partition(".")
     return RENAMED.get(group, group) + dot + rest if dot else fmi_name
