@@ -9,6 +9,7 @@ from typing import Any
 from ..errors import CommandError, listed
 from ..sweep.factors import start_values
 from ..sweep.shipment import Preparation
+from ..system.fault import Fault
 from ..system.model import Value
 from ..values import converted
 
@@ -18,14 +19,23 @@ class Case:
     """One circumstance: start values, by pattern, that are set and that are multiplied.
 
     `start_error` is how far in m the screw starts from where its reference begins; None where the scenario
-    says it. `at` has the coordinates of a point on a map.
+    says it; `fault` has faults of signals with * for the joint. `at` has the coordinates of a point on a map.
     """
 
     name: str = "nominal"
     set: Mapping[str, Value] = field(default_factory=dict)
     scale: Mapping[str, float] = field(default_factory=dict)
     start_error: float | None = None
+    fault: Sequence[Mapping[str, Any]] = ()
     at: tuple[float, float] | None = None
+
+    def faults(self, joints: Sequence[str]) -> list[Fault]:
+        """Its faults of signals, for each of these joints."""
+        return [
+            Fault(**{**one, "signal": one["signal"].replace("*", joint, 1)})
+            for joint in joints
+            for one in self.fault
+        ]
 
     def applied(self, prepared: Preparation) -> dict[str, Value] | None:
         """The start values by full name that make it of a system; None where that has no such variable."""
@@ -102,6 +112,11 @@ def robustness_cases() -> list[Case]:
 def stability_maps() -> list[Map]:
     """The maps of the table of stability."""
     return [Map(m["name"], Axis(**m["x"]), Axis(**m["y"])) for m in _read("stability")["map"]]
+
+
+def stability_stop_time() -> float:
+    """When runs of maps end in s unless told otherwise."""
+    return float(_read("stability")["stop_time"])
 
 
 def _read(name: str) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from ..sweep.shipment import Shipment, check_portable
 from ..sweep.sweeping import check_cluster
 from ..sweep.worker import Chunk, Outcome
 from ..values import converted
-from .cases import Case, checked_resolution, robustness_cases, stability_maps
+from .cases import Case, checked_resolution, robustness_cases, stability_maps, stability_stop_time
 from .contest import Contest, laid_out
 from .entrants import ALL, Choice, entrants
 from .measuring import FIGURES_ALONE, WITH_ERRORS
@@ -71,6 +71,8 @@ def compare(
     all_sets = [ALL] if table == PAPER and gains is None else gains
     chosen = entrants(controllers, all_sets)
     folder = CompareFolder(converted(output, Path, "the output folder")) if output is not None else None
+    if table == STABILITY:
+        options = {"stop_time": stability_stop_time(), **options}
     contest = laid_out(_scenarios(str(scenario), table), chosen, _cases(table, resolution), options, told)
     for kind, known in (("metric", METRICS), ("algorithm", ALGORITHMS)):
         check_portable(kind, known)
@@ -112,6 +114,8 @@ def _run(contest: Contest, table: str | None, cluster: tuple[Scheduler, int | No
         told.advance(len(chunk.outcomes))
 
     with interruption() as interrupted, farm(shipment, *cluster, told.note) as found:
+        for group in {heat.scenario: heat.group for heat in reversed(contest.heats)}.values():
+            found.describe(group)  # raises what no run of the scenario could do either
         told.begin("comparing", len(contest.heats), "runs")
         began = time.monotonic()
         ran.complete = found.run(contest.work(), contest.variant, measures, 0, keep, interrupted)

@@ -1,6 +1,6 @@
 """A comparison laid out: every run, and the prepared simulations that it takes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,11 +8,11 @@ from ..errors import CommandError
 from ..experiment import check_run, run_times
 from ..loading import load
 from ..progress import Progress
+from ..simulation import PREPARED
 from ..sweep.farm import Work
 from ..sweep.shipment import Preparation
 from ..sweep.targets import as_arguments, merged
 from ..sweep.worker import Variant
-from ..system.model import Value
 from .cases import Case, left_out
 from .entrants import Entrant
 from .parts import parts
@@ -22,14 +22,14 @@ from .parts import parts
 class Heat:
     """One run: a controller, under one circumstance, in a part of a scenario that has these joints.
 
-    `set` has the start values of the circumstance; `group` is the position of the prepared simulation.
+    `own` has the options that are the circumstance; `group` is the position of the prepared simulation.
     """
 
     scenario: str
     entrant: Entrant
     case: Case
     joints: Sequence[str]
-    set: Mapping[str, Value]
+    own: Mapping[str, Any]
     group: int
 
 
@@ -44,10 +44,10 @@ class Contest:
 
     def variant(self, number: int) -> Variant:
         """A heat as it is run."""
-        return Variant(number, {"set": dict(self.heats[number].set)})
+        return Variant(number, {n: x for n, x in self.heats[number].own.items() if n not in PREPARED})
 
     def work(self) -> list[Work]:
-        """All heats by group, those with the most steps first, so that all workers end at about the same time."""
+        """All heats by group, those with the most steps first, so that workers end at about the same time."""
         numbers: list[list[int]] = [[] for _ in self.groups]
         for number, heat in enumerate(self.heats):
             numbers[heat.group].append(number)
@@ -59,7 +59,7 @@ class Contest:
         """The command that runs a heat alone; None where an option is an object of Python."""
         heat = self.heats[number]
         own = {"controller": heat.entrant.controller, "gains": heat.entrant.gains}
-        arguments = as_arguments(merged([self.options, own, {"set": dict(heat.set)}]))
+        arguments = as_arguments(merged([self.options, own, heat.own]))
         return None if arguments is None else ["emla", "run", heat.scenario, *arguments]
 
 
@@ -76,25 +76,44 @@ def laid_out(
     RunError where FMUs cannot be built.
     """
     heats, groups = list[Heat](), list[Preparation]()
-    run = dict[tuple[str, str], bool]()
+    run = set[tuple[str, str]]()
     for scenario in scenarios:
         for entrant in entrants:
-            for part in _parts(scenario, entrant, options, progress):
-                groups.append(part)
-                for case in cases:
-                    found = case.applied(part)
-                    run[scenario, case.name] = run.get((scenario, case.name), False) or found is not None
-                    if found is not None:
-                        joints = _joints(part)
-                        heats.append(Heat(scenario, entrant, case, joints, found, len(groups) - 1))
+            for part, case, own in _cases(scenario, entrant, cases, options, progress):
+                if not groups or groups[-1] is not part:
+                    groups.append(part)
+                run.add((scenario, case.name))
+                heats.append(Heat(scenario, entrant, case, _joints(part), own, len(groups) - 1))
     notes = [
         left_out(missing, scenario)
         for scenario in scenarios
-        if (missing := [case for case in cases if not run[scenario, case.name]])
+        if (missing := [case for case in cases if (scenario, case.name) not in run])
     ]
     if not heats:
         raise CommandError(" ".join(notes))
     return Contest(heats, groups, options, notes)
+
+
+def _cases(
+    scenario: str,
+    entrant: Entrant,
+    cases: Sequence[Case],
+    options: Mapping[str, Any],
+    progress: Progress,
+) -> Iterator[tuple[Preparation, Case, Mapping[str, Any]]]:
+    """Parts of a scenario with the cases that they can run, and the options that these are."""
+    usual = _parts(scenario, entrant, options, progress)
+    for part in usual:
+        for case in cases:
+            if not case.fault and (values := case.applied(part)) is not None:
+                yield part, case, {"set": values}
+    joints = [joint for part in usual for joint in _joints(part)]
+    for case in cases:
+        if case.fault:  # which is put into the system before it is prepared
+            own = {"fault": [*options.get("fault", ()), *case.faults(joints)]}
+            for part in _parts(scenario, entrant, {**options, **own}, progress):
+                if (values := case.applied(part)) is not None:
+                    yield part, case, {**own, "set": values}
 
 
 def _parts(

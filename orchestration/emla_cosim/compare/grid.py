@@ -16,9 +16,14 @@ class Cell(NamedTuple):
     lost: bool = False
 
 
+def rounded(value: float) -> str:
+    """A number with three digits, or as many as stand before the point; no power of ten for large ones."""
+    return f"{value:.3g}" if abs(value) < 1e3 else f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
+
+
 @dataclass(frozen=True)
 class Grid:
-    """A table with its title, the sentences under it, and the numbers of rows before which a line is drawn."""
+    """A table: its title, sentences under it, and numbers of the rows before which a line is drawn."""
 
     title: str
     header: Sequence[str]
@@ -59,6 +64,6 @@ def _marked(cell: Cell) -> str:
 
 
 def _styled(cell: Cell) -> str:
-    text = escape(cell.text)
+    text = escape(f"{cell.text} *" if cell.best else cell.text)  # also where there are no colours
     style = "bold green" if cell.best else "bold red" if cell.lost else ""
     return f"[{style}]{text}[/]" if style and text else text

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ..study.controllers import CONTROLLERS
 from ..study.paper import PRINTED, REFERENCE, Cells, PrintedTable
-from .grid import Cell, Grid
+from .grid import Cell, Grid, rounded
 from .result import CompareResult
 from .rows import HELD, SHOWN, Row, best, of_entrant
 
@@ -37,9 +37,9 @@ def _cells(rows: Sequence[Row], printed: PrintedTable) -> Grid:
             cells = [Cell(place), Cell(of_entrant(row))]
             for figure, said in zip(_FIGURES, paper.get(row["controller"], (None,) * 4), strict=True):
                 value = row[figure.name]
-                text = f"{figure.factor * value:.3g}" if row[HELD] and value is not None else "lost"
+                text = rounded(figure.factor * value) if row[HELD] and value is not None else "lost"
                 cells.append(Cell(text, row[HELD] and value == smallest[figure.name], text == "lost"))
-                cells.append(Cell("" if said is None else f"{figure.factor * said:.4g}"))
+                cells.append(Cell("" if said is None else rounded(figure.factor * said)))
             body.append(cells)
     header = ["", "controller/gains", *(h for f in _FIGURES for h in (f"{f.label} / {f.unit}", "paper"))]
     title = f"{printed.name}: ours beside the paper's; the best of ours is marked"
@@ -75,7 +75,7 @@ def _ratios(means: Cells | None, base: Cells | None) -> list[Cell]:
         return [Cell("lost", lost=True)] * len(_FIGURES)
     if base is None:
         return [Cell("none")] * len(_FIGURES)
-    return [Cell(f"{ours / of:.3g}") for ours, of in zip(means, base, strict=True)]
+    return [Cell(rounded(ours / of)) for ours, of in zip(means, base, strict=True)]
 
 
 def _numbers(cells: Cells) -> list[Cell]:

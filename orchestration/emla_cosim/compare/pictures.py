@@ -1,4 +1,4 @@
-"""Pictures of a comparison: figures side by side, errors over time, and what holds under which circumstances."""
+"""Pictures of a comparison: figures side by side, errors over time, and what holds when."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -10,6 +10,7 @@ from ..arrays import Vector
 from ..results.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidied
 from ..study.paper import PRINTED
 from .cases import stability_maps
+from .grid import rounded
 from .result import PAPER, ROBUSTNESS, STABILITY, CompareResult
 from .rows import HELD, SHOWN, Row, of_entrant
 from .tables import grouped, lost
@@ -23,6 +24,8 @@ NAMES = (FIGURES, ERRORS, "comparison-robustness", "comparison-stability-1", "co
 """What pictures are called."""
 
 _BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m", "convergence_time_s")
+_WIDE = {"position_error_m": 0.1, "velocity_error_m_s": 0.01}
+"""Figures on logarithmic axes, and below which value in their unit these are linear."""
 _SHADES = ("#12355f", "#2f6db3", "#8fb4d9", "#e4eef8")
 """Of errors, the smallest first."""
 _HOLDS, _LOST = "#cfe0f1", "#b0413e"
@@ -57,7 +60,7 @@ def _bars(result: CompareResult) -> "Figure":
     """For each joint and figure a bar for each controller, and a line where the paper has its own RSBA."""
     places = _places(result)
     height = 0.6 + 0.22 * len(result.entrants)
-    figure, grid = new_figure(len(places), len(_BARS), 2.6, height, sharex="col")
+    figure, grid = new_figure(len(places), len(_BARS), 2.6, height, sharex="none")
     for axes_row, ((scenario, joint), rows) in zip(grid, places.items(), strict=True):
         for axes, name in zip(axes_row, _BARS, strict=True):
             shown = SHOWN[name]
@@ -66,16 +69,19 @@ def _bars(result: CompareResult) -> "Figure":
             axes.barh(names, values, color=[_color(result, n) for n in names], height=0.7)
             for place, row in enumerate(rows):
                 if not row[HELD]:
-                    axes.annotate(f" {lost(row)}", (0.02, place), ("axes fraction", "data"), **_TOLD)
-            if result.table == PAPER and (said := _printed(scenario, joint, name)) is not None:
+                    axes.text(0.02, place, lost(row), transform=axes.get_yaxis_transform(), **_TOLD)
+            said = _printed(scenario, joint, name) if result.table == PAPER else None
+            if said is not None:
                 axes.axvline(shown.factor * said, color="black", lw=1.0, ls=":")
-            axes.set_xscale("symlog", linthresh=0.1 if shown.unit == "µm" else 0.01)
-            axes.set_xlim(left=0.0)
+            known = [*values, *([shown.factor * said] if said is not None else [])]
+            if name in _WIDE:
+                axes.set_xscale("symlog", linthresh=_WIDE[name])
+            axes.set_xlim(0.0, 1.15 * max(known) or 1.0)
             axes.invert_yaxis()
             tidied(axes)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
-        axes_row[0].set_ylabel(joint if len({s for s, _ in places}) == 1 else f"{scenario}", fontsize=9)
+        axes_row[0].set_ylabel(f"{scenario}\n{joint}", fontsize=9)
     for axes, name in zip(grid[-1], _BARS, strict=True):
         axes.set_xlabel(f"{SHOWN[name].label} / {SHOWN[name].unit}", fontsize=9)
     paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
@@ -136,7 +142,7 @@ def _robustness(result: CompareResult) -> "Figure":
     shades.set_bad(_LOST)
     held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().to_numpy()
     norm = LogNorm(*(1e6 * _limits(held)))
-    picture = None
+    picture: Any = None
     for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
         found = {(row["case"], of_entrant(row)): row for row in rows}
         values = np.array([[_error(found.get((c, e))) for e in result.entrants] for c in cases])
@@ -170,7 +176,7 @@ def _limits(errors: Vector) -> Vector:
 def _write(axes: "Axes", x: int, y: int, row: Row | None, norm: Any) -> None:
     if row is None:
         return
-    text = f"{_error(row):.2g}" if row[HELD] else lost(row).replace("lost at ", "lost\n")
+    text = rounded(_error(row)) if row[HELD] else lost(row).replace("lost at ", "lost\n")
     dark = not row[HELD] or norm(_error(row)) < 0.45
     axes.text(
         x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6, color="white" if dark else "black"
@@ -204,7 +210,7 @@ def _maps(result: CompareResult) -> "dict[str, Figure]":
                     axes.set_title(entrant.replace("/", "\n"), fontsize=9)
             axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
         figure.supxlabel(one.x.label, fontsize=9)
-        figure.suptitle(f"Where it holds (blue) and where it is lost (red): {one.name}", fontsize=11)
+        figure.suptitle(f"{one.name}\nblue: holds, red: lost", fontsize=10)
         found[f"stability-{number}"] = figure
     return found
 

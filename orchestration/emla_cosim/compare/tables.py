@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ..recorders.metrics import Shown
-from .grid import Cell, Grid
+from .grid import Cell, Grid, rounded
 from .paper_tables import paper_grids
 from .result import PAPER, ROBUSTNESS, STABILITY, CompareResult
 from .rows import HELD, LOST_AT, SHOWN, WHY, Row, best, of_entrant
@@ -45,7 +45,7 @@ def told(row: Row, figure: Shown) -> Cell:
     if not row[HELD]:
         return Cell(lost(row), lost=True)
     value = row[figure.name]
-    return Cell("none" if value is None or value != value else f"{figure.factor * value:.3g}")
+    return Cell("none" if value is None or value != value else rounded(figure.factor * value))
 
 
 def lost(row: Row) -> str:

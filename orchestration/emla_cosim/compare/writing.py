@@ -54,7 +54,7 @@ def draw(result: CompareResult, folder: Path) -> list[Path]:
 
 
 def record_of(contest: Contest, result: CompareResult) -> dict[str, Any]:
-    """All that it takes to repeat the comparison: versions, options, systems, and the start values of each run."""
+    """All that repeats the comparison: versions, options, systems, and the start values of each run."""
     return {
         "name": result.name,
         "table": result.table,
@@ -74,7 +74,8 @@ def record_of(contest: Contest, result: CompareResult) -> dict[str, Any]:
                 "controller": heat.entrant.called,
                 "gains": heat.entrant.gains,
                 "system": heat.group,
-                "set": plain(heat.set),
+                "set": plain(heat.own["set"]),
+                "fault": [str(fault) for fault in heat.own.get("fault", ())],
                 "command": shlex.join(command) if (command := contest.command(number)) else None,
             }
             for number, heat in enumerate(contest.heats)

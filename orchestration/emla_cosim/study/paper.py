@@ -106,10 +106,10 @@ TABLE_VIII = PrintedTable(
         "anatc": Cells(3.25, 2.04, 1.14, 2.31),
     },
     "The paper measured its Table VIII on a test bench; ours is simulated. The moves are quintic between "
-    "way-points read off the figures (0.05 to 0.30 m, two stops out, three back, 40 s a cycle, at most 0.026 "
-    "and 0.030 m/s), the load 7 to 70 kN in five levels and 70 kN with a ripple of 5 kN, for 320 s; controller "
-    "and observer run every 1 ms beside a plant at 0.1 ms, with one sample of computing delay, an encoder, and "
-    "noise of position and current.",
+    "way-points read off the figures (0.05 to 0.30 m, two stops out, three back, 40 s a cycle, at most "
+    "0.026 and 0.030 m/s), the load 7 to 70 kN in five levels, or 70 kN throughout, with a ripple of 5 kN, "
+    "for 320 s; controller and observer run every 1 ms beside a plant at 0.1 ms, with one sample of "
+    "computing delay, an encoder, and noise of position and current.",
 )
 
 PRINTED = (TABLE_VI, TABLE_VIII)

@@ -67,7 +67,8 @@ def start_values(
 ) -> dict[str, float | None]:
     """Names of all numbers that fit a pattern and can be set, with start values where these are known."""
     varying = _Varying(pattern, f"'{pattern}'", system, interfaces)
-    return {name: varying._start(name) for name in varying._matching(pattern, Values((0,)))}
+    names = varying._matching(pattern, Values((0,)))
+    return {name: start_number(name, system, interfaces) for name in names}
 
 
 def _check_names(found: Sequence[Factor], where: str) -> None:
