@@ -269,6 +269,25 @@ def disturbance() -> Solution:
     )
 
 
+# ---- the fault: a signal that freezes and comes back --------------------------------------------
+
+FREEZE = (0.3, 0.25)
+"""When it begins and how long it lasts, in s."""
+
+
+def signal_fault() -> Solution:
+    """1 s; what is kept is the last value before it begins."""
+    step, count = 5e-3, 201
+    inputs = [rounded({"u": 0.2 + 0.1 * math.sin(9.0 * k * step)}) for k in range(count)]
+    held = [inputs[0]["u"], *(row["u"] for row in inputs)]
+    first, end = round(FREEZE[0] / step), round(sum(FREEZE) / step)
+    outputs = [
+        {"y": held[first - 1] if first <= k < end else held[k], "active": float(first <= k < end)}
+        for k in range(count)
+    ]
+    return Solution(step, inputs, outputs)
+
+
 # ---- files --------------------------------------------------------------------------------------
 
 SOLUTIONS: dict[str, Callable[[], Solution]] = {
@@ -280,6 +299,7 @@ SOLUTIONS: dict[str, Callable[[], Solution]] = {
     "FocController": lambda: compared_with(compared.Foc(omega_d=500.0), 3),
     "CacController": lambda: compared_with(compared.Cac(omega_n=(500.0, 1000.0)), 11),
     "AnatcController": lambda: compared_with(compared.Anatc(), 6),
+    "SignalFault": signal_fault,
 }
 """What makes the files of each model."""
 
@@ -341,6 +361,7 @@ START_VALUES: dict[str, dict[str, Any]] = {
     "FocController": {"omega_d": 500.0},
     "CacController": indexed("omega_n", (500.0, 1000.0)),  # the usual ones are too fast for RK4 to be exact
     "AnatcController": {},
+    "SignalFault": {"kind": 2, "start": FREEZE[0], "duration": FREEZE[1]},
 }
 """Start values that differ from the FMU's, by model and FMI name."""
 
@@ -358,6 +379,7 @@ RELATIVE = {
     # closed forms: rounding, and that time is summed up step by step
     "Reference": 1e-12,
     "Disturbance": 1e-12,
+    "SignalFault": 1e-12,
 }
 """Tolerances of comparisons, by model: relative to the range of an output, and without any in time."""
 

@@ -165,7 +165,7 @@ def test_a_block_without_states_gives_the_same_outputs(fmu_folder: Path, tmp_pat
     """The reference, at the host's times instead of after steps."""
     with opened(native("Reference", fmu_folder), tmp_path) as session:
         values, outputs = {"waypoint[2]": 0.3, "move.start[1]": 0.1, "period": 1.25}, ("x_d", "v_d", "a_d")
-        model = session.instance("model", kind=FMU2Model, **values)
+        model = session.instance("model", of=FMU2Model, **values)
         slave = session.instance("slave", **values)
         time = 0.0
         for step in np.random.default_rng(6).uniform(0.01, 0.2, size=30):
@@ -210,9 +210,9 @@ def test_all_other_models_are_for_both(fmu_folder: Path, tmp_path: Path) -> None
     for name in MODELS:
         with opened(native(name, fmu_folder), tmp_path / name) as session:
             if session.description.modelExchange is not None:
-                session.instance(kind=FMU2Model)
+                session.instance(of=FMU2Model)
                 offering.add(name)
-    assert offering == MODELS.keys() - {"Disturbance"}
+    assert offering == MODELS.keys() - {"Disturbance", "SignalFault"}
 
 
 def instantiate(session: Session, slave: Any, kind: int, guid: str | None = None) -> Any:
@@ -236,7 +236,7 @@ def test_a_foreign_guid_is_refused(toy: Session) -> None:
 
 
 def test_derivatives_are_those_of_the_present_time_states_and_inputs(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model, shape=Shape.CUBIC)
+    model = toy.instance(of=FMU2Model, shape=Shape.CUBIC)
     model.setTime(0.75)
     set_continuous_states(model, [0.5, 2.0, -3.0])
     toy.set(model, force=7.0)
@@ -247,7 +247,7 @@ def test_derivatives_are_those_of_the_present_time_states_and_inputs(toy: Sessio
 
 
 def test_outputs_follow_at_once(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model)
+    model = toy.instance(of=FMU2Model)
     noise = 3 * 7 / 2147483647
     set_continuous_states(model, [0.5, 2.0, -3.0])
     assert toy.get(model, "power", "inverse") == pytest.approx([0.5 * 2.0 + noise, 2.0], rel=1e-15)
@@ -259,13 +259,13 @@ def test_outputs_follow_at_once(toy: Session) -> None:
 
 
 def test_start_values_can_be_read_and_derived_in_initialization(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model, running=False, x_0=0.75)
+    model = toy.instance(of=FMU2Model, running=False, x_0=0.75)
     assert continuous_states(model, 3) == [0.75, 0.5, -0.5]
     assert derivatives(model, 3) == pytest.approx([0.5, (0.5 - 2.25 - 0.05) / 2.0, 1.0 + 0.5 / 3.0])
 
 
 def test_events_change_nothing_and_announce_nothing(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model)
+    model = toy.instance(of=FMU2Model)
     before = toy.get(model, "x", "v[1]", "v[2]", "power", "random", "step_count")
     model.enterEventMode()
     assert model.newDiscreteStates() == (False, False, False, False, False, 0.0)
@@ -276,7 +276,7 @@ def test_events_change_nothing_and_announce_nothing(toy: Session) -> None:
 
 def test_nominal_values_are_those_of_the_block(fmu_folder: Path, tmp_path: Path) -> None:
     with opened(native("EmlaPlant", fmu_folder), tmp_path) as session:
-        model = session.instance(kind=FMU2Model)
+        model = session.instance(of=FMU2Model)
         nominals = (fmi2.fmi2Real * 5)()
         model.getNominalsOfContinuousStates(nominals, 5)
         assert list(nominals) == [0.1, 0.1, 10.0, 10.0, 10.0]
@@ -293,7 +293,7 @@ def test_a_derivative_that_is_not_finite_is_discarded_by_name(
     toy: Session, x: float, shape: Shape, complaint: str
 ) -> None:
     """The host can then try a shorter step."""
-    model = toy.instance(kind=FMU2Model, shape=shape)
+    model = toy.instance(of=FMU2Model, shape=shape)
     model.setTime(0.5)
     set_continuous_states(model, [x, 0.5, 0.5])
     with refused(DISCARD):
@@ -306,7 +306,7 @@ def test_a_derivative_that_is_not_finite_is_discarded_by_name(
 @pytest.mark.parametrize("call", ["SetContinuousStates", "GetContinuousStates", "GetDerivatives"])
 @pytest.mark.parametrize("n", [0, 2, 4])
 def test_arrays_of_another_length_are_refused(toy: Session, call: str, n: int) -> None:
-    model = toy.instance(kind=FMU2Model)
+    model = toy.instance(of=FMU2Model)
     with refused():
         getattr(model, f"fmi2{call}")(model.component, (fmi2.fmi2Real * 4)(), n)
     assert toy.log.lines("toy") == [f"toy: an array of {n} values was given, not of 3."]
@@ -314,7 +314,7 @@ def test_arrays_of_another_length_are_refused(toy: Session, call: str, n: int) -
 
 
 def test_there_are_no_event_indicators(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model)
+    model = toy.instance(of=FMU2Model)
     indicators = (fmi2.fmi2Real * 1)()
     assert status(model.getEventIndicators, indicators, 0) == OK
     assert status(model.getEventIndicators, indicators, 1) == ERROR
@@ -322,7 +322,7 @@ def test_there_are_no_event_indicators(toy: Session) -> None:
 
 @pytest.mark.parametrize("time", [math.nan, math.inf])
 def test_a_time_that_is_no_number_is_refused(toy: Session, time: float) -> None:
-    model = toy.instance(kind=FMU2Model)
+    model = toy.instance(of=FMU2Model)
     model.setTime(0.5)
     with refused():
         model.setTime(time)
@@ -418,7 +418,7 @@ def test_refused_calls_leave_the_instance_as_it_was(toy: Session) -> None:
 
 
 def test_parameters_and_states_cannot_be_set_one_by_one_after_initialization(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model)
+    model = toy.instance(of=FMU2Model)
     for values in ({"body.mass": 1.0}, {"v[1]": 1.0}, {"power": 1.0}, {"der(x)": 1.0}, {"random": 1.0}):
         with refused():
             toy.set(model, **values)
@@ -432,7 +432,7 @@ def test_parameters_and_states_cannot_be_set_one_by_one_after_initialization(toy
 
 
 def test_a_value_out_of_range_ends_no_initialization(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model, running=False, **{"body.mass": 11.0})
+    model = toy.instance(of=FMU2Model, running=False, **{"body.mass": 11.0})
     with refused():
         model.exitInitializationMode()
     toy.set(model, **{"body.mass": 2.0})
@@ -441,7 +441,7 @@ def test_a_value_out_of_range_ends_no_initialization(toy: Session) -> None:
 
 
 def test_a_reset_instance_is_for_model_exchange_again(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model, x_0=0.3)
+    model = toy.instance(of=FMU2Model, x_0=0.3)
     model.setTime(0.5)
     model.reset()
     toy.initialize(model)
@@ -488,7 +488,7 @@ def call(instance: Any, function: str, *arguments: Any) -> int:
 @pytest.mark.parametrize("action", CO_SIMULATION)
 @pytest.mark.parametrize("continuous", [False, True])
 def test_calls_of_co_simulation_are_refused(toy: Session, action: str, continuous: bool) -> None:
-    model = toy.instance(kind=FMU2Model)
+    model = toy.instance(of=FMU2Model)
     if not continuous:
         model.enterEventMode()
     assert call(model, *CO_SIMULATION[action]) == ERROR
@@ -513,7 +513,7 @@ def test_calls_of_model_exchange_are_refused_in_co_simulation(toy: Session, acti
 def test_a_state_of_one_type_is_refused_by_the_other(
     toy: Session, kinds: tuple[Any, Any], serialized: bool
 ) -> None:
-    source, target = toy.instance("source", kind=kinds[0]), toy.instance("target", kind=kinds[1])
+    source, target = toy.instance("source", of=kinds[0]), toy.instance("target", of=kinds[1])
     before = toy.get(target, "x", "v[1]", "power")
     saved = source.getFMUstate()
     if serialized:
@@ -531,7 +531,7 @@ def test_a_state_of_one_type_is_refused_by_the_other(
 
 @pytest.mark.parametrize("serialized", [False, True])
 def test_a_saved_state_brings_time_states_inputs_and_phase_back(toy: Session, serialized: bool) -> None:
-    model, other = toy.instance("model", kind=FMU2Model), toy.instance("other", kind=FMU2Model)
+    model, other = toy.instance("model", of=FMU2Model), toy.instance("other", of=FMU2Model)
     model.setTime(0.75)
     set_continuous_states(model, [0.5, 2.0, -3.0])
     toy.set(model, force=7.0)
@@ -551,7 +551,7 @@ def test_a_saved_state_brings_time_states_inputs_and_phase_back(toy: Session, se
 
 
 def test_going_back_behind_a_promised_point_is_a_warning(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model)
+    model = toy.instance(of=FMU2Model)
     early = model.getFMUstate()
     model.setTime(0.5)
     model.completedIntegratorStep(True)
@@ -567,7 +567,7 @@ def test_going_back_behind_a_promised_point_is_a_warning(toy: Session) -> None:
 
 
 def test_without_a_promise_going_back_is_fine(toy: Session) -> None:
-    model = toy.instance(kind=FMU2Model)
+    model = toy.instance(of=FMU2Model)
     early = model.getFMUstate()
     model.setTime(0.5)
     model.completedIntegratorStep(False)

@@ -145,6 +145,7 @@ MOVING: dict[str, tuple[dict[str, Any], dict[str, tuple[float, ...]]]] = {
         {"v_L": (0.4, 3.0, 2.0)},
     ),
     "Reference": ({"waypoint[2]": 0.3, "move.start[1]": 0.05}, {}),
+    "SignalFault": ({"u": 0.2, "kind": 4, "start": 0.1, "value": 3.0}, {"u": (0.4, 3.0, 2.0)}),
 }
 """Start values, and derivatives of the inputs at the beginning of the step."""
 

@@ -37,6 +37,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "d_2.decay": 5.0,
         "load.ripple": 9.0,
     },
+    "SignalFault": {"kind": 2, "start": 1e-3, "duration": 2e-3},
 }
 """Start values that make noise, memory and limits act."""
 

@@ -1,4 +1,6 @@
 from .bars import BarProgress as BarProgress
+from .compare.comparing import compare as compare
+from .compare.result import CompareResult as CompareResult
 from .errors import CommandError as CommandError
 from .errors import CosimError as CosimError
 from .errors import RunError as RunError
@@ -35,6 +37,7 @@ from .sweep.plan import Plan as Plan
 from .sweep.reading import read_sweep as read_sweep
 from .sweep.result import SweepResult as SweepResult
 from .sweep.sweeping import sweep as sweep
+from .system.fault import Fault as Fault
 from .system.model import Component as Component
 from .system.model import Connection as Connection
 from .system.model import Replacement as Replacement
@@ -42,6 +45,11 @@ from .system.model import System as System
 from .tubes.comparison import Comparison as Comparison
 from .tubes.tolerance import Tolerance as Tolerance
 from .tubes.tube import Tube as Tube
+from .tune.plan import Case as Case
+from .tune.plan import TuningPlan as TuningPlan
+from .tune.result import Tuned as Tuned
+from .tune.result import TuneResult as TuneResult
+from .tune.tuning import tune as tune
 from .units import LinearTransformation as LinearTransformation
 from .units import Unit as Unit
 from .verify.references.recording import Recording as Recording

@@ -14,6 +14,8 @@ COMMANDS = {
     "list": "List scenarios, plans of sweeps, models and what else can be chosen.",
     "run": "Run a scenario: progress, a table of results, and an output folder with data and plots.",
     "sweep": "Run many variants of a scenario side by side: grids, Monte Carlo, sensitivities.",
+    "compare": "Run a scenario with several controllers side by side, also as the paper's tables.",
+    "tune": "Find gains: optimised over cases that are simulated, validated on other seeds.",
     "verify": "Verify FMUs of any tool: as the standard says, and still doing what they did.",
     "export": "Write a scenario as an SSP package, which other tools run.",
 }

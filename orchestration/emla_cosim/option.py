@@ -11,7 +11,7 @@ from .errors import CommandError, check_choice
 SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
 """What options are about; the command line's help shows them in these groups."""
 
-RUN, EXPORT, SWEEP = "run", "export", "sweep"
+RUN, EXPORT, SWEEP, COMPARE = "run", "export", "sweep", "compare"
 """Commands that take options."""
 
 
@@ -41,7 +41,7 @@ class About:
     record: str = ""
     recorded: bool = True
     in_file: bool = True
-    commands: tuple[str, ...] = (RUN, SWEEP)
+    commands: tuple[str, ...] = (RUN, SWEEP, COMPARE)
     parse: Callable[[Any], Any] | None = None
     takes: type | None = None
     alone: str = ""

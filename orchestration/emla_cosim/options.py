@@ -16,14 +16,15 @@ from .errors import CommandError, listed
 from .master.algorithms.algorithm import Algorithm
 from .master.algorithms.registry import ALGORITHMS
 from .models import FLAVOURS, PLATFORMS
-from .option import EXPORT, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
+from .option import COMPARE, EXPORT, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
+from .system.fault import Fault, read_faults
 from .system.model import Replacement, Value
 from .tubes.tolerance import Tolerance, read_tolerances
 from .values import converted
 
-ALL = (RUN, EXPORT, SWEEP)
+ALL = (RUN, EXPORT, SWEEP, COMPARE)
 _system = partial(option, group=SYSTEM, commands=ALL)
 _stepping = partial(option, group=STEPPING)
 _output = partial(option, group=OUTPUT)
@@ -48,8 +49,18 @@ class Options:
     mapping: Mapping[str, Path] = _system(
         {}, help="What the other FMU calls its variables (repeatable).", metavar="COMPONENT=FILE.ssm"
     )
-    controller: str | type | None = _system(takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.")
-    gains: str | None = _system(help="Gains of controller and observer; `emla list` shows which.")
+    fault: Sequence[Fault] = _system(
+        [],
+        help="What becomes of a signal, from a time on (s), for a time; comma between several.",
+        metavar="SIGNAL=KIND[:VALUE]@START[+DURATION]",
+        parse=read_faults,
+    )
+    controller: str | type | None = _system(
+        takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.", commands=(RUN, EXPORT, SWEEP)
+    )
+    gains: str | None = _system(
+        help="Gains of controller and observer; `emla list` shows which.", commands=(RUN, EXPORT, SWEEP)
+    )
     flavour: str = _system("native", help="Flavour of our FMUs.", choices=lambda: FLAVOURS)
     fmus: Path | None = _system(
         help="Folder of our FMUs, where missing ones are built. Without: fmus/, or your cache.",
@@ -89,7 +100,7 @@ class Options:
         [],
         help="Run a component in a process of its own (repeatable, * for anything); without a name, all.",
         metavar="[COMPONENT]",
-        commands=(RUN, SWEEP),
+        commands=(RUN, SWEEP, COMPARE),
         takes=bool,
         alone="*",
     )
@@ -124,6 +135,7 @@ class Options:
         [],
         help="Fail unless a figure is as said, such as lift.position_error_m < 2e-5 (repeatable).",
         metavar="'FIGURE < VALUE'",
+        commands=(RUN, SWEEP),
     )
     reference: Path | None = _output(
         help="Fail unless every signal stays in the tube around that of an earlier run.",

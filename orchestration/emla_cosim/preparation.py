@@ -12,6 +12,7 @@ from .progress import Progress
 from .replacement import fitted
 from .ssp.documents.parameters import parse_parameter_set
 from .system.model import Replacement, System, Value
+from .system.signal_faults import with_components, with_faults
 from .units import conversion
 
 
@@ -21,14 +22,15 @@ def prepared(system: System, options: Options, progress: Progress) -> tuple[Syst
     Begins a task of preparing that has one unit more, for what follows. Raises CommandError for
     what does not fit, RunError where FMUs cannot be built.
     """
+    system, faults = with_components(system, options.fault)
     system.with_parameters(options.set)  # unknown names are found before anything is built
     replacements = options.replacements()
     for name in replacements:
         system.component(name)
     fmus = _fmu_files(system, options, progress)
-    interfaces = read_interfaces(fmus) if options.parameters or replacements else {}
+    interfaces = read_interfaces(fmus) if options.parameters or replacements or faults else {}
     system = _with_parameter_sets(system, options.parameters, interfaces)
-    system = system.with_parameters(options.set)
+    system = with_faults(system, faults, interfaces).with_parameters(options.set)
     for name, replacement in replacements.items():
         other = read_interface(replacement.fmu)
         system = _replaced(system, name, replacement, other, interfaces, progress)

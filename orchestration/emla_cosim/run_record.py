@@ -41,7 +41,7 @@ def run_record(
         "status": COMPLETED if problem is None else problem,
         "settings": _settings(options, times, every),
         "stepping": stepping,
-        "versions": dict(_versions()),
+        "versions": dict(versions()),
         "components": {
             c.name: {
                 "fmu": _file(assembly.files[c.name].path, unpacked),
@@ -106,7 +106,7 @@ def _file(path: Path, unpacked: Path | None) -> str:
 
 
 @cache
-def _versions() -> dict[str, str | None]:
+def versions() -> dict[str, str | None]:
     """Versions of what runs; None for a package that this host lacks."""
     found: dict[str, str | None] = {
         "python": platform.python_version(),

@@ -45,6 +45,7 @@ PREPARED = (
     "parameters",
     "replace",
     "mapping",
+    "fault",
     "controller",
     "gains",
     "flavour",

@@ -58,14 +58,17 @@ def _record(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
     if isinstance(value, type_):
         return value
     first, *more = fields(type_)
+    if isinstance(value, str) and hasattr(type_, "of_text"):
+        return type_.of_text(value)
     if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number(first.type)):
         return type_(converted(value, first.type, label, folder))
     names = {f.name for f in (first, *more)}
     needed = {f.name for f in (first, *more) if f.default is MISSING}
     if not isinstance(value, Mapping) or set(value) - names or needed - set(value):
-        plain, text = ("a number", "...") if _is_number(first.type) else ("a path", '"..."')
-        example = ", ".join(f"{f.name} = {text}" for f in (first, *more))
-        raise _wrong(label, value, f"{plain}, or {{ {example} }}")
+        plain = "a number" if _is_number(first.type) else "a text" if hasattr(type_, "of_text") else "a path"
+        shown = {True: "...", False: '"..."'}
+        texts = (f"{f.name} = {shown[_is_number(f.type)]}" for f in (first, *more))
+        raise _wrong(label, value, f"{plain}, or {{ {', '.join(texts)} }}")
     types = {f.name: f.type for f in (first, *more)}
     return type_(**{k: converted(v, types[k], f"'{k}' in {label}", folder) for k, v in value.items()})
 

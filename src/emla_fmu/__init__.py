@@ -9,8 +9,9 @@ from .disturbance import Disturbance, DisturbanceReading
 from .observer import EmlaObserver
 from .plant import EmlaPlant, TorqueSource
 from .reference import Reference
+from .signal_fault import FaultKind, SignalFault
 
-BLOCKS = (EmlaPlant, EmlaObserver, Reference, Disturbance)
+BLOCKS = (EmlaPlant, EmlaObserver, Reference, Disturbance, SignalFault)
 
 __all__ = [
     "BLOCKS",
@@ -18,6 +19,8 @@ __all__ = [
     "DisturbanceReading",
     "EmlaObserver",
     "EmlaPlant",
+    "FaultKind",
     "Reference",
+    "SignalFault",
     "TorqueSource",
 ]

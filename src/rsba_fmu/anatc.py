@@ -100,7 +100,7 @@ class AnatcController(DriveController):
         z_1, z_2, virtual_rate = self.errors(v)
         known = virtual_rate - drive_laws.known_acceleration(v, 0.0) - v.compensate * v.d_hat
         needed = known / drive_laws.acceleration_per_current(v) - self.estimated(v)
-        limit = drive_laws.current_limit(v)
+        limit = maximum(drive_laws.current_limit(v), 1e-9)  # a supply that is gone leaves none
         part = tanh((needed - v.alpha_RL * (v.k_2 * z_2 + z_1)) / limit)
         slope = 1.0 - part * part
         return limit * part, slope, where(slope < 0.5, 1.0, 0.0)

@@ -16,7 +16,7 @@ def emla(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> E
     widen_terminal(monkeypatch)
 
     def call(*arguments: str) -> Result:
-        takes_fmus = arguments[0] in ("run", "export", "sweep") and "--fmus" not in arguments
+        takes_fmus = arguments[0] in ("run", "export", "sweep", "tune") and "--fmus" not in arguments
         more = ["--fmus", str(fmu_folder)] if takes_fmus else []
         return CliRunner().invoke(app, [*arguments, *more])
 

@@ -42,6 +42,7 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
         "converged", "left_limits",
         "position_error_m", "velocity_error_m_s", "torque_effort_N_m", "torque_peak_N_m",
         "convergence_time_s", "observer_position_error_m", "saturated_fraction",
+        "saturated_after_convergence",
     }  # fmt: skip
     assert metrics["run"]["steps"] == 4000
     record = json.loads((folder / "run.json").read_text())

@@ -73,6 +73,7 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         start_values(MODELS["AnatcController"], TILT, anatc_gains.PUBLISHED["tilt"]),
         COMPARED,
     ),
+    "SignalFault": ({"kind": "freeze", "start": 0.1, "duration": 0.2}, {"u": 0.5}),
 }  # fmt: skip
 
 

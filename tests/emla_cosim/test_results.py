@@ -118,6 +118,7 @@ def metrics_by_definition(rows: np.ndarray) -> dict[str, float]:
         "torque_peak_N_m": float(np.abs(tau).max()),
         "convergence_time_s": float(convergence) if within else np.nan,
         "saturated_fraction": float(np.mean(saturated > 0)),
+        "saturated_after_convergence": float(np.mean(saturated[counted] > 0)) if counted.any() else np.nan,
     }
 
 

@@ -81,6 +81,19 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
         "replace",
         {"lift.plant": {"fmu": "my.fmu", "mapping": None}},
     ),
+    "fault": (
+        '[[fault]]\nsignal = "lift.plant.x_measured"\nkind = "offset"\nvalue = 1e-6\nstart = 1e-3',
+        "fault",
+        [
+            {
+                "signal": "lift.plant.x_measured",
+                "kind": "offset",
+                "start": 1e-3,
+                "duration": None,
+                "value": 1e-6,
+            }
+        ],
+    ),
     "controller": ('controller = "rsba"', "controller", "rsba"),
     "gains": ('gains = "published"', "gains", "published"),
     "isolate": ('isolate = ["lift.plant"]', "isolate", ["lift.plant"]),

@@ -149,7 +149,7 @@ def test_no_values_need_no_arrays(session: Session) -> None:
 def test_model_exchange_does_not_write_nowhere(
     session: Session, function: str, arguments: Sequence[Any]
 ) -> None:
-    model = session.instance(kind=FMU2Model)
+    model = session.instance(of=FMU2Model)
     session.log.all.clear()
     assert answer(model, function, *arguments) == ERROR
     (line,) = session.log.lines("toy")
@@ -157,7 +157,7 @@ def test_model_exchange_does_not_write_nowhere(
 
 
 def test_events_need_a_place(session: Session) -> None:
-    model = session.instance(kind=FMU2Model)
+    model = session.instance(of=FMU2Model)
     model.enterEventMode()
     assert answer(model, "fmi2NewDiscreteStates", NULL) == ERROR
     assert session.log.lines("toy") == ["toy: the pointer to the event information is NULL."]

@@ -12,7 +12,6 @@ from tests.support.modelica_package import (
     CLASSES,
     PACKAGE,
     SCALARS,
-    WRITTEN,
     as_real,
     declared,
     driven,
@@ -71,7 +70,7 @@ def test_functions_of_the_drive_train() -> None:
 # ---- declarations and values --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", WRITTEN)
+@pytest.mark.parametrize("model", CLASSES)
 def test_declarations_are_those_of_the_fmu(model: str) -> None:
     """Unit, range, nominal value and description of every variable."""
     name = CLASSES[model]
@@ -92,7 +91,7 @@ def test_declarations_are_those_of_the_fmu(model: str) -> None:
             )
 
 
-@pytest.mark.parametrize("model", WRITTEN)
+@pytest.mark.parametrize("model", CLASSES)
 def test_defaults_are_those_of_the_fmu(model: str) -> None:
     names = [
         n for n, s in SCALARS[model].items() if isinstance(s.variable, (Parameter, State, DiscreteState))

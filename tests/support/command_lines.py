@@ -105,6 +105,11 @@ _USEFUL: dict[str, Sequence[str]] = {
     "coupling_tolerance": ["1e-6", "1e-300"],
     "controller": ["rsba", "block.py:B", "ok.fmu", "foc"],
     "gains": ["published", "robust"],
+    "fault": [
+        "lift.plant.x_measured=freeze@1e-3",
+        "lift.observer.y=offset:1@0+1,lift.x.y=gain:1@0",
+        "lift.plant=@",
+    ],
     "parameters": ["empty.ssv", "gone.ssv"],
     "signals": ["lift.plant.*", "*", "time"],
     "isolate": ["lift.plant", "lift.x"],

@@ -13,11 +13,10 @@ from emla_cosim.system.model import System
 from fmublock.variables import Input, ScalarVariable, State, Variable
 
 PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
-CLASSES = {model: model.removeprefix("Emla") for model in MODELS}
+MISSING = {"FocController", "CacController", "AnatcController", "SignalFault"}
+"""FMUs alone: the controllers that RSBA is compared with, and faults."""
+CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model not in MISSING}
 """Name of the class in the package by our model."""
-
-WRITTEN = tuple(m for m in MODELS if m not in ("FocController", "CacController", "AnatcController"))
-"""Models that the package has; it leaves out the controllers that RSBA is compared with."""
 
 RENAMED = {"model": "known", **{name: f"{name}_terms" for name in ("d_2", "d_3", "d_4")}}
 """Groups of parameters whose FMI name is a keyword of Modelica, or the name of an output as well."""
@@ -30,8 +29,8 @@ MOVED = {
 }
 """Variables that change, and stand in a group of parameters by their FMI name."""
 
-DELAYED = ("delay", "u_q_late", "u_d_late", "u_q_line", "u_d_line", "u_measured")
-"""What the inverter delays: voltages by computing, the supply's by sampling."""
+SAMPLED = ("delay", "u_q_late", "u_d_late", "u_q_line", "u_d_line", "u_measured")
+"""What the inverter has because it is sampled: a computing delay, and the last value of the supply."""
 
 SCALARS = {model: {s.name: s for s in block.layout().scalars} for model, block in MODELS.items()}
 """Every variable of our models by FMI name."""
@@ -49,7 +48,7 @@ def name_in(model: str, fmi_name: str) -> str | None:
         return None
     if fmi_name in MOVED:
         return MOVED[fmi_name]
-    if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(DELAYED):
+    if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(SAMPLED):
         return None  # everything acts at once there
     group, dot, rest = fmi_name.partition(".")
     return RENAMED.get(group, group) + dot + rest if dot else fmi_name

@@ -375,6 +375,20 @@ def disturbance_points(draw: Draw) -> Point:
 
 
 @st.composite
+def fault_points(draw: Draw) -> Point:
+    """A time clearly before, within or after the fault."""
+    start, duration = draw(st.floats(0.3, 0.6)), draw(st.floats(0.3, 0.6))
+    values = {
+        "u": signed(draw, 0.1, 10.0),
+        "kind": draw(st.integers(1, 5)),
+        "start": start,
+        "duration": duration,
+        "value": signed(draw, 0.1, 10.0),
+    }
+    return Point(values, start + duration * draw(st.sampled_from([-0.4, 0.5, 1.4])))
+
+
+@st.composite
 def toy_points(draw: Draw) -> Point:
     values = {
         "force": signed(draw, 0.1, 10.0),
@@ -402,5 +416,6 @@ POINTS: dict[str, Callable[[], st.SearchStrategy[Point]]] = {
     "AnatcController": anatc_points,
     "Reference": reference_points,
     "Disturbance": disturbance_points,
+    "SignalFault": fault_points,
     "Toy": toy_points,
 }

@@ -77,10 +77,10 @@ class Session:
         return slave
 
     def instance(
-        self, name: str = "toy", running: bool = True, kind: Any = FMU2Slave, time: float = 0.0, **values: Any
+        self, name: str = "toy", running: bool = True, of: Any = FMU2Slave, time: float = 0.0, **values: Any
     ) -> Any:
         """An instance in initialization, or after it; Model Exchange is then in continuous time."""
-        slave = self.new(name, kind)
+        slave = self.new(name, of)
         self.initialize(slave, running, time, **values)
         return slave
 

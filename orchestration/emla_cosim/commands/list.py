@@ -6,7 +6,7 @@ from rich.table import Table
 
 from ..models import MODELS
 from ..options import table
-from ..scenarios.built_in import PLANS, SCENARIOS, built_in
+from ..scenarios.built_in import PLANS, SCENARIOS, TUNINGS, built_in
 from ..study.controllers import CONTROLLERS
 from ..study.registration import register
 from ..terminal import show
@@ -22,6 +22,9 @@ def command() -> None:
     plans = Table("plan", "what it is", title="Sweeps: emla sweep PLAN", title_justify="left")
     for name, text in PLANS.items():
         plans.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
+    tunings = Table("plan", "what it is", title="Tunings: emla tune PLAN", title_justify="left")
+    for name, text in TUNINGS.items():
+        tunings.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
     models = Table("model", "what it is", title="Models: emla build MODEL", title_justify="left")
     for name, block in MODELS.items():
         models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])
@@ -32,5 +35,5 @@ def command() -> None:
     choices.add_row("--controller", ", ".join(CONTROLLERS))
     for name, controller in CONTROLLERS.items():
         choices.add_row(f"--gains, for {name}", ", ".join(controller.gains))
-    for shown in (scenarios, plans, models, choices):
+    for shown in (scenarios, plans, tunings, models, choices):
         show(shown)

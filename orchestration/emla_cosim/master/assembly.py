@@ -11,6 +11,7 @@ from ..fmu.file import FmuFile, open_fmu
 from ..fmu.variables import TypedValue, typed_values
 from ..system.model import Alias, Component, System
 from ..system.resolution import in_fmu_terms, refuse_driven, resolved
+from ..system.signal_faults import MODEL
 from ..units import IDENTITY, LinearTransformation
 from .network import Link, Network
 from .slaves.described_slave import DescribedSlave
@@ -73,7 +74,10 @@ class Assembly:
             slave.ready()
         links = _links(self._wired, self.files, inputs, outputs)
         names, self.shown = _signals(self.system, outputs)
-        self.network = Network(list(self.slaves.values()), links, names)
+        faults = [
+            i for i, f in enumerate(self.files[n] for n in self.slaves) if f.description.modelName == MODEL
+        ]
+        self.network = Network(list(self.slaves.values()), links, names, faults)
         self._order = [self.network.slaves[i].name for i in self.network.order]
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}

@@ -1,7 +1,7 @@
 """Slaves wired together: who reads which signal, and in which order they are best stepped."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from heapq import heapify, heappop, heappush
 from itertools import pairwise
 
@@ -38,11 +38,18 @@ class Network:
     The slave at position i writes its outputs to `signals[parts[i]]` and reads
     `signals[sources[i]]`; its inputs are the part `input_parts[i]` of `inputs`. They are `factors[i]`
     times these signals plus `offsets[i]`; `transforms[i]` says whether that makes a difference.
+    `followers` only pass on what their single source gives, and do not change the order of the others.
     `read` lists all signals that somebody reads. `order` is a good order of stepping one after the
     other, and may be replaced by another one.
     """
 
-    def __init__(self, slaves: Sequence[Slave], links: Sequence[Link], names: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        slaves: Sequence[Slave],
+        links: Sequence[Link],
+        names: Sequence[str] = (),
+        followers: Collection[int] = (),
+    ) -> None:
         self.slaves = list(slaves)
         self.links = list(links)
         self.parts = _parts([len(s.outputs) for s in slaves])
@@ -66,7 +73,7 @@ class Network:
             bool((f != 1.0).any() or o.any()) for f, o in zip(self.factors, self.offsets, strict=True)
         ]
         self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *self.sources]))
-        self._use_order(stepping_order(len(slaves), links))
+        self._use_order(order_with_followers(len(slaves), links, followers))
 
     def _use_order(self, order: list[int]) -> None:
         self.order = order
@@ -166,6 +173,40 @@ class Network:
 def _parts(lengths: Sequence[int]) -> list[slice]:
     ends = np.cumsum([0, *lengths])
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def order_with_followers(count: int, links: Sequence[Link], followers: Collection[int]) -> list[int]:
+    """The order of stepping that the others have without the followers, each of which comes after its source.
+
+    A follower without a source comes first.
+    """
+    if not followers:
+        return stepping_order(count, links)
+    source_of = {link.target: link.source for link in links if link.target in followers}
+
+    def origin(i: int) -> int | None:
+        """The first before i that is no follower."""
+        while i in followers:
+            if i not in source_of:
+                return None
+            i = source_of[i]
+        return i
+
+    direct = [
+        replace(link, source=first)
+        for link in links
+        if link.target not in followers and (first := origin(link.source)) is not None
+    ]
+    behind: dict[int | None, list[int]] = {}
+    for i in sorted(followers):
+        behind.setdefault(source_of.get(i), []).append(i)
+
+    def with_followers(i: int | None) -> list[int]:
+        own = [] if i is None else [i]
+        return own + [k for follower in behind.get(i, []) for k in with_followers(follower)]
+
+    others = [i for i in stepping_order(count, direct) if i not in followers]
+    return [k for i in (None, *others) for k in with_followers(i)]
 
 
 def stepping_order(count: int, links: Sequence[Link]) -> list[int]:

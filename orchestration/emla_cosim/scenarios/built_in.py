@@ -16,6 +16,9 @@ SCENARIOS: dict[str, Callable[[], str]] = {}
 PLANS: dict[str, Callable[[], str]] = {}
 """What reads the text of a plan of a sweep, by the name of the plan."""
 
+TUNINGS: dict[str, Callable[[], str]] = {}
+"""What reads the text of a plan of a tuning, by the name of the plan."""
+
 
 @cache
 def built_in(name: str) -> ScenarioFile:

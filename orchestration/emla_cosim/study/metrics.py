@@ -29,7 +29,9 @@ class JointFigures:
     run went past 0.3 s. `left_limits` has the first value outside a range, if there was one.
     `convergence_time_s` is the last time at which |x_L - x_d| exceeds 5 % of its initial value; NaN where
     it does so in the end. Errors and `torque_effort_N_m` are the largest absolute values at or after that
-    and 0.3 s; `torque_peak_N_m` is over the whole run. NaN where a run ended before.
+    and 0.3 s; `torque_peak_N_m` is over the whole run. `saturated_fraction` is the part of all points at
+    which controller or inverter is at a limit, `saturated_after_convergence` that of the points at or after
+    convergence and 0.3 s. NaN where a run ended before.
     """
 
     converged: bool = False
@@ -41,6 +43,7 @@ class JointFigures:
     convergence_time_s: float = 0.0
     observer_position_error_m: float = 0.0
     saturated_fraction: float = 0.0
+    saturated_after_convergence: float = 0.0
 
 
 _CHANNELS = {
@@ -63,6 +66,7 @@ _SHOWN = (
     Shown("convergence_time_s", "convergence time", 1e3, "ms"),
     Shown("observer_position_error_m", "observer position error", 1e6, "µm", "m"),
     Shown("saturated_fraction", "time at a limit", 100.0, "%"),
+    Shown("saturated_after_convergence", "at a limit once converged", 100.0, "%"),
 )
 
 _CONVERGED = Shown("converged", "converged")
@@ -158,6 +162,7 @@ class _JointAccumulator:
         self._largest = np.full(4, np.nan)
         self._peak = 0.0
         self._rows = self._limited = 0
+        self._settled = self._settled_limited = 0
 
     def add(self, rows: Vector) -> None:
         """Take the next rows (time first)."""
@@ -178,11 +183,15 @@ class _JointAccumulator:
                 self._last_outside = float(t[outside[-1]])
                 settled[: outside[-1]] = False
                 self._largest[:] = np.nan
+                self._settled = self._settled_limited = 0
         if settled.any():
             self._largest = np.fmax(self._largest, counted[:, settled].max(axis=1))
         self._peak = max(self._peak, float(torque.max()))
         self._rows += len(rows)
-        self._limited += int(((c["limited_control"] > 0) | (c["limited_inverter"] > 0)).sum())
+        limited = (c["limited_control"] > 0) | (c["limited_inverter"] > 0)
+        self._limited += int(limited.sum())
+        self._settled += int(settled.sum())
+        self._settled_limited += int((limited & settled).sum())
 
     @property
     def is_within(self) -> bool:
@@ -206,15 +215,17 @@ class _JointAccumulator:
             self._peak,
             float(self._rows),
             float(self._limited),
+            float(self._settled),
+            float(self._settled_limited),
             *largest,
         ]
 
     def remember(self, memory: Sequence[float]) -> None:
         """Go on from what `memory` gave."""
         self.first_error, self.last_error, self._start, self._last, *others = map(float, memory)
-        self._last_outside, self._peak, rows, limited, *largest = others
-        self._rows, self._limited = int(rows), int(limited)
-        self._largest[:] = largest
+        self._last_outside, self._peak, *counts = others[:6]
+        self._rows, self._limited, self._settled, self._settled_limited = map(int, counts)
+        self._largest[:] = others[6:]
 
     def metrics(self) -> JointFigures:
         """The metrics of all rows so far."""
@@ -227,6 +238,7 @@ class _JointAccumulator:
             convergence_time_s=self._last_outside - self._start if self.is_within else np.nan,
             observer_position_error_m=observer,
             saturated_fraction=self._limited / max(self._rows, 1),
+            saturated_after_convergence=self._settled_limited / self._settled if self._settled else np.nan,
         )
 
 

@@ -6,10 +6,14 @@ from importlib.resources import files
 
 from ..recorders.metrics import METRICS
 from ..results.plotting import FIGURES
-from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS
+from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS, TUNINGS
 from . import experiments, systems
 from .figures import JOINT_FIGURES
 from .metrics import joint_metrics
+from .tuning_plans import tuning_plans
+
+JOINTS = "joints"
+"""What metrics.json calls the part with the figures of joints."""
 
 
 def register() -> None:
@@ -20,7 +24,8 @@ def register() -> None:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
-    METRICS["joints"] = joint_metrics
+    TUNINGS.update(tuning_plans())
+    METRICS[JOINTS] = joint_metrics
     FIGURES.update(JOINT_FIGURES)
 
 

@@ -15,10 +15,11 @@ from ..system.model import System, Value
 from ..system.resolution import refuse_driven
 from ..values import converted
 from .distributions import Distribution, distribution
+from .kinds.discrete import Values
 from .reserved import RESERVED
 from .targets import FMU, OPTION, START, Target, assigned
 
-_FIXED = (*OF_THE_COMMAND, "set", "mapping", "isolate", "fmus", "require", "compiled", "signals")
+_FIXED = (*OF_THE_COMMAND, "set", "mapping", "fault", "isolate", "fmus", "require", "compiled", "signals")
 """Options that are the same for all variants."""
 
 
@@ -61,6 +62,14 @@ def factors(
     return found
 
 
+def start_values(
+    pattern: str, system: System, interfaces: Mapping[str, Interface]
+) -> dict[str, float | None]:
+    """Names of all numbers that fit a pattern and can be set, with start values where these are known."""
+    varying = _Varying(pattern, f"'{pattern}'", system, interfaces)
+    return {name: varying._start(name) for name in varying._matching(pattern, Values((0,)))}
+
+
 def _check_names(found: Sequence[Factor], where: str) -> None:
     """Raise CommandError where two factors have a name or a target in common, or a name is taken."""
     names, targets = set[str](), dict[str, str]()
@@ -77,6 +86,20 @@ def _check_names(found: Sequence[Factor], where: str) -> None:
                 both = f"as {targets[target.name]} and as {factor.name}"
                 raise CommandError(f"{where} varies {target.name} twice: {both}.", name=target.name)
         targets |= {target.name: factor.name for target in factor.targets}
+
+
+def start_number(name: str, system: System, interfaces: Mapping[str, Interface]) -> float | None:
+    """The start value that a variable has in the scenario, in its unit there; None where it is no number."""
+    component, variable = system.split(name)
+    value = component.parameters.get(variable)
+    try:
+        if value is not None:
+            return float(value)
+        alias = component.alias(variable)
+        start = interfaces[component.name].variables[alias.variable].start
+        return None if start is None else alias.transformation.inverse()(float(start))
+    except ValueError:
+        return None
 
 
 @dataclass(frozen=True)
@@ -164,24 +187,12 @@ class _Varying:
 
     def _nominal(self, name: str) -> float:
         """The start value that the scenario has; CommandError where there is no number to multiply."""
-        number = self._start(name) if self._kind(name) == START else None
+        number = start_number(name, self.system, self.interfaces) if self._kind(name) == START else None
         if number is None:
             raise CommandError(f"{self.label} is relative, but {name} has no number in the scenario.")
         if number == 0.0:
             raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
         return number
-
-    def _start(self, name: str) -> float | None:
-        component, variable = self.system.split(name)
-        value = component.parameters.get(variable)
-        try:
-            if value is not None:
-                return float(value)
-            alias = component.alias(variable)
-            start = self.interfaces[component.name].variables[alias.variable].start
-            return None if start is None else alias.transformation.inverse()(float(start))
-        except ValueError:
-            return None
 
     def _unit(self, target: Target) -> str:
         if target.kind != START:

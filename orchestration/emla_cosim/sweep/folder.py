@@ -5,7 +5,7 @@ import hashlib
 import json
 import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,9 @@ import polars
 
 from ..errors import CommandError
 from ..files import UNFINISHED, place_of, read_text, writing_to, written_whole
-from ..locking import alone
 from .measures import Measures
 from .pictures import PICTURES
+from .place import Place
 from .result import PROBLEM, STATUS, VARIANT
 from .worker import Chunk, parquet
 
@@ -35,45 +35,10 @@ _ENDS = {
 }
 
 
-class SweepFolder:
+class SweepFolder(Place):
     """What a sweep leaves: `variants.parquet`, `series/`, `sweep.json`, and `parts/` until it is complete."""
 
-    def __init__(self, path: Path) -> None:
-        """Nothing is made yet; CommandError for a path that cannot be one."""
-        self.path = path
-        try:
-            self._place = path.resolve()
-            wrong = path.exists() and not path.is_dir()
-        except (OSError, ValueError, RuntimeError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise CommandError(f"the output folder {str(path)!r} cannot be written: {reason}.") from error
-        if wrong:
-            raise CommandError(f"the output folder '{path}' cannot be written: it is a file.")
-
-    @contextlib.contextmanager
-    def alone(self) -> Iterator[None]:
-        """No other run writes here meanwhile, nor is an empty folder left that was made for it.
-
-        Raises CommandError where another run does, or the folder cannot be made.
-        """
-        missing = [place for place in (self._place, *self._place.parents) if not place.exists()]
-        try:
-            self._place.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CommandError(
-                f"the output folder '{self.path}' cannot be written: {error.strerror}."
-            ) from error
-        try:
-            with alone(self._place):
-                for folder in (self._place, self._place / PARTS, self._place / SERIES):
-                    for left in folder.glob(f"{UNFINISHED}*"):
-                        with contextlib.suppress(OSError):
-                            left.unlink()
-                yield
-        finally:
-            for place in missing:
-                with contextlib.suppress(OSError):  # where there is something in it
-                    place.rmdir()
+    inner = (PARTS, SERIES)
 
     def check(self, identity: Mapping[str, Any], resume: bool) -> None:
         """See that a sweep with this identity can begin here, or go on.

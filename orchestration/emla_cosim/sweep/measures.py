@@ -114,8 +114,11 @@ class Measures:
         """The columns that come of it."""
         return [*self.figures, *self.expressions, *self.functions]
 
-    def of(self, result: Result) -> dict[str, float | bool | None]:
-        """The figures of a result. Raises MeasureError where an expression or a function fails."""
+    def of(self, result: Result) -> dict[str, Any]:
+        """The figures of a result: numbers, truths or None by name.
+
+        Raises MeasureError where an expression or a function fails.
+        """
         known = by_name(result.metrics, {})
         found: dict[str, float | bool | None] = {name: known.get(name) for name in self.figures}
         if self.expressions:

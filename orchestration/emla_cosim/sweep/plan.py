@@ -131,7 +131,7 @@ def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
         scenario,
         {
             varied: _with_files_of(folder, given)
-            for varied, given in _flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))
+            for varied, given in flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))
         },
         description=converted(content.get("description", ""), str, f"'description' of {label}"),
         metrics=content.get("metrics", ()),
@@ -155,10 +155,10 @@ def _with_files_of(folder: Path | None, given: Any) -> Any:
     return [_with_files_of(folder, one) for one in given] if isinstance(given, list) else given
 
 
-def _flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Entries by their whole name: TOML nests names with dots unless they are quoted."""
     for key, value in table.items():
         if isinstance(value, dict) and not isinstance(value.get("distribution"), str):
-            yield from ((f"{key}.{name}", inner) for name, inner in _flat(value))
+            yield from ((f"{key}.{name}", inner) for name, inner in flat(value))
         else:
             yield key, value

@@ -68,7 +68,7 @@ def sweep(
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
     plan = plan_of(source).updated({**given, "signals": signals, "options": options})
-    _check_cluster(scheduler, workers)
+    check_cluster(scheduler, workers)
     with _place(output, resume) as (folder, held):
         design = designed(plan, progress or Progress())
         with folder.alone():
@@ -77,7 +77,7 @@ def sweep(
         return replace(result, folder=None, holds=held.pop_all()) if output is None else result
 
 
-def _check_cluster(scheduler: Scheduler, workers: int | None) -> None:
+def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
     """Raise CommandError for what cannot be a cluster."""
     if not isinstance(scheduler, Client):
         converted(scheduler, str | None, "the scheduler")

@@ -25,6 +25,12 @@ def test_it_is_the_function_whatever_was_imported(imports: str) -> None:
     assert done.stdout.strip() == "emla_cosim.sweep.sweeping", done.stderr
 
 
+def test_so_is_the_one_that_tunes() -> None:
+    code = "import emla_cosim as ec, emla_cosim.tune.plan; print(ec.tune.__module__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "emla_cosim.tune.tuning", done.stderr
+
+
 def test_the_names_of_sweeps_are_public() -> None:
     assert {"sweep", "Plan", "SweepResult", "read_sweep", "Distribution"} <= set(ec.__all__)
     assert (ec.sweep, ec.Distribution) == (sweep, Distribution)

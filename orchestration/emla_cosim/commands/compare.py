@@ -1,0 +1,126 @@
+"""`emla compare`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..bars import BarProgress
+from ..compare.comparing import RESOLUTION, compare
+from ..compare.result import STABILITY, TABLES, CompareResult
+from ..compare.tables import lost_lines
+from ..compare.writing import CSV, MARKDOWN, RECORD, draw
+from ..errors import CosimError
+from ..option import COMPARE
+from ..results.output_folder import results_folder
+from ..terminal import show
+
+OPTIONS = COMPARE
+"""Options that the command takes."""
+
+_MOST_LOST = 12
+"""So many joints that were lost are shown; the file has all."""
+
+_WHO, _WHERE = "What is compared", "Where it runs"
+
+
+def command(
+    scenario: Annotated[str, typer.Argument(help="Name of a built-in scenario, or scenario file (.toml).")],
+    given: dict[str, Any],
+    controllers: Annotated[
+        str | None,
+        typer.Option(
+            help="Controllers: names, FILE.fmu or FILE.py:BLOCK. Without: all that `emla list` shows.",
+            metavar="NAME,...",
+            rich_help_panel=_WHO,
+        ),
+    ] = None,
+    gains: Annotated[
+        str | None,
+        typer.Option(
+            help="Sets of gains: SET for all that have it, CONTROLLER/SET for one, or all. A controller for "
+            "which none is named comes with its usual set.",
+            metavar="SET,...",
+            rich_help_panel=_WHO,
+        ),
+    ] = None,
+    table: Annotated[
+        str | None,
+        typer.Option(
+            help="paper: the paper's tables beside ours, of all sets. robustness: under many circumstances. "
+            "stability: maps over delay and parameters.",
+            metavar="|".join(TABLES),
+            rich_help_panel=_WHO,
+        ),
+    ] = None,
+    resolution: Annotated[
+        int | None,
+        typer.Option(
+            help=f"Points along each axis of the maps of {STABILITY}. Without: {RESOLUTION}.",
+            rich_help_panel=_WHO,
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Without: this machine's cores.",
+            metavar="ADDRESS",
+            rich_help_panel=_WHERE,
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes on this machine. Without: one per core.", rich_help_panel=_WHERE),
+    ] = None,
+) -> None:
+    """Run a scenario with several controllers side by side, into an output folder."""
+    output, plots = given.pop("output", None), given.pop("plots", True)
+    place = Path(output or results_folder(Path(scenario).stem))
+    with BarProgress() as progress:
+        result = compare(
+            scenario,
+            _listed(controllers),
+            gains=_listed(gains),
+            table=table,
+            resolution=resolution,
+            scheduler=scheduler,
+            workers=workers,
+            output=place,
+            progress=progress,
+            **given,
+        )
+        pictures = draw(result, place) if plots else []
+    _show(result, place, pictures)
+    if not result.complete:
+        raise CosimError(f"interrupted; what was computed is in {place}.")
+
+
+def _listed(text: str | None) -> list[str] | None:
+    return None if text is None else [part.strip() for part in text.split(",")]
+
+
+def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
+    """What was lost, first and in words; then the tables, and where everything is."""
+    lines = lost_lines(result)
+    if lines:
+        show(f"[bold red]Lost: {result.lost.height} of {result.rows.height}.[/]", highlight=False)
+        shown = lines[:_MOST_LOST]
+        if len(lines) > len(shown):
+            shown.append(f"and {len(lines) - len(shown)} more, in {place / MARKDOWN}")
+        for line in shown:
+            _say(line)
+    for grid in result.grids:
+        show(grid.rich())
+        for sentence in grid.under:
+            _say(sentence)
+    for note in result.notes:
+        _say(note)
+    _say(f"{result.rows['run'].n_unique()} runs in {result.wall_s:.0f} s")
+    _say(f"Wrote {place}/: {CSV}, {MARKDOWN}, {RECORD}")
+    if pictures:
+        _say(f"Pictures: {', '.join(path.name for path in pictures)}")
+
+
+def _say(line: str) -> None:
+    show(line, markup=False, highlight=False, soft_wrap=True)

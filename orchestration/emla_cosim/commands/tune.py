@@ -1,0 +1,134 @@
+"""`emla tune`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..bars import BarProgress
+from ..errors import CosimError
+from ..option import SWEEP
+from ..results.output_folder import results_folder
+from ..sweep.distributions import FORMS
+from ..terminal import show
+from ..tune.folder import BEST, HISTORY, PICTURE, RECORD
+from ..tune.plan import tuning_of
+from ..tune.result import TuneResult
+from ..tune.summary import lines, summary
+from ..tune.tuning import tune
+from .options import pairs
+
+OPTIONS = SWEEP
+"""Options that the command takes."""
+
+_WANTED, _TRIED, _RUNS = "What is wanted", "What is tried", "Where it runs"
+
+
+def command(
+    plan: Annotated[
+        str, typer.Argument(help="Plan (.toml, or its name), or scenario as `emla run` takes it.")
+    ],
+    given: dict[str, Any],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"Gains and their ranges (repeatable, * for anything), LOW:HIGH by ratio: {FORMS}.",
+            metavar="NAME=RANGE",
+            rich_help_panel=_TRIED,
+        ),
+    ] = None,
+    derive: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Start value that follows from those that vary (repeatable).",
+            metavar="NAME=EXPRESSION",
+            rich_help_panel=_TRIED,
+        ),
+    ] = None,
+    objective: Annotated[
+        str | None,
+        typer.Option(
+            help="What is to be small: an expression over figures, such as tilt.position_error_m.",
+            metavar="EXPRESSION",
+            rich_help_panel=_WANTED,
+        ),
+    ] = None,
+    metric: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Further figure over signals (repeatable).",
+            metavar="'NAME = EXPRESSION'",
+            rich_help_panel=_WANTED,
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="Fail if the objective is worse by more than this part on other seeds. Without: not judged.",
+            metavar="NUMBER",
+            rich_help_panel=_WANTED,
+        ),
+    ] = None,
+    evaluations: Annotated[
+        int | None, typer.Option(help="Sets of gains to try. Without: 200.", rich_help_panel=_TRIED)
+    ] = None,
+    training: Annotated[
+        int | None, typer.Option(help="Seeds to tune on. Without: 2.", rich_help_panel=_TRIED)
+    ] = None,
+    validation: Annotated[
+        int | None, typer.Option(help="Other seeds to validate with. Without: 4.", rich_help_panel=_TRIED)
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of whatever is drawn. Without: 0.", rich_help_panel=_TRIED)
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Without: this machine's cores.",
+            metavar="ADDRESS",
+            rich_help_panel=_RUNS,
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes on this machine. Without: one per core.", rich_help_panel=_RUNS),
+    ] = None,
+) -> None:
+    """Look for gains of a scenario's controllers, into an output folder."""
+    found = tuning_of(plan)
+    output, plots = given.pop("output", None), given.pop("plots", True)
+    place = Path(output or results_folder(f"tune-{found.name}"))
+    with BarProgress() as progress:
+        result = tune(
+            found,
+            pairs("--vary", vary or []),
+            objective=objective,
+            require=given.pop("require", None),
+            derive=pairs("--derive", derive or []),
+            metrics=metric,
+            evaluations=evaluations,
+            training=training,
+            validation=validation,
+            seed=seed,
+            tolerance=tolerance,
+            scheduler=scheduler,
+            workers=workers,
+            output=place,
+            plots=plots,
+            progress=progress,
+            **given,
+        )
+    _show(result, place, plots)
+    if not result.complete:
+        raise CosimError(f"interrupted; the best gains so far are in {place / BEST}.")
+    if (problem := result.problem()) is not None:
+        raise CosimError(problem)
+
+
+def _show(result: TuneResult, place: Path, plots: bool) -> None:
+    """Tables, how it went, and where everything is."""
+    for part in summary(result):
+        show(part)
+    files = [BEST, RECORD, HISTORY, *([PICTURE] if plots else [])]
+    for line in (*lines(result), f"emla run {place / BEST}", f"Wrote {place}/: {', '.join(files)}"):
+        show(line, markup=False, highlight=False, soft_wrap=True)

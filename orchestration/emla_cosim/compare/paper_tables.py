@@ -1,0 +1,96 @@
+"""The paper's tables with our figures beside the printed ones, and the normalised averages of both."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from ..study.controllers import CONTROLLERS
+from ..study.paper import PRINTED, REFERENCE, Cells, PrintedTable
+from .grid import Cell, Grid
+from .result import CompareResult
+from .rows import HELD, SHOWN, Row, best, of_entrant
+
+_FIGURES = tuple(SHOWN[name] for name in Cells._fields)
+_ROUNDED = 0.006
+"""Two averages that differ by more are not the same: the paper prints two or three digits."""
+
+
+def paper_grids(result: CompareResult) -> list[Grid]:
+    """The table and its averages for each table of the paper of which anything was run."""
+    return [grid for printed in PRINTED for grid in _grids(result, printed)]
+
+
+def _grids(result: CompareResult, printed: PrintedTable) -> Iterator[Grid]:
+    rows = [r for r in result.rows.rows(named=True) if (r["scenario"], r["joint"]) in printed.cells]
+    if rows:
+        yield _cells(rows, printed)
+        yield _averages(rows, printed)
+
+
+def _cells(rows: Sequence[Row], printed: PrintedTable) -> Grid:
+    body, lines = list[Sequence[Cell]](), list[int]()
+    for (scenario, joint), paper in printed.cells.items():
+        own = [row for row in rows if (row["scenario"], row["joint"]) == (scenario, joint)]
+        smallest = {figure.name: best(own, figure.name) for figure in _FIGURES}
+        lines.append(len(body))
+        place = joint if len(printed.scenarios) == 1 else scenario
+        for row in own:
+            cells = [Cell(place), Cell(of_entrant(row))]
+            for figure, said in zip(_FIGURES, paper.get(row["controller"], (None,) * 4), strict=True):
+                value = row[figure.name]
+                text = f"{figure.factor * value:.3g}" if row[HELD] and value is not None else "lost"
+                cells.append(Cell(text, row[HELD] and value == smallest[figure.name], text == "lost"))
+                cells.append(Cell("" if said is None else f"{figure.factor * said:.4g}"))
+            body.append(cells)
+    header = ["", "controller/gains", *(h for f in _FIGURES for h in (f"{f.label} / {f.unit}", "paper"))]
+    title = f"{printed.name}: ours beside the paper's; the best of ours is marked"
+    return Grid(title, header, body, [printed.references], lines)
+
+
+def _averages(rows: Sequence[Row], printed: PrintedTable) -> Grid:
+    """Ratios of the means over all rows of the table to those of RSBA with its usual gains."""
+    usual = f"{REFERENCE}/{next(iter(CONTROLLERS[REFERENCE].gains))}"
+    by_entrant = {name: [r for r in rows if of_entrant(r) == name] for name in map(of_entrant, rows)}
+    base = _means(by_entrant.get(usual, ()), len(printed.cells))
+    body = [[Cell(name), *_ratios(_means(own, len(printed.cells)), base)] for name, own in by_entrant.items()]
+    body += [[Cell(f"paper, {c}"), *_numbers(cells)] for c, cells in printed.averages.items()]
+    body += [
+        [Cell(f"paper, {c}, from its cells"), *_numbers(printed.recomputed(c))]
+        for c in printed.averages
+        if c != REFERENCE
+    ]
+    header = ["normalised average", *(figure.label for figure in _FIGURES)]
+    said = [f"Averages are ratios of means, ours to {usual}.", *_differing(printed)]
+    return Grid(f"{printed.name}: normalised averages", header, body, said, [len(by_entrant)])
+
+
+def _means(rows: Sequence[Row], places: int) -> Cells | None:
+    """Sums over all places; None where a joint was lost or is missing."""
+    if len(rows) < places or not all(row[HELD] for row in rows):
+        return None
+    return Cells(*(math.fsum(row[name] for row in rows) for name in Cells._fields))
+
+
+def _ratios(means: Cells | None, base: Cells | None) -> list[Cell]:
+    if means is None:
+        return [Cell("lost", lost=True)] * len(_FIGURES)
+    if base is None:
+        return [Cell("none")] * len(_FIGURES)
+    return [Cell(f"{ours / of:.3g}") for ours, of in zip(means, base, strict=True)]
+
+
+def _numbers(cells: Cells) -> list[Cell]:
+    return [Cell(f"{value:.3f}".rstrip("0").rstrip(".")) for value in cells]
+
+
+def _differing(printed: PrintedTable) -> list[str]:
+    """A sentence on averages of the paper that its own cells do not give."""
+    wrong: Mapping[str, list[str]] = {figure.label: [] for figure in _FIGURES}
+    for controller, said in printed.averages.items():
+        found = printed.recomputed(controller)
+        for figure, ours, theirs in zip(_FIGURES, found, said, strict=True):
+            if abs(ours - theirs) > _ROUNDED:
+                wrong[figure.label].append(f"{theirs:.3g} for {controller}, where its cells give {ours:.3f}")
+    told = [f"{label} {' and '.join(ones)}" for label, ones in wrong.items() if ones]
+    if not told:
+        return ["The paper's averages come out of its own cells."]
+    return [f"The paper's averages come out of its own cells, but for {'; '.join(told)}."]

@@ -1,0 +1,68 @@
+"""What came out of a comparison."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import polars
+
+from .grid import Grid
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PAPER, ROBUSTNESS, STABILITY = "paper", "robustness", "stability"
+TABLES = (PAPER, ROBUSTNESS, STABILITY)
+"""Comparisons that have a form of their own."""
+
+
+@dataclass(frozen=True)
+class CompareResult:
+    """What came out of a comparison of controllers.
+
+    `rows` has a row for each scenario, case, joint, controller and set of gains: `held` says whether the
+    joint converged and never left its limits, `lost_at_s` and `why` when that was seen otherwise; then come
+    the figures of metrics.json under their names, with units in these. `errors` has the position errors in m
+    over `time` in s of each run, by the number in `rows`, in columns by joint, where they were kept. `table`
+    is one of `TABLES`, or None. `complete` says whether all runs are there, `wall_s` how long they took.
+    `notes` are sentences on what was left out. `folder` is where everything was written, if anywhere.
+    """
+
+    name: str
+    table: str | None
+    rows: polars.DataFrame
+    entrants: Sequence[str]
+    errors: Mapping[int, polars.DataFrame] = field(default_factory=dict)
+    commands: Mapping[int, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+    complete: bool = True
+    wall_s: float = 0.0
+    folder: Path | None = None
+
+    @property
+    def grids(self) -> list[Grid]:
+        """The tables, in the order in which they are shown."""
+        from .tables import grids
+
+        return grids(self)
+
+    @property
+    def lost(self) -> polars.DataFrame:
+        """The rows of the joints that were lost."""
+        return self.rows.filter(~polars.col("held"))
+
+    def markdown(self) -> str:
+        """All tables as Markdown: what comparison.md holds."""
+        from .tables import lost_lines
+
+        tables = "\n".join(grid.markdown() for grid in self.grids)
+        lines = "".join(f"- {line}\n" for line in lost_lines(self))
+        lost = f"\nLost, not converged or out of their limits:\n\n{lines}" if lines else ""
+        return tables + lost + "".join(f"\n{note}\n" for note in self.notes)
+
+    def figures(self) -> "dict[str, Figure]":
+        """The pictures by name."""
+        from .pictures import pictures
+
+        return pictures(self)

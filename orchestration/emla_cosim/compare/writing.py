@@ -1,0 +1,82 @@
+"""What a comparison leaves in its folder: rows, tables, what repeats each run, and pictures."""
+
+import json
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..files import place_of, writing_to, written_whole
+from ..results.style import save
+from ..run_record import plain, versions
+from ..sweep.place import Place
+from .contest import Contest
+from .pictures import NAMES
+from .result import CompareResult
+
+CSV, MARKDOWN, RECORD = "comparison.csv", "comparison.md", "comparison.json"
+_FILES = (CSV, MARKDOWN, RECORD)
+
+
+class CompareFolder(Place):
+    """The folder of a comparison; see `Place` for errors."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        for name in (*_FILES, *(f"{picture}.png" for picture in NAMES)):
+            if path.is_dir():
+                place_of(path / name, "the file of the comparison")
+
+    def write(self, result: CompareResult, record: Mapping[str, Any]) -> None:
+        """Write all but pictures, each file whole; those of an earlier comparison go. Raises RunError."""
+        contents = {
+            CSV: result.rows.write_csv().encode(),
+            MARKDOWN: result.markdown().encode(),
+            RECORD: (json.dumps(record, indent=2) + "\n").encode(),
+        }
+        with writing_to(self.path):
+            for picture in NAMES:
+                (self._place / f"{picture}.png").unlink(missing_ok=True)
+            for name, content in contents.items():
+                with written_whole(self._place / name) as stream:
+                    stream.write(content)
+
+
+def draw(result: CompareResult, folder: Path) -> list[Path]:
+    """Draw all pictures of a result into a folder, and return their files. Raises RunError."""
+    found = list[Path]()
+    with writing_to(folder):
+        for name, figure in result.figures().items():
+            found.append(folder / f"{name}.png")
+            with written_whole(found[-1]) as stream:
+                save(figure, stream)
+    return found
+
+
+def record_of(contest: Contest, result: CompareResult) -> dict[str, Any]:
+    """All that it takes to repeat the comparison: versions, options, systems, and the start values of each run."""
+    return {
+        "name": result.name,
+        "table": result.table,
+        "status": "completed" if result.complete else "unfinished",
+        "entrants": list(result.entrants),
+        "options": plain(contest.options),
+        "notes": list(result.notes),
+        "wall_s": result.wall_s,
+        "versions": dict(versions()),
+        "systems": [group.identity for group in contest.groups],
+        "runs": [
+            {
+                "run": number,
+                "scenario": heat.scenario,
+                "case": heat.case.name,
+                "joints": list(heat.joints),
+                "controller": heat.entrant.called,
+                "gains": heat.entrant.gains,
+                "system": heat.group,
+                "set": plain(heat.set),
+                "command": shlex.join(command) if (command := contest.command(number)) else None,
+            }
+            for number, heat in enumerate(contest.heats)
+        ],
+    }

@@ -1,0 +1,59 @@
+"""The tunings of the study: for each controller and joint its gains, with the same effort for all."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib.resources import files
+from string import Template
+
+from emla_fmu.parameters import EMLAS
+
+from .controllers import CONTROLLERS
+
+_BEHIND = 0.010
+"""So much farther from its reference than in the study a joint starts in one case, in m."""
+
+_GAINS = {"rsba": "compensated", "foc": "tuned", "cac": "tuned", "anatc": "tuned"}
+"""The set that a search begins with; for any other controller its usual one."""
+
+
+@dataclass(frozen=True)
+class _Printed:
+    """RSBA's torque effort in N m and convergence time in s (Table VI), and a start from afar in m."""
+
+    torque: float
+    convergence: float
+    far: float
+
+
+_JOINTS = {
+    "lift": _Printed(93.75, 0.083, 0.240 - _BEHIND),
+    "tilt": _Printed(102.0, 0.085, 0.385 - _BEHIND),
+    "telescope": _Printed(35.0, 0.086, 0.500 + _BEHIND),
+}
+
+
+def tuning_plans() -> dict[str, Callable[[], str]]:
+    """What reads the text of each plan, by controller and joint; of controllers whose gains have a file."""
+    folder = files("emla_cosim.study") / "tunings"
+    return {
+        f"{controller}-{joint}": partial(_text, controller, joint)
+        for controller in CONTROLLERS
+        if (folder / f"{controller}.toml").is_file()
+        for joint in _JOINTS
+    }
+
+
+def _text(controller: str, joint: str) -> str:
+    folder, printed, tau_max = files("emla_cosim.study") / "tunings", _JOINTS[joint], EMLAS[joint].tau_max
+    text = "\n".join((folder / f"{name}.toml").read_text(encoding="utf-8") for name in ("effort", controller))
+    return Template(text).substitute(
+        joint=joint,
+        controller=controller,
+        gains=_GAINS.get(controller) or next(iter(CONTROLLERS[controller].gains)),
+        tau_max=tau_max,
+        inductance=EMLAS[joint].L_q,
+        paper_torque=min(printed.torque, tau_max),
+        paper_convergence=printed.convergence,
+        far=printed.far,
+    )

@@ -1,0 +1,67 @@
+"""What becomes of a signal by schedule, as people write it."""
+
+import math
+import re
+from dataclasses import dataclass
+
+from ..errors import CommandError, check_choice
+
+KINDS = ("freeze", "offset", "gain", "constant")
+"""What a fault can make of a signal."""
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_TEXT = re.compile(
+    rf"(?P<signal>[^=]+)=(?P<kind>\w+)(?::(?P<value>{_NUMBER}))?@(?P<start>{_NUMBER})"
+    rf"(?:\+(?P<duration>{_NUMBER}))?"
+)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What becomes of a signal, by its full name, from `start` for `duration`, both in s; None is to the end.
+
+    An output fails for all its receivers, an input for itself alone. `freeze` keeps the last value;
+    `offset` adds `value`, `gain` multiplies by it, `constant` is it, in the unit of the signal.
+    """
+
+    signal: str
+    kind: str
+    start: float
+    duration: float | None = None
+    value: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raise CommandError for what makes no sense."""
+        check_choice("kind of fault", self.kind, KINDS)
+        of = f"the fault of {self.signal}"
+        if not math.isfinite(self.start):
+            raise CommandError(f"{of} begins at {self.start:g} s; that must be a finite number.")
+        if self.duration is not None and not 0.0 < self.duration < math.inf:
+            raise CommandError(f"{of} lasts {self.duration:g} s; that must be a positive number.")
+        if self.value is not None and not math.isfinite(self.value):
+            raise CommandError(f"{of} has the value {self.value:g}; that must be a finite number.")
+        if (self.value is None) != (self.kind == "freeze"):
+            needs = "keeps a value of its own; leave out" if self.kind == "freeze" else "needs"
+            raise CommandError(f"{of} is of the kind {self.kind}, which {needs} a value.")
+
+    @classmethod
+    def of_text(cls, text: str) -> "Fault":
+        """SIGNAL=KIND:VALUE@START+DURATION, without :VALUE or +DURATION where there is none; CommandError."""
+        found = _TEXT.fullmatch(text.strip())
+        if found is None:
+            raise CommandError(
+                f"the fault '{text}' cannot be read; write SIGNAL=KIND:VALUE@START+DURATION, such as "
+                "lift.plant.x_measured=offset:1e-3@1+0.1."
+            )
+        numbers = {n: None if found[n] is None else float(found[n]) for n in ("duration", "value")}
+        return cls(found["signal"].strip(), found["kind"], float(found["start"]), **numbers)
+
+    def __str__(self) -> str:
+        value = "" if self.value is None else f":{self.value!r}"
+        duration = "" if self.duration is None else f"+{self.duration!r}"
+        return f"{self.signal}={self.kind}{value}@{self.start!r}{duration}"
+
+
+def read_faults(text: str) -> list[Fault]:
+    """Faults as the command line has them, comma between. Raises CommandError."""
+    return [Fault.of_text(part) for part in text.split(",")]

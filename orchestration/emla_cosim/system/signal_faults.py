@@ -1,0 +1,134 @@
+"""Faults of signals by schedule: components that are put into the connections of a system."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from ..errors import CommandError
+from ..fmu.interface import Interface
+from ..fmu.variables import find_variable
+from ..units import IDENTITY
+from .fault import Fault
+from .model import Component, Connection, System, Value
+from .resolution import transformed
+
+MODEL = "SignalFault"
+"""The model of the components: input u, output y."""
+
+Placed = Mapping[str, Fault]
+"""Faults by the names of their components."""
+
+
+def with_components(system: System, faults: Sequence[Fault]) -> tuple[System, Placed]:
+    """The system with a component for each fault, connected to nothing yet.
+
+    That of lift.plant.x_measured is lift.plant_x_measured_fault, a second one ends in _fault_2. Raises
+    CommandError for signals of components that are not there.
+    """
+    taken, placed = {c.name for c in system.components}, dict[str, Fault]()
+    for fault in faults:
+        component, variable = system.split(fault.signal)
+        first = f"{component.name}_{variable.replace('.', '_')}_fault"  # not inside of the component
+        name, number = first, 2
+        while name in taken:
+            name, number = f"{first}_{number}", number + 1
+        taken.add(name)
+        placed[name] = fault
+    made = (Component(name, MODEL, _start_values(fault)) for name, fault in placed.items())
+    return replace(system, components=(*system.components, *made)), placed
+
+
+def with_faults(system: System, placed: Placed, interfaces: Mapping[str, Interface]) -> System:
+    """The system with the components of `with_components` in the way of their signals.
+
+    Of several on one signal the first comes first. Raises CommandError for a signal that is not there,
+    that nobody reads, or that is not continuous.
+    """
+    outputs = [name for name, fault in placed.items() if _is_output(system, fault, interfaces)]
+    for name in reversed(outputs):  # each goes right behind the output
+        system = _behind_output(system, name, _end(system, placed[name]), interfaces)
+    for name, fault in placed.items():
+        end = _end(system, fault)
+        if name in outputs:
+            continue
+        if any(x.ends[1] == end for x in system.connections):
+            system = _before_input(system, name, end, interfaces)
+        else:
+            system = _at_free_input(system, name, *system.split(fault.signal), interfaces)
+    return system
+
+
+def _start_values(fault: Fault) -> dict[str, Value]:
+    values: dict[str, Value] = {"kind": fault.kind, "start": fault.start}
+    given = {"duration": fault.duration, "value": fault.value}
+    return values | {name: x for name, x in given.items() if x is not None}
+
+
+def _end(system: System, fault: Fault) -> tuple[str, str]:
+    """Component and variable of a signal, as in connections."""
+    component, name = system.split(fault.signal)
+    return component.name, component.alias(name).variable
+
+
+def _is_output(system: System, fault: Fault, interfaces: Mapping[str, Interface]) -> bool:
+    """Whether a signal is an output, and not an input; CommandError where it can have no fault."""
+    component, name = _end(system, fault)
+    variable = find_variable(component, interfaces[component].variables, name)
+    if variable.causality not in ("output", "input"):
+        raise CommandError(
+            f"{fault.signal} is a {variable.causality}; a fault needs an output or an input.",
+            signal=fault.signal,
+        )
+    variability = variable.variability or ("continuous" if variable.type == "Real" else "discrete")
+    if variable.type != "Real" or variability != "continuous":
+        raise CommandError(
+            f"{fault.signal} is a {variability} {variable.type}; a fault needs a continuous Real.",
+            signal=fault.signal,
+        )
+    return variable.causality == "output"
+
+
+def _behind_output(
+    system: System, name: str, end: tuple[str, str], interfaces: Mapping[str, Interface]
+) -> System:
+    """Everybody who reads an output reads the fault; units are converted behind it."""
+    if not any(x.ends[0] == end for x in system.connections):
+        raise CommandError(f"nobody reads {'.'.join(end)}, so that a fault of it would change nothing.")
+    connections = (
+        _converted(x, interfaces, source=name, output="y") if x.ends[0] == end else x
+        for x in system.connections
+    )
+    return replace(system, connections=(*connections, Connection(*end, name, "u")))
+
+
+def _before_input(
+    system: System, name: str, end: tuple[str, str], interfaces: Mapping[str, Interface]
+) -> System:
+    """What drives an input drives the fault; units are converted before it."""
+    connections = (
+        _converted(x, interfaces, target=name, input="u") if x.ends[1] == end else x
+        for x in system.connections
+    )
+    return replace(system, connections=(*connections, Connection(name, "y", *end)))
+
+
+def _at_free_input(
+    system: System, name: str, component: Component, variable: str, interfaces: Mapping[str, Interface]
+) -> System:
+    """The fault of an input that nothing drives starts from that input's value."""
+    alias, values = component.alias(variable), dict(component.parameters)
+    start = interfaces[component.name].variables[alias.variable].start
+    given = values.pop(variable, None)
+    signal = float(start or 0.0) if given is None else alias.transformation(float(given))
+    fault = system.component(name)
+    system = system.with_component(replace(component, parameters=values))
+    system = system.with_component(replace(fault, parameters={"u": signal, **fault.parameters}))
+    added = Connection(name, "y", component.name, alias.variable)
+    return replace(system, connections=(*system.connections, added))
+
+
+def _converted(connection: Connection, interfaces: Mapping[str, Interface], **ends: str) -> Connection:
+    """A connection with another end, which has no unit: what its units make of a value is written down."""
+    transformation = connection.transformation
+    if transformation is None and (between := transformed(connection, interfaces)) != IDENTITY:
+        transformation = between
+    return replace(connection, transformation=transformation, **ends)

@@ -1,0 +1,82 @@
+"""What the certificate of a scenario predicts holds in the run that it stands beside."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.errors import CommandError
+from emla_cosim.study.certificate import JointCertificate, certificate_rows, certify
+from fmublock import Block, Output, Parameter
+from rsba_fmu.gains import ROBUST
+
+
+@pytest.fixture(scope="module")
+def lift(fmu_folder: Path) -> JointCertificate:
+    with ec.load("lift", gains="robust", fmus=fmu_folder, stop_time=1.0).prepare() as simulation:
+        (found,) = certify(simulation)
+    return found
+
+
+def test_its_constants_are_those_of_the_gains(lift: JointCertificate) -> None:
+    gains = ROBUST["lift"]
+    adapting = [d * s for d, s in zip(gains.delta, gains.sigma, strict=True)]
+    assert lift.certificate.phi[1:] == tuple(map(min, gains.beta, adapting))
+    assert lift.certificate.direct_rate == min(gains.beta) / 2
+
+
+def test_what_is_simulated_is_within_the_bounds_and_not_far_from_them(lift: JointCertificate) -> None:
+    found = lift.certificate
+    assert lift.position_m < found.position < 5 * lift.position_m
+    assert lift.current_A < found.current < 5 * lift.current_A
+    assert lift.length < found.direct_ultimate < found.ultimate
+
+
+def test_the_measured_bound_of_the_speed_is_what_the_plant_does_beside_the_law(
+    lift: JointCertificate, fmu_folder: Path
+) -> None:
+    """P_2' by the plant's own acceleration, and the derivative of a_1 = -beta_1 / 2 P_1."""
+    options = {"gains": "robust", "stop_time": 1.0, "output_interval": 1e-4, "fmus": fmu_folder}
+    run = ec.load("lift", **options).prepare().run()
+    P_1, P_2 = run["lift.controller.P[1]"], run["lift.controller.P[2]"]
+    beta = ROBUST["lift"].beta
+    P_2_dot = run["lift.plant.a_L"] - run["lift.reference.a_d"] + beta[0] / 2 * np.gradient(P_1, run["time"])
+    beside = np.abs(P_2_dot + beta[1] / 2 * P_2 + P_1)[run["time"] >= 0.3].max()
+    assert lift.bounds.total[1] == pytest.approx(beside, rel=0.1)
+
+
+def test_it_says_where_the_assumptions_do_not_hold(lift: JointCertificate) -> None:
+    said = " ".join(lift.remarks)
+    assert "Omega_3 nothing bounds beforehand" in said
+    assert "held for 0.1 ms" in said
+    assert "zeta_i is 0" not in said
+
+
+def test_without_adaptation_it_says_that_nothing_is_proved(fmu_folder: Path) -> None:
+    with ec.load("lift", gains="compensated", fmus=fmu_folder, stop_time=0.5).prepare() as simulation:
+        (found,) = certify(simulation)
+    assert found.remarks[0].startswith("zeta_i is 0 for i = 1, 2, 3, 4")
+    rows = {label: values for label, _, values in certificate_rows([found])}
+    assert rows["|P|: bound of the proof"] == [float("inf")]
+    assert rows["position error: simulated"][0] < rows["position error: bound"][0]
+
+
+class Alone(Block):
+    """No joint."""
+
+    x = Parameter(1.0)
+    y = Output()
+
+    def outputs(self, v: object) -> dict[str, object]:
+        return {"y": v.x}  # type: ignore[attr-defined]
+
+
+def test_what_has_no_such_joint_is_a_sentence(fmu_folder: Path) -> None:
+    system = ec.System((ec.Component("a.b", Alone),), ())
+    options = {"stop_time": 0.1, "step_size": 0.1, "fmus": fmu_folder}
+    with (
+        ec.load(system, **options).prepare() as simulation,
+        pytest.raises(CommandError, match="has no joint with"),
+    ):
+        certify(simulation)

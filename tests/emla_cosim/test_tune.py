@@ -1,0 +1,276 @@
+"""A tuning finds what can be computed by hand, however it is given out, and says what does not hold."""
+
+import json
+import math
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from distributed import Client
+
+import emla_cosim as ec
+from emla_cosim.errors import CommandError
+from emla_cosim.progress import Progress
+from emla_cosim.requirements import requirement
+from emla_cosim.scenarios.built_in import TUNINGS
+from emla_cosim.sweep.result import DIVERGED, DONE
+from emla_cosim.sweep.worker import Outcome
+from emla_cosim.system.model import Component, System
+from emla_cosim.tune.expressions import expression
+from emla_cosim.tune.score import Judge
+from fmublock import Block, Output, Parameter, build
+from tests.support.clusters import shared_cluster
+from tests.support.commands import Emla
+from tests.support.toy_fmu import PRODUCER
+
+
+class Valley(Block):
+    """A valley along y = x with its lowest point at x = y = 3, and a bias that a seed draws."""
+
+    x = Parameter(1.0)
+    y = Parameter(1.0)
+    z = Parameter(0.0)
+    seed = Parameter(1, minimum=1)
+    depth = Output()
+    bias = Output()
+    sum = Output()
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        off, across = v.x - 3.0, v.x - v.y
+        return {"depth": off * off + 10.0 * across * across, "bias": 1e-9 * v.seed, "sum": v.x + v.y + v.z}
+
+
+METRICS = ["depth = last(v.f.depth)", "bias = last(v.f.bias)", "total = last(v.f.sum)"]
+VALLEY: dict[str, Any] = {
+    "vary": {"v.f.x": "0.5:20", "v.f.y": "0.5:20"},
+    "metrics": METRICS,
+    "objective": "1 + depth",
+    "evaluations": 120,
+    "stop_time": 0.1,
+    "step_size": 0.1,
+}
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Client]:
+    with shared_cluster(2) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def valley(tmp_path_factory: pytest.TempPathFactory) -> System:
+    path = tmp_path_factory.mktemp("valley") / "Valley.fmu"
+    build(Valley, path, producer=PRODUCER)
+    return System((Component("v.f", "Valley", {}, path),), ())
+
+
+def test_it_finds_the_lowest_point(valley: System, cluster: Client) -> None:
+    result = ec.tune(valley, **VALLEY, scheduler=cluster)
+    assert result.start.values == {"v.f.x": 1.0, "v.f.y": 1.0}
+    assert result.start.training.objective == 5.0
+    assert result.best.values == pytest.approx({"v.f.x": 3.0, "v.f.y": 3.0}, rel=0.01)
+    assert result.complete
+    assert result.problem() is None
+    assert result.history.height <= VALLEY["evaluations"]
+
+
+def test_it_finds_the_lowest_point_that_is_as_required(valley: System, cluster: Client) -> None:
+    result = ec.tune(valley, **VALLEY, require=["total <= 4"], scheduler=cluster)
+    # (x - 3)^2 + 10 (x - y)^2 with x + y = 4: x = 83/41
+    assert result.best.values == pytest.approx({"v.f.x": 83 / 41, "v.f.y": 81 / 41}, rel=0.02)
+    assert result.best.training.holds
+
+
+def test_a_margin_keeps_away_from_a_condition(valley: System, cluster: Client) -> None:
+    result = ec.tune(_plan(valley, margin=0.25), require=["total <= 4"], scheduler=cluster)
+    values = [float(x) for x in result.best.values.values() if x is not None]
+    assert sum(values) == pytest.approx(3.0, rel=0.02)
+
+
+def test_what_derives_from_gains_follows_them(valley: System, cluster: Client) -> None:
+    given = {**VALLEY, "vary": {"radius": "0.5:20"}, "evaluations": 40}
+    derive = {"v.f.x": "radius", "v.f.y": "2 * radius - 3"}
+    result = ec.tune(valley, **given, derive=derive, scheduler=cluster)
+    assert result.set["v.f.y"] == 2 * result.set["v.f.x"] - 3
+    assert result.set["v.f.x"] == pytest.approx(3.0, rel=0.02)
+
+
+def test_cases_have_their_weights_conditions_and_values(valley: System, cluster: Client) -> None:
+    cases = [ec.Case("usual"), ec.Case("shifted", 3.0, {"v.f.z": 10}, ["total < 12"])]
+    plan = _plan(valley, cases=cases, objective="total", evaluations=1)
+    score = ec.tune(plan, scheduler=cluster).start.training
+    assert score.by_case == {"usual": 2.0, "shifted": 12.0}
+    assert score.objective == (1 * 2.0 + 3 * 12.0) / 4
+    assert score.unmet() == ["shifted: total < 12, but it is 12"]
+
+
+def test_the_number_of_workers_changes_nothing(valley: System, cluster: Client) -> None:
+    with shared_cluster(1) as other:
+        one, two = (ec.tune(valley, **VALLEY, scheduler=c) for c in (cluster, other))
+    assert one.history.equals(two.history)
+    assert (one.best, one.seeds) == (two.best, two.seeds)
+
+
+def test_another_seed_tries_other_gains(valley: System, cluster: Client) -> None:
+    given = {**VALLEY, "evaluations": 8}
+    one, two = (ec.tune(valley, **given, seed=seed, scheduler=cluster) for seed in (0, 1))
+    assert not one.history["v.f.x"].equals(two.history["v.f.x"])
+    assert not {*one.seeds["training"]} & {*two.seeds["training"]}
+
+
+def test_gains_are_looked_at_on_seeds_they_were_not_tuned_on(valley: System, cluster: Client) -> None:
+    result = ec.tune(_plan(valley, objective="bias", evaluations=1, tolerance=0.0), scheduler=cluster)
+    training, validation = result.seeds["training"], result.seeds["validation"]
+    assert not {*training} & {*validation}
+    best = result.best
+    assert best.validation is not None
+    assert best.training.objective == pytest.approx(1e-9 * sum(training) / len(training))
+    assert best.validation.objective == pytest.approx(1e-9 * sum(validation) / len(validation))
+    assert (result.problem() is None) == (best.ratio <= 1.0)
+
+
+def test_what_is_ended_early_keeps_the_best_so_far(valley: System, cluster: Client, tmp_path: Path) -> None:
+    class Ending(Progress):
+        tried = 0
+
+        def advance(self, count: int) -> None:
+            self.tried += count
+            if self.tried > 30:
+                os.kill(os.getpid(), signal.SIGINT)
+
+    result = ec.tune(valley, **VALLEY, scheduler=cluster, output=tmp_path, progress=Ending())
+    assert not result.complete
+    assert 20 < result.history.height < 60
+    assert result.best.training.objective == result.history["objective"].min()
+    assert json.loads((tmp_path / "tune.json").read_text())["status"] == "unfinished"
+
+
+def test_what_is_found_runs_as_it_was_found(emla: Emla, tmp_path: Path, fmu_folder: Path) -> None:
+    told = emla(
+        *(
+            "tune",
+            "tilt",
+            "--vary",
+            "tilt.controller.beta[1]=200:4000",
+            "--objective",
+            "tilt.position_error_m",
+        ),
+        *("--require", "tilt.torque_peak_N_m < 140", "--evaluations", "9", "--training", "1"),
+        *("--validation", "1", "--stop-time", "0.4", "--output", "found", "--workers", "1"),
+    )
+    assert told.exit_code == 0, told.output
+    assert "better" in told.stdout or "worse" in told.stdout
+    assert (tmp_path / "found/tuning.png").read_bytes().startswith(b"\x89PNG")
+    record = json.loads((tmp_path / "found/tune.json").read_text())
+    seed = record["seeds"]["training"][0]
+    seeds = {f"tilt.{name}.seed": seed for name in ("plant.sensor", "disturbance.d_2")}
+    run = ec.load(tmp_path / "found/best.toml", fmus=fmu_folder).prepare().run(set=seeds)
+    figure = run.metrics["joints"]["tilt"]["position_error_m"]
+    assert figure == record["best"]["training"]["objective"] < record["start"]["training"]["objective"]
+
+
+def test_conditions_that_nothing_fulfils_are_code_1(emla: Emla) -> None:
+    told = emla(
+        *(
+            "tune",
+            "tilt",
+            "--vary",
+            "tilt.controller.beta[1]=200:4000",
+            "--objective",
+            "tilt.position_error_m",
+        ),
+        *("--require", "tilt.position_error_m < 1e-12", "--evaluations", "1", "--stop-time", "0.31"),
+        *("--output", "none", "--workers", "1", "--no-plots"),
+    )
+    assert told.exit_code == 1
+    assert "no gains were found that are as required; nearest: usual: tilt.position_error_m < 1e-12, but" in (
+        told.stderr
+    )
+
+
+@pytest.mark.parametrize("name", list(TUNINGS))
+def test_plans_of_the_study_run(name: str, cluster: Client, fmu_folder: Path) -> None:
+    plan = ec.tune(name, evaluations=1, validation=1, stop_time=0.31, scheduler=cluster, fmus=fmu_folder)
+    assert plan.complete
+    assert all(value is not None for value in plan.start.values.values())
+    assert len(plan.start.training.worst) == 8
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"vary": {}}, "varies nothing; say what does"),
+        ({"objective": ""}, "has no objective; say what is to be made small"),
+        ({"objective": "depth +"}, "'depth +' is no expression; write one of numbers"),
+        ({"objective": "__import__('os')"}, "is no expression"),
+        ({"objective": "dept"}, "wants the metric 'dept'"),
+        ({"vary": {"v.f.q": "1:2"}}, "has no variable 'q'"),
+        ({"vary": {"x": "1:2"}}, "'x' of the tuning is no start value and no option, and nothing is derived"),
+        ({"vary": {"step_size": "0.1:0.2"}}, "'step_size' of the tuning is no start value; gains are"),
+        ({"derive": {"v.f.z": "v.f.q * 2"}}, "uses 'v.f.q', which does not vary; there are v.f.x and v.f.y"),
+        ({"derive": {"v.f.x": "v.f.y"}}, "gives v.f.x twice: varied and derived"),
+        ({"require": ["total"]}, "the requirement 'total' must be FIGURE"),
+        ({"require": ["total == true"]}, "total is a number"),
+        ({"cases": [ec.Case("a"), ec.Case("a")]}, "has two cases 'a'"),
+        ({"cases": [ec.Case("a", 0.0)]}, "no case of the tuning has a weight"),
+        ({"cases": [ec.Case("a", 1.0, {"v.f.x": "1:2"})]}, "has to be one value"),
+        (
+            {"cases": [ec.Case("a", 1.0, {"flavour": "python"})]},
+            "'flavour' of the case 'a' of the tuning needs",
+        ),
+        ({"seeds": ["v.f.nothing*"]}, "has no variable 'nothing*'"),
+        ({"training": 0}, "'training' of the tuning is 0; it must be at least 1"),
+        ({"tolerance": -1.0}, "'tolerance' of the tuning is -1.0; it must be a number from 0"),
+    ],
+)
+def test_what_is_wrong_is_a_sentence(
+    given: dict[str, Any], sentence: str, valley: System, cluster: Client
+) -> None:
+    with pytest.raises(CommandError) as told:
+        ec.tune(_plan(valley, **given), scheduler=cluster)
+    assert sentence in str(told.value)
+
+
+def test_a_file_with_a_key_that_is_none_is_a_sentence(tmp_path: Path) -> None:
+    file = tmp_path / "gains.toml"
+    file.write_text('scenario = "tilt"\nevaluation = 3\n[vary]\na = "1:2"\n')
+    with pytest.raises(CommandError, match="has the key 'evaluation'; did you mean 'evaluations'"):
+        ec.tune(file)
+
+
+def test_expressions_are_those_of_python() -> None:
+    known = {"a.b[1]": 3.0, "a.c": 2.0}
+    found = expression("-a.b[1] ** 2 / (4 - a.c) + max(a.c, sqrt(9), 1e0)", "here")
+    assert found.names == {"a.b[1]", "a.c"}
+    assert found.value(known) == -(3.0**2) / 2 + 3.0
+    assert math.isnan(expression("log(0 * a.c)", "here").value(known))
+
+
+def test_what_is_lost_later_or_less_is_better() -> None:
+    judge = Judge(expression("j.e", "here"), [ec.Case("usual")], [[requirement("j.e < 1")]], 0.0, 10.0)
+
+    def order(status: str = DONE, end: float = 10.0, **figures: float) -> tuple[bool, float]:
+        named = {f"j.{name}": value for name, value in figures.items()}
+        return judge.score([[Outcome(0, status, None, end, named)]]).order
+
+    ordered = [
+        order(e=0.5),
+        order(e=0.9),
+        order(e=1.1, miss=1.0),
+        order(e=3.0, miss=1.0),
+        order(e=math.nan, miss=2.0),
+        order(e=math.nan, miss=5.0),
+        order(DIVERGED, 6.0, miss=5.0),
+        order(DIVERGED, 2.0, miss=5.0),
+    ]
+    assert ordered == sorted(ordered)
+    assert [bad for bad, _ in ordered] == [False, False] + [True] * 6
+
+
+def _plan(valley: System, **given: Any) -> ec.TuningPlan:
+    options = {name: VALLEY[name] for name in ("stop_time", "step_size")}
+    usual = {name: value for name, value in VALLEY.items() if name not in options}
+    return ec.TuningPlan("valley", valley, **{**usual, **given}, options=options)
