@@ -13,7 +13,7 @@ then; the first row is the state after initialization with the first row's input
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -153,13 +153,20 @@ def observer() -> Solution:
     )
 
 
+OMEGA_U = 50.0
+"""Bandwidth in 1/s of the controller's estimates of d_3 and d_4."""
+
+
 # ---- the controller: errors of a size that the published gains can live with --------------------
 
 
 def controller() -> Solution:
-    """0.4 s along a quintic move; i_q* of some 50 A, and currents that follow it closely."""
+    """0.4 s along a quintic move; i_q* of some 50 A, and currents that follow it closely.
+
+    With estimates of the disturbances. What z_q and z_d integrate is the voltage of the last step's end.
+    """
     step, count = 1e-3, 401
-    c = paper.Controller()
+    c = paper.Controller(compensate=True, omega_u=OMEGA_U)
     move = paper.Motion((0.240, 0.252), (0.0,), (0.4,))
 
     def given(k: int) -> Row:
@@ -169,21 +176,31 @@ def controller() -> Solution:
         # the printed law wants v_hat = -beta_1 / 2 P_1; what differs from it is P_2
         x_hat = x_d - v_hat / 1500.0 + 8e-7 * math.cos(17.0 * t)
         i_d = 0.05 * math.sin(11.0 * t)
+        d_hat = 0.3 * math.sin(9.0 * t)
         row = {"x_hat": x_hat, "v_hat": v_hat, "i_q": 0.0, "i_d": i_d, "x_d": x_d, "v_d": v_d, "a_d": a_d}
-        wanted = paper.control(c, np.zeros(4), (x_hat, v_hat, 0.0, i_d), (x_d, v_d, a_d)).i_q_ref
+        row |= {"d_hat": d_hat, "u_available": 440.0}
+        wanted = paper.control(c, np.zeros(4), (x_hat, v_hat, 0.0, i_d), (x_d, v_d, a_d), d_hat).i_q_ref
         return rounded({**row, "i_q": wanted + 0.5 * math.cos(23.0 * t)})
 
-    def signals(theta: Vector, u: Row) -> paper.Signals:
+    def signals(s: Vector, u: Row) -> paper.Signals:
         x, x_d = (u["x_hat"], u["v_hat"], u["i_q"], u["i_d"]), (u["x_d"], u["v_d"], u["a_d"])
-        return paper.control(c, theta, x, x_d)
+        return paper.control(c, s[:4], x, x_d, u["d_hat"], s[4:])
 
-    return solved(
-        step,
-        [given(k) for k in range(count)],
-        [0.0, 0.0, 0.0, 0.0],
-        lambda t, theta, u: paper.adaptation(c, theta, signals(theta, u)),
-        lambda t, theta, u: paper.controller_outputs(theta, signals(theta, u)),
-    )
+    def rates(s: Vector, u: Row, voltage: tuple[float, float]) -> Vector:
+        now = signals(s, u)
+        before = replace(now, u_q=voltage[0], u_d=voltage[1])
+        x = (u["x_hat"], u["v_hat"], u["i_q"], u["i_d"])
+        return np.array([*paper.adaptation(c, s[:4], now), *paper.currents_of_known(c, x, s[4:], before)])
+
+    inputs, s, voltage = [given(k) for k in range(count)], np.zeros(6), (0.0, 0.0)
+    shown = [paper.controller_outputs(s, signals(s, inputs[0]))]
+    for k, u in enumerate(inputs[:-1]):
+        times = [k * step, (k + 1) * step]
+        s = paper.solve(lambda _, s, u=u, v=voltage: rates(s, u, v), s, times, rtol=TOLERANCE, atol=1e-16)[-1]
+        now = signals(s, u)
+        shown.append(paper.controller_outputs(s[:4], now, s[4:]))
+        voltage = (now.u_q, now.u_d)
+    return Solution(step, inputs, shown)
 
 
 # ---- the controllers that it is compared with: the same move, and a start that asks for too much ----
@@ -357,7 +374,7 @@ START_VALUES: dict[str, dict[str, Any]] = {
         "d_4.phase": SURROUNDINGS.cosine_4[2],
         **dict(zip(("supply.depth", "supply.start", "supply.duration"), SURROUNDINGS.sag, strict=True)),
     },
-    "RsbaController": {},
+    "RsbaController": {"compensate": 1.0, "omega_u": OMEGA_U},
     "FocController": {"omega_d": 500.0},
     "CacController": indexed("omega_n", (500.0, 1000.0)),  # the usual ones are too fast for RK4 to be exact
     "AnatcController": {},

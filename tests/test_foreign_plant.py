@@ -37,6 +37,7 @@ INPUTS = {
     "d_2": Theirs("Load.Disturbance_mm_s2", 1e3),
     "d_3": Theirs("Inverter.DisturbanceUq_V"),
     "d_4": Theirs("Inverter.DisturbanceUd_V"),
+    "supply.sag": Theirs("Supply.Sag_pct", 100.0),
 }
 PARAMETERS = {
     "motor.R_s": Theirs("Motor.Rs_mOhm", 1e3),
@@ -70,6 +71,9 @@ OUTPUTS = {
     "i_q": Theirs("Motor.Iq_A"),
     "i_d": Theirs("Motor.Id_A"),
     "x_measured": Theirs("Sensor.Position_mm", 1e3, 850.0),
+    "i_q_measured": Theirs("Motor.IqMeasured_A"),
+    "i_d_measured": Theirs("Motor.IdMeasured_A"),
+    "inverter.u_available": Theirs("Inverter.Available_V"),
     "a_L": Theirs("Screw.Acceleration_mm_s2", 1e3),
     "tau_m": Theirs("Motor.Torque_Nm"),
     "omega_m": Theirs("Motor.Speed_rpm", 30.0 / math.pi),
@@ -84,6 +88,12 @@ OUTPUTS = {
 }
 ALL = {**INPUTS, **PARAMETERS, **OUTPUTS}
 ONLY_OURS = {"torque_source", "screw.q_LB", "screw.q_UB", "screw.v_max", "motor.i_max"}
+# what a drive has beside the paper's plant, all of it off
+ONLY_OURS |= {"motor.i_N", "motor.permitted_rise", "motor.tau_th", "motor.temperature_rise", "motor.load"}
+ONLY_OURS |= {"friction.F_C", "friction.F_S", "friction.v_S", "friction.v_0"}
+ONLY_OURS |= {"gearbox.directional", "gearbox.eta_back", "stop.stiffness", "stop.damping"}
+ONLY_OURS |= {f"inverter.{name}" for name in ("delay", "dead_time", "f_PWM", "i_0")}
+ONLY_OURS |= {f"sensor.current.{name}" for name in ("sigma", "resolution", "seed")}
 ONLY_THEIRS = {"Motor.Winding_K", "Screw.Retracted_mm", "Motor.IqError_A"}
 
 EVERYTHING = {
@@ -137,6 +147,7 @@ def inputs(t: float, u_max: float) -> dict[str, float]:
         "d_2": 2.0 * math.sin(60.0 * t),
         "d_3": 5.0 * math.cos(33.0 * t),
         "d_4": 3.0 * math.sin(47.0 * t),
+        "supply.sag": 0.3 * math.sin(35.0 * t) ** 2,
     }
 
 
@@ -255,9 +266,10 @@ def test_dependencies_are_what_the_outputs_follow(theirs: Session) -> None:
         if v.start is not None
     }
     # zeros would hide what they multiply, a round position what the sensor rounds, and voltages far
-    # from the limit what saturates
+    # from what the supply allows what saturates
     start |= {name: 0.3 for name, value in start.items() if value == 0.0}
-    start |= {"Screw.Start_mm": 901.2345678, "Motor.Uq_V": 2.0, "Motor.Ud_V": 2.0, "Inverter.Limit_V": 2.5}
+    start |= {"Screw.Start_mm": 901.2345678, "Motor.Uq_V": 2.0, "Motor.Ud_V": 2.0}
+    start |= {"Inverter.Limit_V": 4.0, "Supply.Sag_pct": 25.0}
     slave = theirs.instance("test", running=False, **start)
     follow = {name: followers(theirs, slave, name, value) for name, value in start.items()}
     initial, stepping = (

@@ -36,7 +36,8 @@ class AnatcController(DriveController):
     - The source's motor turns: from the speed step on errors count in rad at the motor, and what they
       call for in A. Read as 1/s at the screw, 0.7 holds no joint's load.
     - Two gains are two steps: the q-axis current is the control. Current controllers with the axes
-      decoupled, as any drive has them, make it at w_c, and i_d the zero that is assumed.
+      decoupled, as any drive has them, make it at w_c, and i_d the zero that is assumed; unless
+      `weaken_field` lets i_d make room for i_q, which the laws then do not know.
     - The network's input is the speed over v_max, its centres lie evenly from -1 to 1.
     - `approach` keeps the virtual speed to what can be braked, and adaptation rests while the
       voltage is at its limit.
@@ -107,7 +108,9 @@ class AnatcController(DriveController):
 
     def voltage_control(self, v: Any) -> tuple[Any, Any, Any, Any, Any]:
         """The current controllers: see `DriveController.voltage`."""
-        return self.voltage(v, v.w_c * (self.current(v)[0] - v.i_q), -v.w_c * v.i_d)
+        i_q_ref = self.current(v)[0]
+        i_d_ref = drive_laws.weakening_current(v, i_q_ref)
+        return self.voltage(v, v.w_c * (i_q_ref - v.i_q), v.w_c * (i_d_ref - v.i_d))
 
     def estimated(self, v: Any) -> Any:
         """Network and bound in A."""

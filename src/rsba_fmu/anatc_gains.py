@@ -17,6 +17,7 @@ class AnatcGains:
     w_c: float = 2500.0
     a_max: float = 1.2
     compensate: bool = False
+    weaken_field: bool = False
 
 
 PUBLISHED = {
@@ -34,13 +35,15 @@ def tuned(k_1: float, k_2: float, lambda_1: float, w_c: float, lambda_2: float, 
 
     With b > 0 that term becomes a sign function, which a sampled controller turns into chatter.
     """
-    return AnatcGains(k_1, k_2, lambda_1, lambda_2, ell=(1e-6, 0.1), g=10.0, b=0.0, w_c=w_c, a_max=a_max)
+    return AnatcGains(
+        k_1, k_2, lambda_1, lambda_2, ell=(1e-6, 0.1), g=10.0, b=0.0, w_c=w_c, a_max=a_max, weaken_field=True
+    )
 
 
 TUNED = {
     "lift": tuned(347.0, 5.97, 2100.0, 3330.0, 0.957, a_max=1.2),
     "tilt": tuned(352.0, 4.32, 1200.0, 3330.0, 0.949, a_max=1.2),
-    "telescope": tuned(320.0, 0.53, 336.0, 3330.0, 0.0737, a_max=10.0),
+    "telescope": tuned(320.0, 0.39, 230.0, 3330.0, 0.0737, a_max=10.0),
     "prototype": tuned(206.0, 0.5, 30.2, 274.0, 0.0266, a_max=1.2),
 }
 """Least error with a sample of delay: as it is, with 0.1 um of noise, and at 1.6 times the gain of the speed.

@@ -126,7 +126,12 @@ class CacController(DriveController):
 
     def errors(self, v: Any) -> list[Any]:
         """z_1 to z_4: position, speed, q- and d-axis current against what is commanded."""
-        return [v.x_hat - v.x_d, v.v_hat - v.v_d - v.w, v.i_q - v.i_c, v.i_d]
+        return [
+            v.x_hat - v.x_d,
+            v.v_hat - v.v_d - v.w,
+            v.i_q - v.i_c,
+            v.i_d - drive_laws.weakening_current(v, v.i_c),
+        ]
 
     def compensated_errors(self, v: Any) -> list[Any]:
         """v_1 to v_4."""

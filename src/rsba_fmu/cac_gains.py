@@ -14,6 +14,7 @@ class CacGains:
     omega_n: tuple[float, float] = (5000.0, 10000.0)
     a_max: float = 1.2
     compensate: bool = False
+    weaken_field: bool = False
 
 
 PUBLISHED = {
@@ -53,6 +54,7 @@ def tuned(
         epsilon=(0.1, 0.01, 1.0, 1.0),
         omega_n=(0.5 * w, w),
         a_max=a_max,
+        weaken_field=True,
     )
 
 

@@ -36,6 +36,9 @@ class DriveController(Block):
     compensate = Parameter(
         True, description="Let the current take up d_hat, the disturbance as the observer sees it"
     )
+    weaken_field = Parameter(
+        True, description="Let i_d weaken the field where back-EMF leaves i_q too little voltage"
+    )
     a_max = Parameter(1.2, unit="m/s2", minimum=1e-6, name="limit.a_max", description="Braking acceleration")
     v_max = Parameter(
         0.136, unit="m/s", minimum=1e-6, name="limit.v_max", description="Largest speed of the approach"

@@ -39,7 +39,7 @@ def available_voltage(v: Any) -> Any:
 
 def left_by_emf(v: Any, u: Any) -> Any:
     """What the back-EMF in q leaves of a voltage u for the d-axis, in V; a tenth at least."""
-    emf = v.N_p * v.alpha_RL * v.v_hat * v.Phi_PM
+    emf = v.N_p * v.alpha_RL * v.v_hat * (v.Phi_PM + v.L_d * v.i_d)
     return sqrt(maximum(u * u - emf * emf, 0.01 * u * u))
 
 
@@ -58,14 +58,33 @@ def within_voltage(v: Any, u_q: Any, u_d: Any) -> tuple[Any, Any, Any]:
     return q, d, where(abs(q - u_q) + abs(d - u_d) > 0.0, 1.0, 0.0)
 
 
-def current_limit(v: Any) -> Any:
-    """Largest |i_q*| in A: i_max, or what the voltage can hold at this speed without field weakening.
+def reachable_flux(v: Any) -> Any:
+    """Longest flux linkage in Wb that the voltage can turn at this speed, with a twentieth to spare."""
+    return 0.95 * available_voltage(v) / maximum(abs(v.N_p * v.alpha_RL * v.v_hat), 1e-6)
 
-    At (i_q, 0) the coupling takes omega_e L_q i_q in d, back-EMF omega_e Phi_PM in q. More current
-    could be asked for but not held. A twentieth of the voltage stays for the current controllers.
+
+def weakest_current(v: Any) -> Any:
+    """Most negative i_d* in A: it cancels the magnet's flux, or is 0.7 of i_max; 0 without weakening."""
+    return -v.weaken_field * minimum(v.Phi_PM / v.L_d, 0.7 * v.i_max)
+
+
+def current_limit(v: Any) -> Any:
+    """Largest |i_q*| in A: i_max, or what the voltage can hold at this speed with the field weakened.
+
+    More could be asked for but not held: L_q i_q beside the magnet's flux would be longer than
+    what the voltage can turn. A tenth of that stays for i_q where none is left.
     """
-    left = left_by_emf(v, 0.95 * available_voltage(v))
-    return minimum(v.i_max, left / maximum(abs(v.N_p * v.alpha_RL * v.v_hat) * v.L_q, 1e-6))
+    flux, i_d = reachable_flux(v), weakest_current(v)
+    beside = v.Phi_PM + v.L_d * i_d
+    held = sqrt(maximum(flux * flux - beside * beside, 0.01 * flux * flux)) / v.L_q
+    return minimum(v.i_max, held)
+
+
+def weakening_current(v: Any, i_q_ref: Any) -> Any:
+    """i_d* in A: what the magnet's flux has to be less so that i_q* can be held; 0 where it can be anyhow."""
+    flux, across = reachable_flux(v), v.L_q * i_q_ref
+    along = sqrt(maximum(flux * flux - across * across, 1e-4 * flux * flux))  # never the root of 0
+    return clamp((along - v.Phi_PM) / v.L_d, weakest_current(v), 0.0)
 
 
 def approach(v: Any, k: Any, e: Any) -> tuple[Any, Any]:

@@ -51,7 +51,7 @@ class FocController(DriveController):
         )
         return {
             "xi_q": v.w_i * (v.w_c * (i_q_ref - v.i_q) + short_q / v.L_q),
-            "xi_d": v.w_i * (-v.w_c * v.i_d + short_d / v.L_d),
+            "xi_d": v.w_i * (v.w_c * (drive_laws.weakening_current(v, i_q_ref) - v.i_d) + short_d / v.L_d),
             "z": where(v.omega_d > 0.0, observed, 0.0),
         }
 
@@ -88,4 +88,5 @@ class FocController(DriveController):
 
     def currents(self, v: Any, i_q_ref: Any) -> tuple[Any, Any, Any, Any, Any]:
         """PI control of both currents: see `DriveController.voltage`."""
-        return self.voltage(v, v.w_c * (i_q_ref - v.i_q) + v.xi_q, -v.w_c * v.i_d + v.xi_d)
+        error_d = drive_laws.weakening_current(v, i_q_ref) - v.i_d
+        return self.voltage(v, v.w_c * (i_q_ref - v.i_q) + v.xi_q, v.w_c * error_d + v.xi_d)

@@ -354,6 +354,17 @@ def test_signals_that_are_not_continuous_are_refused(fmu_folder: Path) -> None:
         with_faults(wired_, placed, {"lift.plant": interface})
 
 
+def test_an_order_need_not_name_faults(fmu_folder: Path) -> None:
+    """As that of the experiments; each is stepped behind its source."""
+    order = ["reference", "plant", "disturbance", "observer", "controller"]
+    given = {"order": [f"lift.{name}" for name in order]}
+    expected, found = (
+        signals(fmu_folder, **given),
+        signals(fmu_folder, Fault(ENCODER, "freeze", 1.0), **given),
+    )
+    assert {n for n in expected if found[n].tobytes() != expected[n].tobytes()} == set()
+
+
 # ---- the order of stepping --------------------------------------------------------------------------
 
 

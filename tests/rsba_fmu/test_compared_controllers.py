@@ -1,4 +1,4 @@
-"""The controllers that RSBA is compared with: beside an independent loop, and what always holds."""
+"""The controllers that RSBA is compared with: their loops beside an independent one, and their limits."""
 
 import math
 from typing import Any
@@ -14,7 +14,7 @@ from emla_fmu import EmlaPlant
 from emla_fmu.parameters import EMLAS, LIFT
 from fmublock import Block
 from fmublock.instance import Instance
-from rsba_fmu import AnatcController, CacController, FocController, foc_gains
+from rsba_fmu import AnatcController, CacController, FocController, drive_laws, foc_gains
 from tests.support import reference_controllers as independent
 from tests.support import reference_model as paper
 from tests.support.continuous import Continuous
@@ -26,14 +26,21 @@ COMPARED = (FocController, CacController, AnatcController)
 MOVE = paper.Motion((0.242, 0.262), (0.0,), (0.6,))
 LOAD, UNTIL = 20e3, 0.04
 
-FOC = {"k_p": 150.0, "k_v": 300.0, "w_c": 1500.0, "w_i": 150.0, "omega_d": 300.0}
+FOC: dict[str, Any] = {"k_p": 150.0, "k_v": 300.0, "w_c": 1500.0, "w_i": 150.0, "omega_d": 300.0}
 CAC: dict[str, Any] = {
     "k": (150.0, 500.0, 3.0, 1.0, 3.0),
     "varpi": (0.05, 0.2, 0.5, 0.0, 0.5),
     "m": (6e4, 1e5, 1e5),
     "omega_n": (1500.0, 3000.0),
 }
-ANATC = {"k_1": 150.0, "k_2": 4.0, "lambda_1": 500.0, "lambda_2": 20.0, "g": 5.0, "w_c": 1500.0}
+ANATC: dict[str, Any] = {
+    "k_1": 150.0,
+    "k_2": 4.0,
+    "lambda_1": 500.0,
+    "lambda_2": 20.0,
+    "g": 5.0,
+    "w_c": 1500.0,
+}
 LOOPS = {
     FocController: (FOC, independent.Foc(**FOC), 3),
     CacController: (CAC, independent.Cac(**CAC), 11),
@@ -58,7 +65,7 @@ def _ours(block: type[Block], gains: dict[str, Any], times: np.ndarray) -> np.nd
     plant, controller = Continuous(EmlaPlant, {"x_L_start": 0.24, "v_L": 0.0}), Continuous(block, gains)
 
     def rates(t: float, s: Any) -> Any:
-        wires = dict(zip(("x_d", "v_d", "a_d"), paper.reference(MOVE, t), strict=True))
+        wires: dict[str, float] = dict(zip(("x_d", "v_d", "a_d"), paper.reference(MOVE, t), strict=True))
         wires |= dict(zip(("x_hat", "v_hat", "i_q", "i_d"), map(float, s[:4]), strict=True))
         u = controller.outputs(t, s[4:], wires)
         plant.outputs(t, s[:4], {"u_q": u["u_q"], "u_d": u["u_d"], "F_L": LOAD})
@@ -129,9 +136,9 @@ def at(block: type[Block], **inputs: float) -> tuple[dict[str, float], Continuou
 @pytest.mark.parametrize("block", COMPARED)
 def test_decoupling_survives_saturation(block: type[Block]) -> None:
     """u_d stays what keeps i_d at rest, although the voltage that is asked for in q is far too long."""
-    found, _ = at(block, v_hat=0.08, i_q=40.0, x_d=0.5)
-    omega_e = LIFT.N_p * LIFT.alpha_RL * 0.08
-    assert found["u_d"] == pytest.approx(-omega_e * 40.0 * LIFT.L_q, rel=1e-12)
+    found, _ = at(block, v_hat=0.04, i_q=30.0, x_d=0.5)
+    omega_e = LIFT.N_p * LIFT.alpha_RL * 0.04
+    assert found["u_d"] == pytest.approx(-omega_e * 30.0 * LIFT.L_q, rel=1e-12)
     assert found["u_q"] == pytest.approx(math.sqrt(LIFT.u_max**2 - found["u_d"] ** 2), rel=1e-12)
     assert found["saturated"] == 1.0
 
@@ -139,10 +146,26 @@ def test_decoupling_survives_saturation(block: type[Block]) -> None:
 @pytest.mark.parametrize("block", COMPARED)
 def test_a_sagging_supply_leaves_back_emf_its_voltage(block: type[Block]) -> None:
     """With all of it in d, nothing would hold i_q against the back-EMF of a braking motor."""
-    found, _ = at(block, v_hat=0.08, i_q=-100.0, u_available=300.0)
+    found, _ = at(block, v_hat=0.08, i_q=-100.0, u_available=300.0, weaken_field=0.0)
     emf = LIFT.N_p * LIFT.alpha_RL * 0.08 * LIFT.Phi_PM
     assert found["u_d"] == pytest.approx(math.sqrt(300.0**2 - emf**2), rel=1e-12)
     assert found["u_q"] == pytest.approx(emf, rel=1e-12)
+
+
+def test_the_field_is_weakened_until_the_voltage_holds_what_is_asked_for() -> None:
+    """At 0.09 m/s; without the switch i_d stays 0, and less of i_q can be had."""
+    v = Continuous(FocController, LIFT).v
+    v.v_hat, omega_e = 0.09, LIFT.N_p * LIFT.alpha_RL * 0.09
+    i_q = 0.99 * drive_laws.current_limit(v)
+    i_d = drive_laws.weakening_current(v, i_q)
+    flux = math.hypot(LIFT.Phi_PM + LIFT.L_d * i_d, LIFT.L_q * i_q)
+    assert omega_e * flux == pytest.approx(0.95 * LIFT.u_max)
+    assert -LIFT.Phi_PM / LIFT.L_d <= i_d < 0.0
+    v.weaken_field = 0.0
+    less = drive_laws.current_limit(v)
+    assert 0.0 < less < i_q
+    assert drive_laws.weakening_current(v, less) == pytest.approx(0.0, abs=1e-9)
+    assert omega_e * math.hypot(LIFT.Phi_PM, LIFT.L_q * less) == pytest.approx(0.95 * LIFT.u_max)
 
 
 @pytest.mark.parametrize("block", COMPARED)

@@ -16,7 +16,7 @@ class Continuous:
     def __init__(self, block: type[Block], *sources: Any) -> None:
         self.block, self.parts = block(), block.layout()
         given = start_values(block, *sources)
-        self.v = SimpleNamespace(time=0.0)
+        self.v: Any = SimpleNamespace(time=0.0)
         p = self.parts
         for x in (*p.inputs, *p.parameters, *p.states, *p.discrete_states):
             elements = [float(given.get(s.name, s.start)) for s in x.scalars()]

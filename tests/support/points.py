@@ -121,6 +121,7 @@ def observer_points(draw: Draw) -> Point:
     values = {
         "y": x_hat + y_bar,
         "i_q_ref": signed(draw, 1.0, 100.0),
+        "i_q": signed(draw, 1.0, 100.0),
         "alpha_1": magnitude(draw, 0.1, 10.0),
         "alpha_2": magnitude(draw, 0.1, 10.0),
         "Q_11": magnitude(draw, 0.3, 3.0),
@@ -131,6 +132,9 @@ def observer_points(draw: Draw) -> Point:
         "m_decay": magnitude(draw, 1e-3, 1e-1),
         "ell": magnitude(draw, 0.1, 3.0),
         "use_model": draw(st.booleans()),
+        "model_current": draw(st.integers(1, 2)),
+        "omega_d": magnitude(draw, 0.1, 3.0),
+        "d_hat": signed(draw, 0.1, 3.0),
         "model.N_p": draw(st.integers(2, 10)),
         "model.Phi_PM": magnitude(draw, 0.05, 0.3),
         "model.A_eq": magnitude(draw, 10.0, 100.0),
@@ -148,7 +152,7 @@ def observer_points(draw: Draw) -> Point:
 def controller_points(draw: Draw) -> Point:
     """Limits are laid beside what is asked for, which the block says in process."""
     x_d, P_1 = signed(draw, 0.05, 0.5), signed(draw, 1e-3, 0.04)
-    switches = ("x_2d_in_a_1", "feed_acceleration", "freeze_adaptation", "limit_acceleration")
+    switches = ("x_2d_in_a_1", "feed_acceleration", "freeze_adaptation", "limit_acceleration", "compensate")
     values: dict[str, Any] = {
         "x_hat": x_d + P_1,
         "v_hat": signed(draw, 1e-3, 0.3),
@@ -157,6 +161,13 @@ def controller_points(draw: Draw) -> Point:
         "x_d": x_d,
         "v_d": signed(draw, 1e-3, 0.3),
         "a_d": signed(draw, 1e-2, 1.0),
+        "d_hat": signed(draw, 1e-2, 1.0),
+        "omega_u": magnitude(draw, 10.0, 1000.0),
+        "z_q": signed(draw, 0.1, 100.0),
+        "z_d": signed(draw, 0.1, 100.0),
+        "limit.i_reserve": draw(st.floats(0.05, 0.3)),
+        "limit.u_reserve": draw(st.floats(0.05, 0.3)),
+        "limit.v_max": magnitude(draw, 1e-2, 1.0),
         **{name: draw(st.booleans()) for name in switches},
         "model.R_s": magnitude(draw, 0.05, 0.5),
         "model.L_d": magnitude(draw, 1e-3, 5e-3),
@@ -180,10 +191,15 @@ def controller_points(draw: Draw) -> Point:
     k = 0.5 * (values["beta[1]"] + values["zeta[1]"] * values["theta[1]"])
     values["limit.a_max"] = abs(P_1) * k**2 / beside(draw, 1.0)
     found = controller(values, "i_q_ref")
-    values |= {"limit.i_max": abs(found["i_q_ref"]) / beside(draw, 1.0), "limit_current": draw(st.booleans())}
+    values |= {
+        "limit.i_max": abs(found["i_q_ref"]) / beside(draw, 1.0) / (1.0 - values["limit.i_reserve"]),
+        "limit_current": draw(st.booleans()),
+    }
     found = controller(values, "u_q", "u_d", *(f"P[{i}]" for i in range(1, 5)))
-    values["limit.u_max"] = math.hypot(found["u_q"], found["u_d"]) / beside(draw, 1.0)
-    values["limit_voltage"] = draw(st.booleans())
+    limit = math.hypot(found["u_q"], found["u_d"]) / beside(draw, 1.0)
+    measured = draw(st.booleans())
+    values |= {"measure_supply": measured, "limit_voltage": draw(st.booleans())}
+    values |= {"limit.u_max": limit * (2.0 if measured else 1.0), "u_available": limit}
     values["limit.theta_max"] = draw(st.sampled_from(bounds_of_adaptation(values, found)))
     return Point(values, reach={"x_hat": abs(P_1), "x_d": abs(P_1)})
 

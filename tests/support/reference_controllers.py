@@ -34,18 +34,32 @@ class Limits:
     v_max: float = 0.136
     i_max: float = 105.0
     u_max: float = 445.0
+    weaken_field: bool = True
 
     def longest(self, at: Given) -> float:
         return min(self.u_max, at.u_available)
 
     def beside_emf(self, at: Given, u: float) -> float:
-        emf = self.known.N_p * self.known.alpha_RL * at.x[1] * self.known.Phi_PM
+        emf = self.known.N_p * self.known.alpha_RL * at.x[1] * (self.known.Phi_PM + self.known.L_d * at.x[3])
         return math.sqrt(max(u**2 - emf**2, (0.1 * u) ** 2))
 
+    def flux(self, at: Given) -> float:
+        speed = abs(self.known.N_p * self.known.alpha_RL * at.x[1])
+        return math.inf if speed == 0.0 else 0.95 * self.longest(at) / speed
+
+    def weakest(self) -> float:
+        return -min(self.known.Phi_PM / self.known.L_d, 0.7 * self.i_max) if self.weaken_field else 0.0
+
     def current(self, at: Given) -> float:
-        reactance = abs(self.known.N_p * self.known.alpha_RL * at.x[1] * self.known.L_q)
-        held = self.beside_emf(at, 0.95 * self.longest(at))
-        return self.i_max if held >= self.i_max * reactance else held / reactance
+        flux, along = self.flux(at), self.known.Phi_PM + self.known.L_d * self.weakest()
+        across = math.sqrt(max(flux**2 - along**2, (0.1 * flux) ** 2))
+        return min(self.i_max, across / self.known.L_q)
+
+    def i_d_ref(self, at: Given, i_q_ref: float) -> float:
+        along = math.sqrt(
+            max(self.flux(at) ** 2 - (self.known.L_q * i_q_ref) ** 2, 1e-4 * self.flux(at) ** 2)
+        )
+        return float(np.clip((along - self.known.Phi_PM) / self.known.L_d, self.weakest(), 0.0))
 
     def voltage(self, at: Given, q: float, d: float) -> tuple[float, float]:
         """q and d as the inverter can make them."""
@@ -101,7 +115,7 @@ class Foc:
         load = own + (at.d_hat if self.compensate else 0.0)
         wanted = (at.x_d[2] + self.k_v * (v_ref - v) - load - g_2) / A_2
         i_ref = float(np.clip(wanted, -lim.current(at), lim.current(at)))
-        error_q, error_d = i_ref - i_q, -i_d
+        error_q, error_d = i_ref - i_q, lim.i_d_ref(at, i_ref) - i_d
         asked = lim.voltage_for(at, self.w_c * error_q + s[0], self.w_c * error_d + s[1])
         u = lim.voltage(at, *asked)
         rates = [
@@ -141,7 +155,7 @@ class Cac:
         A_2, g_2 = known.A[1], known.g(at.x)[1]
         w, w_rate, i_c, i_rate = s[:4]
         xi, D = s[4:8], s[8:]
-        z = np.array([x - at.x_d[0], v - at.x_d[1] - w, i_q - i_c, i_d])
+        z = np.array([x - at.x_d[0], v - at.x_d[1] - w, i_q - i_c, i_d - lim.i_d_ref(at, i_c)])
         V = z - xi
         k = np.array([self.k[0], self.k[1], self.k[2], self.k[4]])
         push = np.array([self.varpi[i] for i in (0, 1, 2, 4)]) * np.tanh(V / np.array(self.epsilon))
@@ -209,7 +223,7 @@ class Anatc:
         bound = lim.current(at)
         i_ref = bound * math.tanh(asked_i / bound)
         open_ = 1.0 / math.cosh(min(abs(asked_i / bound), 300.0)) ** 2
-        asked = lim.voltage_for(at, self.w_c * (i_ref - i_q), -self.w_c * i_d)
+        asked = lim.voltage_for(at, self.w_c * (i_ref - i_q), self.w_c * (lim.i_d_ref(at, i_ref) - i_d))
         u = lim.voltage(at, *asked)
 
         mu = open_ if u == asked else 0.0

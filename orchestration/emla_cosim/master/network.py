@@ -73,6 +73,7 @@ class Network:
             bool((f != 1.0).any() or o.any()) for f, o in zip(self.factors, self.offsets, strict=True)
         ]
         self.read: Indices = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *self.sources]))
+        self.followers = frozenset(followers)
         self._use_order(order_with_followers(len(slaves), links, followers))
 
     def _use_order(self, order: list[int]) -> None:
@@ -112,8 +113,16 @@ class Network:
         self.signals[self.sources[i][found]] = assumed[found]
 
     def reorder(self, names: Sequence[str]) -> None:
-        """Use this order of the slaves' names instead; CommandError unless it has each of them once."""
+        """Use this order of the slaves' names instead; CommandError unless it has each of them once.
+
+        Followers may be left out, all of them: each then comes after its source.
+        """
         position = {slave.name: i for i, slave in enumerate(self.slaves)}
+        others = {name for name, i in position.items() if i not in self.followers}
+        if self.followers and sorted(names) == sorted(others):
+            order = [position[name] for name in names]
+            self._use_order(_with_followers(order, self.links, self.followers))
+            return
         if sorted(names) != sorted(position):
             missing = [n for n in position if n not in names]
             wrong = [n or "''" for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1]
@@ -197,16 +206,22 @@ def order_with_followers(count: int, links: Sequence[Link], followers: Collectio
         for link in links
         if link.target not in followers and (first := origin(link.source)) is not None
     ]
+    others = [i for i in stepping_order(count, direct) if i not in followers]
+    return _with_followers(others, links, followers)
+
+
+def _with_followers(order: Sequence[int], links: Sequence[Link], followers: Collection[int]) -> list[int]:
+    """An order of the others, with each follower after its source."""
+    source_of = {link.target: link.source for link in links if link.target in followers}
     behind: dict[int | None, list[int]] = {}
     for i in sorted(followers):
         behind.setdefault(source_of.get(i), []).append(i)
 
-    def with_followers(i: int | None) -> list[int]:
+    def from_here(i: int | None) -> list[int]:
         own = [] if i is None else [i]
-        return own + [k for follower in behind.get(i, []) for k in with_followers(follower)]
+        return own + [k for follower in behind.get(i, []) for k in from_here(follower)]
 
-    others = [i for i in stepping_order(count, direct) if i not in followers]
-    return [k for i in (None, *others) for k in with_followers(i)]
+    return [k for i in (None, *order) for k in from_here(i)]
 
 
 def stepping_order(count: int, links: Sequence[Link]) -> list[int]:

@@ -19,17 +19,16 @@ _GAINS = {"rsba": "compensated", "foc": "tuned", "cac": "tuned", "anatc": "tuned
 
 @dataclass(frozen=True)
 class _Printed:
-    """RSBA's torque effort in N m and convergence time in s (Table VI), and a start from afar in m."""
+    """RSBA's convergence time in s (Table VI), and a start from afar in m."""
 
-    torque: float
     convergence: float
     far: float
 
 
 _JOINTS = {
-    "lift": _Printed(93.75, 0.083, 0.240 - _BEHIND),
-    "tilt": _Printed(102.0, 0.085, 0.385 - _BEHIND),
-    "telescope": _Printed(35.0, 0.086, 0.500 + _BEHIND),
+    "lift": _Printed(0.083, 0.240 - _BEHIND),
+    "tilt": _Printed(0.085, 0.385 - _BEHIND),
+    "telescope": _Printed(0.086, 0.500 + _BEHIND),
 }
 
 
@@ -53,7 +52,6 @@ def _text(controller: str, joint: str) -> str:
         gains=_GAINS.get(controller) or next(iter(CONTROLLERS[controller].gains)),
         tau_max=tau_max,
         inductance=EMLAS[joint].L_q,
-        paper_torque=min(printed.torque, tau_max),
         paper_convergence=printed.convergence,
         far=printed.far,
     )

@@ -17,13 +17,13 @@
 enum {
     POSITION, SPEED, I_Q, I_D, N_STATES,
     MEASURED = N_STATES, ACCELERATION, TORQUE, MOTOR_SPEED, U_Q_OUT, U_D_OUT, SATURATION, MOTOR_POWER,
-    LOAD_POWER, I_U, I_V, I_W, I_Q_ERROR,
+    LOAD_POWER, I_U, I_V, I_W, I_Q_ERROR, I_Q_SEEN, I_D_SEEN, AVAILABLE,
     FIRST_PARAMETER,
     R_S = FIRST_PARAMETER, L_D, L_Q, FLUX, INERTIA, FRICTION, WINDING, COUPLING_INERTIA, GEARBOX_INERTIA,
     SCREW_TURNS, EFFICIENCY, LEAD, MASS, SCREW_FRICTION, SPRING, RETRACTED, LIMIT, ERROR_MOTION, ERROR_I_Q,
     ERROR_I_D, RESOLUTION, NOISE, SOLVER_STEP, START,
     FIRST_INPUT,
-    U_Q = FIRST_INPUT, U_D, I_Q_SETPOINT, FORCE, DISTURBANCE, DISTURBANCE_Q, DISTURBANCE_D,
+    U_Q = FIRST_INPUT, U_D, I_Q_SETPOINT, FORCE, DISTURBANCE, DISTURBANCE_Q, DISTURBANCE_D, SAG,
     N_REALS
 };
 
@@ -90,11 +90,14 @@ static Actuator actuator(const State *now) {
     };
 }
 
+/* Longest voltage vector that the present supply allows. */
+static double available(const double v[]) { return v[LIMIT] * (1.0 - v[SAG] * 1e-2); }
+
 static Drive drive(const State *now) {
-    const double *v = now->reals;
+    const double *v = now->reals, limit = available(v);
     const double demand = sqrt(v[U_Q] * v[U_Q] + v[U_D] * v[U_D]);
-    const int saturated = demand > v[LIMIT] * (1.0 + 1e-9); /* by more than rounding */
-    const double scale = demand > v[LIMIT] ? v[LIMIT] / demand : 1.0;
+    const int saturated = demand > limit * (1.0 + 1e-9); /* by more than rounding */
+    const double scale = demand > limit ? limit / demand : 1.0;
     return (Drive){
         .u_q = scale * v[U_Q],
         .u_d = scale * v[U_D],
@@ -190,6 +193,9 @@ static void write_outputs(State *now) {
     v[I_V] = phase_current(&a, x, 2.0 * PI / 3.0);
     v[I_W] = phase_current(&a, x, -2.0 * PI / 3.0);
     v[I_Q_ERROR] = v[I_Q_SETPOINT] - x[I_Q];
+    v[I_Q_SEEN] = x[I_Q];
+    v[I_D_SEEN] = x[I_D];
+    v[AVAILABLE] = available(v);
 }
 
 static void write_states(State *now) {
