@@ -43,6 +43,7 @@ class Controller:
     gains: Mapping[str, Gains] = field(
         default_factory=lambda: {
             "robust": Gains(observer_gains.ROBUST),
+            "compensated": Gains(observer_gains.COMPENSATED),
             "published": Gains(observer_gains.PUBLISHED, printed_estimate=True),
         }
     )
@@ -55,9 +56,9 @@ CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
         {
+            "compensated": Gains(observer_gains.COMPENSATED, gains.COMPENSATED),
             "robust": Gains(observer_gains.ROBUST, gains.ROBUST),
             "published": Gains(observer_gains.PUBLISHED, gains.PUBLISHED, printed_estimate=True),
-            "compensated": Gains(observer_gains.COMPENSATED, gains.COMPENSATED),
         },
     ),
     "foc": Controller(
