@@ -18,7 +18,7 @@ block Observer "Adaptive robust observer of screw position and speed"
     annotation(Placement(transformation(extent = {{-120, 40}, {-100, 60}})));
   Interfaces.RealInput i_q_ref(unit = "A", nominal = 10.0) "Commanded q-axis current i_q*, used with use_model"
     annotation(Placement(transformation(extent = {{-120, -60}, {-100, -40}})));
-  Interfaces.RealInput i_q(unit = "A", nominal = 10.0) "Measured q-axis current, used with model_current = measured"
+  Interfaces.RealInput i_q(unit = "A", nominal = 10.0) "Measured q-axis current, used with use_measured_current"
     annotation(Placement(transformation(extent = {{-120, -10}, {-100, 10}})));
 
   parameter Real alpha_1(unit = "1/s", min = 1e-9) = 0.3192 "Gain on the position estimate";
@@ -31,7 +31,7 @@ block Observer "Adaptive robust observer of screw position and speed"
   parameter Real m_decay(unit = "1/s", min = 1e-12) = 1e-3 "Decay of m(t), so that (22) holds";
   parameter Real ell(min = 0.0) = 1.0 "Adaptation gain of (23)";
   parameter Boolean use_model = true "Include B u + g of (20): commanded torque and viscous friction";
-  parameter Types.ModelCurrent model_current = Types.ModelCurrent.command "Current of B u: the commanded or the measured one";
+  parameter Boolean use_measured_current = false "Take the torque of B u from the measured current, not from the commanded one";
   parameter Real omega_d(unit = "1/s", min = 0.0) = 0.0 "Bandwidth of the estimated disturbance d_hat; 0 is none";
   parameter Known known "The actuator as the observer knows it";
   parameter Start start "Start";
@@ -71,7 +71,7 @@ equation
   f = bound * bound * y_bar / (bound * y_bar_abs + m);
 
   // (20) with A = [0, 1; 0, 0] and C = [1, 0]; p^-1 C' multiplies f
-  current = if model_current == Types.ModelCurrent.measured then i_q else i_q_ref;
+  current = if use_measured_current then i_q else i_q_ref;
   modelled = if use_model then (1.5 * known.N_p * known.Phi_PM * current - known.B_eq * v_hat) / known.A_eq else 0.0;
   der(x_hat) = v_hat + alpha_1 * y_bar + p_22 / determinant * f;
   der(v_hat) = modelled + d_hat + alpha_2 * y_bar - p_12 / determinant * f;

@@ -9,9 +9,4 @@ package Types "Choices"
     acceleration "(82) in m/s2, as it enters (26)",
     force "(82) in N, as the paper announces it")
     "What (82) is";
-
-  type ModelCurrent = enumeration(
-    command "The commanded current i_q* of (20)",
-    measured "The measured current: what the motor has, whatever was asked of it")
-    "Which q-axis current the observer's model is driven by";
 end Types;

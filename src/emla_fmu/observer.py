@@ -1,6 +1,5 @@
 """The adaptive robust observer of screw position and speed."""
 
-from enum import IntEnum
 from typing import Any
 
 from fmublock import (
@@ -21,15 +20,6 @@ from fmublock import (
 )
 
 
-class ModelCurrent(IntEnum):
-    """Which q-axis current the observer's model is driven by."""
-
-    COMMAND = 1
-    """The commanded current i_q* of (20)."""
-    MEASURED = 2
-    """The measured current: what the motor has, whatever was asked of it."""
-
-
 class EmlaObserver(Block):
     """Adaptive robust observer of screw position and speed, (17) to (25) of the paper.
 
@@ -37,11 +27,13 @@ class EmlaObserver(Block):
     and eta_hat work against it. p is the solution of the Lyapunov equation (18) for the given
     alpha and Q: Algorithm 1 draws Q at random, which only p's size would notice.
 
-    With `use_model` B u + g is the torque of the current that `model_current` chooses, and the
-    viscous friction of the estimated speed; C_eq and the reluctance torque of g_2 are left out.
+    With `use_model` B u + g is the torque of i_q*, and the viscous friction of the estimated speed;
+    C_eq and the reluctance torque of g_2 are left out.
 
     Departures, each a switch of its own:
 
+    - `use_measured_current`: the torque of (20) is that of the measured current, which the motor
+      has whatever was asked of it.
     - `omega_d`: an estimate d_hat of everything that the model does not know, load included, is
       added to (20). It integrates the innovation, d_hat' = omega_d alpha_2 y_bar, so that a
       constant K leaves no error of position or speed; with alpha_1 = 3 p, alpha_2 = 3 p^2 and
@@ -66,7 +58,7 @@ class EmlaObserver(Block):
     i_q = Input(
         unit="A",
         nominal=10.0,
-        description="Measured q-axis current, used with model_current = measured",
+        description="Measured q-axis current, used with use_measured_current",
         terminal="drive",
     )
 
@@ -83,8 +75,8 @@ class EmlaObserver(Block):
         True,
         description="Include B u + g of (20): commanded torque and viscous friction",
     )
-    model_current = Parameter(
-        ModelCurrent.COMMAND, description="Current of B u: the commanded or the measured one"
+    use_measured_current = Parameter(
+        False, description="Take the torque of B u from the measured current, not from the commanded one"
     )
     omega_d = Parameter(
         0.0, unit="1/s", minimum=0.0, description="Bandwidth of the estimated disturbance d_hat; 0 is none"
@@ -142,7 +134,7 @@ class EmlaObserver(Block):
         p_11, p_12, p_22 = self.lyapunov_solution(v)
         determinant = p_11 * p_22 - p_12 * p_12
         measured = self.moving(v, v.i_q, v.i_before)
-        current = where(v.model_current == ModelCurrent.MEASURED, measured, v.i_q_ref)
+        current = where(v.use_measured_current, measured, v.i_q_ref)
         torque = 1.5 * v.N_p * v.Phi_PM * current
         model = v.use_model * (torque - v.B_eq * v.v_hat) / v.A_eq + v.d_hat
         return {

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from .observer import ModelCurrent
-
 
 @dataclass(frozen=True)
 class ObserverGains:
@@ -21,7 +19,7 @@ class ObserverGains:
     eta_hat_start: float
     """Start value of the adapted bound."""
     use_model: bool
-    model_current: ModelCurrent = ModelCurrent.COMMAND
+    use_measured_current: bool = False
     omega_d: float = 0.0
     interpolate: bool = False
 
@@ -104,7 +102,7 @@ def compensated(p: float) -> ObserverGains:
         ell=1.0,
         eta_hat_start=0.0,
         use_model=True,
-        model_current=ModelCurrent.MEASURED,
+        use_measured_current=True,
         omega_d=p / 3.0,
         interpolate=True,
     )

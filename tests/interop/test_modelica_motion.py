@@ -285,7 +285,7 @@ MOTIONS = {
     ),
     "repaired observer": Motion("EmlaObserver", OBSERVER, OBSERVER_INPUTS, rests=frozenset({"d_hat"})),
     "compensated observer": Motion(
-        "EmlaObserver", {**OBSERVER, "model_current": 2, "omega_d": W / 3.0}, OBSERVER_INPUTS
+        "EmlaObserver", {**OBSERVER, "use_measured_current": True, "omega_d": W / 3.0}, OBSERVER_INPUTS
     ),
     "controller": Motion(
         "RsbaController", {}, CONTROLLER_INPUTS, rests=frozenset({"saturated", "z_q", "z_d"})

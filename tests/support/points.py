@@ -132,7 +132,7 @@ def observer_points(draw: Draw) -> Point:
         "m_decay": magnitude(draw, 1e-3, 1e-1),
         "ell": magnitude(draw, 0.1, 3.0),
         "use_model": draw(st.booleans()),
-        "model_current": draw(st.integers(1, 2)),
+        "use_measured_current": draw(st.booleans()),
         "omega_d": magnitude(draw, 0.1, 3.0),
         "d_hat": signed(draw, 0.1, 3.0),
         "model.N_p": draw(st.integers(2, 10)),

@@ -9,7 +9,6 @@ import numpy as np
 
 from emla_cosim.loading import load
 from emla_cosim.system.model import System
-from emla_fmu.observer import ModelCurrent
 from tests.support import reference_model as paper
 
 # The lift joint of the study in the middle of its move, with a number wherever the paper's own
@@ -113,7 +112,7 @@ def joint(system: System) -> paper.Joint:
         knows_command=o["use_model"],
         A_2=float(nominal.A[1]),
         friction=nominal.B_eq / nominal.A_eq,
-        measures_current=o["model_current"] == ModelCurrent.MEASURED,
+        measures_current=o["use_measured_current"],
         omega_d=o["omega_d"],
     )
     return paper.Joint(PLANT, observer, controller, MOTION, SURROUNDINGS)

@@ -41,7 +41,12 @@ class JointCertificate:
     remarks: Sequence[str]
 
 
-_CHOICES = ("observer.use_model", "observer.model_current", "observer.model.N_p", "plant.torque_source")
+_CHOICES = (
+    "observer.use_model",
+    "observer.use_measured_current",
+    "observer.model.N_p",
+    "plant.torque_source",
+)
 """Parameters that are no real numbers, which the outline of a run does not have."""
 
 
@@ -140,8 +145,7 @@ def _unknown_acceleration(signal: Any, own: Mapping[str, float]) -> Vector:
     found = signal("plant.a_L") - signal("observer.d_hat")
     if not own["observer.use_model"]:
         return found
-    measured = own["observer.model_current"] == 2
-    current = signal("plant.i_q_measured" if measured else "controller.i_q_ref")
+    current = signal("plant.i_q_measured" if own["observer.use_measured_current"] else "controller.i_q_ref")
     torque = 1.5 * own["observer.model.N_p"] * own["observer.model.Phi_PM"] * current
     return (
         found - (torque - own["observer.model.B_eq"] * signal("observer.v_hat")) / own["observer.model.A_eq"]
