@@ -45,7 +45,7 @@ block RsbaController "Robust subsystem-based adaptive (RSBA) control of one EMLA
     annotation(Placement(transformation(extent = {{-120, -100}, {-100, -80}})));
   Interfaces.RealInput d_hat(unit = "m/s2") "Estimated disturbance of the screw's acceleration, used with compensate"
     annotation(Placement(transformation(extent = {{-120, -120}, {-100, -100}})));
-  Interfaces.RealInput u_available(unit = "V", nominal = 100.0) "Longest voltage vector of the present supply, used with measure_supply; 0 is unknown"
+  Interfaces.RealInput u_available(unit = "V", nominal = 100.0) "Longest voltage vector that the supply allows, used with measure_supply"
     annotation(Placement(transformation(extent = {{-120, 100}, {-100, 120}})));
 
   parameter Real beta[4](each unit = "1/s", each min = 1e-9) = {3000.0, 3000.0, 1000.0, 1000.0} "Feedback gain";
@@ -100,11 +100,9 @@ protected
   Real base_speed(unit = "m/s") "Speed up to which u_limit drives i_max without a weakened field";
   Real fastest(unit = "m/s") "Speed that reference and approach may have together";
   Real wanted(unit = "m/s") "First term of a_1";
-  Real speed_e(unit = "rad/s") "|omega_e|, kept away from 0";
-  Real u_weak(unit = "V") "Voltage that weaken_field counts with";
-  Real i_reachable(unit = "A") "i_q that u_weak drives without any field";
-  Real i_q_kept(unit = "A") "u_2 within i_reachable";
-  Real v_q_left(unit = "V") "q-axis voltage that omega_e L_q i_q leaves, less R_s i_q";
+  Real psi(unit = "Wb") "Longest flux linkage that the voltage turns";
+  Real i_d_weakest(unit = "A") "Most negative i_d*";
+  Real i_reachable(unit = "A") "i_q that the voltage holds with the weakest field";
   Real i_d_ref(unit = "A") "Commanded d-axis current";
   Real i_limit(unit = "A") "Largest i_q*";
   final parameter Real i_motor(unit = "A") = (1.0 - limit.i_reserve) * limit.i_max;
@@ -143,7 +141,7 @@ equation
     if limit_acceleration and abs(P[1]) > linear_range
     then (if P[1] > 0.0 then 1.0 else -1.0) * sqrt(2.0 * limit.a_max * (abs(P[1]) - 0.5 * linear_range))
     else gain[1] * P[1]);
-  u_limit = if measure_supply and noEvent(u_available > 0.0) then noEvent(min(u_available, limit.u_max)) else limit.u_max;
+  u_limit = if measure_supply then noEvent(max(min(u_available, limit.u_max), 1e-3)) else limit.u_max;
   base_speed = u_limit / (known.N_p * known.alpha_RL * sqrt(known.Phi_PM ^ 2 + (known.L_q * limit.i_max) ^ 2));
   fastest = noEvent(max(min(0.95 * limit.v_max, base_speed), 1.02 * abs(v_d)));
   wanted = if limit_speed then Functions.clamp(v_d - approach_speed, -fastest, fastest) - v_d else -approach_speed;
@@ -158,15 +156,12 @@ equation
   der(z_q) = if omega_u > 0.0 then A_3 * u_q + g_3 + d_3 else 0.0;
   der(z_d) = if omega_u > 0.0 then A_4 * u_d + g_4 + d_4 else 0.0;
 
-  // field: R_s i_q + omega_e (L_d i_d + Phi_PM) and omega_e L_q i_q within the voltage
-  speed_e = noEvent(max(abs(omega_e), 1e-6));
-  u_weak = (1.0 - limit.u_reserve) * u_limit;
-  i_reachable = u_weak / (speed_e * known.L_q);
-  i_q_kept = Functions.clamp(u_2, -i_reachable, i_reachable);
-  v_q_left = noEvent(sqrt(max(u_weak ^ 2 - (speed_e * known.L_q * i_q_kept) ^ 2, 0.0))
-    - known.R_s * i_q_kept * (if omega_e > 0.0 then 1.0 else if omega_e < 0.0 then -1.0 else 0.0));
+  // field: L_q i_q and Phi_PM + L_d i_d within the flux that the voltage turns
+  psi = (1.0 - limit.u_reserve) * u_limit / noEvent(max(abs(omega_e), 1e-6));
+  i_d_weakest = -min(known.Phi_PM / known.L_d, 0.7 * limit.i_max);
+  i_reachable = noEvent(sqrt(max(psi ^ 2 - (known.Phi_PM + known.L_d * i_d_weakest) ^ 2, 0.01 * psi ^ 2))) / known.L_q;
   i_d_ref = if weaken_field
-    then Functions.clamp((v_q_left / speed_e - known.Phi_PM) / known.L_d, -known.Phi_PM / known.L_d, 0.0)
+    then Functions.clamp((noEvent(sqrt(max(psi ^ 2 - (known.L_q * i_q_ref) ^ 2, 1e-4 * psi ^ 2))) - known.Phi_PM) / known.L_d, i_d_weakest, 0.0)
     else 0.0;
   i_limit = if weaken_field then noEvent(min(i_motor, i_reachable)) else i_motor;
 

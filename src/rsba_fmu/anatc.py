@@ -93,15 +93,17 @@ class AnatcController(DriveController):
     def errors(self, v: Any) -> tuple[Any, Any, Any]:
         """z_1, z_2, and the derivative of the virtual speed in m/s2."""
         z_1 = v.x_hat - v.x_d
-        speed, slope = drive_laws.approach(v, v.k_1, z_1)
-        return z_1, v.v_hat - v.v_d + speed, v.a_d - slope * (v.v_hat - v.v_d)
+        w, slope = drive_laws.approach(v, v.k_1, -z_1)
+        return z_1, v.v_hat - v.v_d - w, v.a_d - slope * (v.v_hat - v.v_d)
 
     def current(self, v: Any) -> tuple[Any, Any, Any]:
         """i_q* within its constraint, the slope of the constraint, and whether it halves that (0 or 1)."""
         z_1, z_2, virtual_rate = self.errors(v)
         known = virtual_rate - drive_laws.known_acceleration(v, 0.0) - v.compensate * v.d_hat
         needed = known / drive_laws.acceleration_per_current(v) - self.estimated(v)
-        limit = maximum(drive_laws.current_limit(v), 1e-9)  # a supply that is gone leaves none
+        limit = maximum(
+            drive_laws.current_limit(v, drive_laws.steady_voltage(v)), 1e-9
+        )  # a supply that is gone leaves none
         part = tanh((needed - v.alpha_RL * (v.k_2 * z_2 + z_1)) / limit)
         slope = 1.0 - part * part
         return limit * part, slope, where(slope < 0.5, 1.0, 0.0)
@@ -109,7 +111,7 @@ class AnatcController(DriveController):
     def voltage_control(self, v: Any) -> tuple[Any, Any, Any, Any, Any]:
         """The current controllers: see `DriveController.voltage`."""
         i_q_ref = self.current(v)[0]
-        i_d_ref = drive_laws.weakening_current(v, i_q_ref)
+        i_d_ref = self.weakening(v, i_q_ref)
         return self.voltage(v, v.w_c * (i_q_ref - v.i_q), v.w_c * (i_d_ref - v.i_d))
 
     def estimated(self, v: Any) -> Any:

@@ -95,7 +95,7 @@ class CacController(DriveController):
         A_2 = drive_laws.acceleration_per_current(v)
         V = self.compensated_errors(v)
         w, i_q, _ = self.virtual_controls(v, V)
-        limit = drive_laws.current_limit(v)
+        limit = drive_laws.current_limit(v, drive_laws.steady_voltage(v))
         _, _, short_q, short_d, _ = self.currents(v, V)
         return {
             "w": v.w_rate,
@@ -130,7 +130,7 @@ class CacController(DriveController):
             v.x_hat - v.x_d,
             v.v_hat - v.v_d - v.w,
             v.i_q - v.i_c,
-            v.i_d - drive_laws.weakening_current(v, v.i_c),
+            v.i_d - self.weakening(v, v.i_c),
         ]
 
     def compensated_errors(self, v: Any) -> list[Any]:
@@ -141,13 +141,13 @@ class CacController(DriveController):
     def virtual_controls(self, v: Any, V: list[Any]) -> tuple[Any, Any, Any]:
         """Approach speed beside v_d, q-axis current before its limit, and whether that acts (0 or 1)."""
         z_1, z_2 = self.errors(v)[:2]
-        speed, _ = drive_laws.approach(v, v.k[0], z_1)
-        w = clamp(-speed - self.robust(v, 0, V[0], 0), -v.v_max, v.v_max)
+        w, _ = drive_laws.approach(v, v.k[0], -z_1)
+        w = clamp(w - self.robust(v, 0, V[0], 0), -v.v_max, v.v_max)
         unknown = v.compensate * v.d_hat + v.D_2 + self.robust(v, 1, V[1], 1)
         wanted = v.a_d + v.w_rate - v.k[1] * z_2 - z_1
         wanted = wanted - drive_laws.known_acceleration(v, v.i_d) - unknown
         i_q = wanted / drive_laws.acceleration_per_current(v)
-        return w, i_q, where(abs(i_q) > drive_laws.current_limit(v), 1.0, 0.0)
+        return w, i_q, where(abs(i_q) > drive_laws.current_limit(v, drive_laws.steady_voltage(v)), 1.0, 0.0)
 
     def currents(self, v: Any, V: list[Any]) -> tuple[Any, Any, Any, Any, Any]:
         """The last two steps, as voltages: see `DriveController.voltage`."""

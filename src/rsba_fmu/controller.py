@@ -21,7 +21,7 @@ from fmublock import (
     where,
 )
 
-from .voltage import base_speed, known_limit, weakened_field
+from . import drive_laws
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,10 @@ class RsbaController(Block):
         terminal="estimate",
     )
     u_available = Input(
+        1e4,
         unit="V",
         nominal=100.0,
-        description="Longest voltage vector of the present supply, used with measure_supply; 0 is unknown",
+        description="Longest voltage vector that the supply allows, used with measure_supply",
         terminal="drive",
     )
 
@@ -211,7 +212,8 @@ class RsbaController(Block):
         A_2 = 1.5 * v.N_p * v.Phi_PM / v.A_eq
         A_3, A_4 = 1.0 / v.L_q, 1.0 / v.L_d
         g_2, g_3, g_4 = self.model(v)
-        u_max = known_limit(v)
+        u_max = self.known_voltage(v)
+        u_steady = (1.0 - v.u_reserve) * u_max
 
         P_1 = v.x_hat - v.x_d
         a_1 = self.speed_beyond_reference(v, P_1, u_max) - v.x_2d_in_a_1 * v.v_d
@@ -219,15 +221,13 @@ class RsbaController(Block):
         u_2 = -(v.beta[1] + v.zeta[1] * v.theta[1]) / (2.0 * A_2) * P_2 - P_1 / A_2 - g_2 / A_2
         u_2 = u_2 + v.feed_acceleration * v.a_d / A_2
         u_2 = u_2 - where(v.compensate, v.d_hat, 0.0) / A_2
-        omega_e = v.N_p * v.alpha_RL * v.v_hat
-        weakened, reachable = weakened_field(v, u_2, omega_e, (1.0 - v.u_reserve) * u_max)
         motor = (1.0 - v.i_reserve) * v.i_max
-        i_max = where(v.weaken_field, minimum(motor, reachable), motor)
+        i_max = where(v.weaken_field, minimum(motor, drive_laws.current_limit(v, u_steady)), motor)
         i_q_ref = where(v.limit_current, clamp(u_2, -i_max, i_max), u_2)
         current_limited = where(logical_and(v.limit_current, abs(u_2) > i_max), 1.0, 0.0)
 
         P_3 = v.i_q - i_q_ref
-        P_4 = v.i_d - where(v.weaken_field, weakened, 0.0)
+        P_4 = v.i_d - where(v.weaken_field, drive_laws.weakening_current(v, i_q_ref, u_steady), 0.0)
         d_3, d_4 = self.voltage_disturbances(v)
         u_3 = -(v.beta[2] + v.zeta[2] * v.theta[2]) / (2.0 * A_3) * P_3 - (g_3 + d_3) / A_3
         u_4 = -(v.beta[3] + v.zeta[3] * v.theta[3]) / (2.0 * A_4) * P_4 - (g_4 + d_4) / A_4
@@ -241,17 +241,18 @@ class RsbaController(Block):
             voltage_limited=where(logical_and(v.limit_voltage, too_long > 0.0), 1.0, 0.0),
         )
 
+    def known_voltage(self, v: Any) -> Any:
+        """Longest voltage vector in V: as known, or what the supply leaves of it."""
+        return where(v.measure_supply, maximum(minimum(v.u_max, v.u_available), 1e-3), v.u_max)
+
     def voltage_disturbances(self, v: Any) -> tuple[Any, Any]:
         """Estimated d_3 and d_4 in A/s: by how much the currents run ahead of their model."""
         return v.omega_u * (v.i_q - v.z_q), v.omega_u * (v.i_d - v.z_d)
 
     def speed_beyond_reference(self, v: Any, P_1: Any, u_max: Any) -> Any:
-        """First term of a_1 in m/s; with limit_speed no more than the limits leave beside v_d.
-
-        Where the reference itself is as fast, 2 % of its speed are left for corrections.
-        """
+        """First term of a_1 in m/s; with limit_speed no more than the limits leave beside v_d."""
         wanted = -self.approach_speed(v, P_1)
-        most = maximum(minimum(0.95 * v.v_max, base_speed(v, u_max)), 1.02 * abs(v.v_d))
+        most = drive_laws.fastest(v, u_max)
         return where(v.limit_speed, clamp(v.v_d + wanted, -most, most) - v.v_d, wanted)
 
     def model(self, v: Any) -> tuple[Any, Any, Any]:

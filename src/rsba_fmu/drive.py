@@ -40,9 +40,7 @@ class DriveController(Block):
         True, description="Let i_d weaken the field where back-EMF leaves i_q too little voltage"
     )
     a_max = Parameter(1.2, unit="m/s2", minimum=1e-6, name="limit.a_max", description="Braking acceleration")
-    v_max = Parameter(
-        0.136, unit="m/s", minimum=1e-6, name="limit.v_max", description="Largest speed of the approach"
-    )
+    v_max = Parameter(0.136, unit="m/s", minimum=1e-6, name="limit.v_max", description="Largest screw speed")
     i_max = Parameter(105.0, unit="A", minimum=1e-6, name="limit.i_max", description="Largest q-axis current")
     u_max = Parameter(445.0, unit="V", minimum=1e-6, name="limit.u_max", description="Longest voltage vector")
 
@@ -78,6 +76,10 @@ class DriveController(Block):
     u_d = Output(unit="V", nominal=100.0, description="d-axis voltage", terminal="drive")
     i_q_ref = Output(unit="A", nominal=10.0, description="Commanded q-axis current i_q*", terminal="drive")
     saturated = Output(description="1 while current or voltage is at its limit")
+
+    def weakening(self, v: Any, i_q_ref: Any) -> Any:
+        """i_d* in A that lets the supply's voltage hold i_q*."""
+        return drive_laws.weakening_current(v, i_q_ref, drive_laws.steady_voltage(v))
 
     def voltage(self, v: Any, rate_q: Any, rate_d: Any) -> tuple[Any, Any, Any, Any, Any]:
         """u_q and u_d for wanted rates of i_q and i_d in A/s, within the limit; and what that does.

@@ -37,6 +37,11 @@ def available_voltage(v: Any) -> Any:
     return maximum(minimum(v.u_max, v.u_available), 0.0) * (1.0 - 1e-15)
 
 
+def steady_voltage(v: Any) -> Any:
+    """What of it may be counted on in V: a twentieth stays for changes of the currents."""
+    return 0.95 * available_voltage(v)
+
+
 def left_by_emf(v: Any, u: Any) -> Any:
     """What the back-EMF in q leaves of a voltage u for the d-axis, in V; a tenth at least."""
     emf = v.N_p * v.alpha_RL * v.v_hat * (v.Phi_PM + v.L_d * v.i_d)
@@ -58,9 +63,9 @@ def within_voltage(v: Any, u_q: Any, u_d: Any) -> tuple[Any, Any, Any]:
     return q, d, where(abs(q - u_q) + abs(d - u_d) > 0.0, 1.0, 0.0)
 
 
-def reachable_flux(v: Any) -> Any:
-    """Longest flux linkage in Wb that the voltage can turn at this speed, with a twentieth to spare."""
-    return 0.95 * available_voltage(v) / maximum(abs(v.N_p * v.alpha_RL * v.v_hat), 1e-6)
+def reachable_flux(v: Any, u: Any) -> Any:
+    """Longest flux linkage in Wb that a voltage u in V can turn at this speed."""
+    return u / maximum(abs(v.N_p * v.alpha_RL * v.v_hat), 1e-6)
 
 
 def weakest_current(v: Any) -> Any:
@@ -68,35 +73,52 @@ def weakest_current(v: Any) -> Any:
     return -v.weaken_field * minimum(v.Phi_PM / v.L_d, 0.7 * v.i_max)
 
 
-def current_limit(v: Any) -> Any:
-    """Largest |i_q*| in A: i_max, or what the voltage can hold at this speed with the field weakened.
+def current_limit(v: Any, u: Any) -> Any:
+    """Largest |i_q*| in A: i_max, or what a voltage u can hold at this speed with the field weakened.
 
     More could be asked for but not held: L_q i_q beside the magnet's flux would be longer than
     what the voltage can turn. A tenth of that stays for i_q where none is left.
     """
-    flux, i_d = reachable_flux(v), weakest_current(v)
-    beside = v.Phi_PM + v.L_d * i_d
+    flux = reachable_flux(v, u)
+    beside = v.Phi_PM + v.L_d * weakest_current(v)
     held = sqrt(maximum(flux * flux - beside * beside, 0.01 * flux * flux)) / v.L_q
     return minimum(v.i_max, held)
 
 
-def weakening_current(v: Any, i_q_ref: Any) -> Any:
-    """i_d* in A: what the magnet's flux has to be less so that i_q* can be held; 0 where it can be anyhow."""
-    flux, across = reachable_flux(v), v.L_q * i_q_ref
+def weakening_current(v: Any, i_q_ref: Any, u: Any) -> Any:
+    """i_d* in A: what the magnet's flux has to be less so that u holds i_q*; 0 where it does anyhow."""
+    flux, across = reachable_flux(v, u), v.L_q * i_q_ref
     along = sqrt(maximum(flux * flux - across * across, 1e-4 * flux * flux))  # never the root of 0
     return clamp((along - v.Phi_PM) / v.L_d, weakest_current(v), 0.0)
 
 
+def base_speed(v: Any, u: Any) -> Any:
+    """Screw speed in m/s up to which a voltage u drives i_max without a weakened field; R_s left out."""
+    flux, across = v.Phi_PM, v.L_q * v.i_max
+    return u / (v.N_p * v.alpha_RL * sqrt(flux * flux + across * across))
+
+
+def fastest(v: Any, u: Any) -> Any:
+    """Largest |speed| in m/s that may be asked for: v_max with 5 % left, and the base speed of a voltage u.
+
+    Beyond that back-EMF takes the voltage that braking needs. Where the reference itself is as fast,
+    2 % of its speed are left for corrections.
+    """
+    return maximum(minimum(0.95 * v.v_max, base_speed(v, u)), 1.02 * abs(v.v_d))
+
+
 def approach(v: Any, k: Any, e: Any) -> tuple[Any, Any]:
-    """Speed in m/s at which an error e in m is left behind, and its slope over e in 1/s.
+    """Speed in m/s beside v_d that makes up for an error e in m, and its slope over e in 1/s.
 
     k e where that is least; what `a_max` can brake, min(k |e|, sqrt(2 a_max (|e| - a_max / (2 k^2))));
-    and `v_max` at most, beyond which back-EMF leaves no voltage for the currents.
+    and with v_d together at most `fastest`.
     """
     distance = abs(e)
     linear_range = v.a_max / (k * k)  # here the braking parabola touches the line; beyond it lies below
     braking = sqrt(2.0 * v.a_max * maximum(distance - 0.5 * linear_range, 0.5 * linear_range))
     is_linear = distance <= linear_range
-    speed = where(is_linear, k * distance, braking)
+    wanted = sign(e) * where(is_linear, k * distance, braking)
     slope = where(is_linear, k, v.a_max / braking)
-    return sign(e) * minimum(speed, v.v_max), where(speed < v.v_max, slope, 0.0)
+    most = fastest(v, available_voltage(v))
+    w = clamp(v.v_d + wanted, -most, most) - v.v_d
+    return w, where(abs(v.v_d + wanted) < most, slope, 0.0)

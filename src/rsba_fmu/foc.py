@@ -51,7 +51,7 @@ class FocController(DriveController):
         )
         return {
             "xi_q": v.w_i * (v.w_c * (i_q_ref - v.i_q) + short_q / v.L_q),
-            "xi_d": v.w_i * (v.w_c * (drive_laws.weakening_current(v, i_q_ref) - v.i_d) + short_d / v.L_d),
+            "xi_d": v.w_i * (v.w_c * (self.weakening(v, i_q_ref) - v.i_d) + short_d / v.L_d),
             "z": where(v.omega_d > 0.0, observed, 0.0),
         }
 
@@ -78,15 +78,15 @@ class FocController(DriveController):
 
     def cascade(self, v: Any) -> tuple[Any, Any, Any]:
         """Commanded speed, commanded q-axis current, and whether that is at its limit (0 or 1)."""
-        speed, _ = drive_laws.approach(v, v.k_p, v.x_d - v.x_hat)
-        v_ref = clamp(v.v_d + speed, -v.v_max, v.v_max)
+        w, _ = drive_laws.approach(v, v.k_p, v.x_d - v.x_hat)
+        v_ref = v.v_d + w
         acceleration = v.a_d + v.k_v * (v_ref - v.v_hat)
         needed = acceleration - drive_laws.known_acceleration(v, v.i_d) - self.disturbance(v)
         wanted = needed / drive_laws.acceleration_per_current(v)
-        limit = drive_laws.current_limit(v)
+        limit = drive_laws.current_limit(v, drive_laws.steady_voltage(v))
         return v_ref, clamp(wanted, -limit, limit), where(abs(wanted) > limit, 1.0, 0.0)
 
     def currents(self, v: Any, i_q_ref: Any) -> tuple[Any, Any, Any, Any, Any]:
         """PI control of both currents: see `DriveController.voltage`."""
-        error_d = drive_laws.weakening_current(v, i_q_ref) - v.i_d
+        error_d = self.weakening(v, i_q_ref) - v.i_d
         return self.voltage(v, v.w_c * (i_q_ref - v.i_q) + v.xi_q, v.w_c * error_d + v.xi_d)

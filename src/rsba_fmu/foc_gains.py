@@ -43,18 +43,15 @@ RULE = {
 """By `rule`: 0.1 ms, the prototype 1 ms; a_max is what the joint's motor can brake with its load."""
 
 
-def tuned(k_p: float, k_v: float, omega_d: float, w_c: float, a_max: float) -> FocGains:
-    """Gains found by search; the current controllers' integrals as in `rule`."""
-    return FocGains(k_p, k_v, w_c, 0.1 * w_c, omega_d, a_max)
+def tuned(k_p: float, k_v: float, w_c: float, a_max: float) -> FocGains:
+    """Gains found by search, with the observer's d_hat for the load; the integrals as in `rule`."""
+    return FocGains(k_p, k_v, w_c, 0.1 * w_c, 0.0, a_max, compensate=True)
 
 
 TUNED = {
-    "lift": tuned(347.0, 477.0, 853.0, 3060.0, a_max=1.2),
-    "tilt": tuned(330.0, 308.0, 1170.0, 3330.0, a_max=1.2),
-    "telescope": tuned(325.0, 471.0, 1070.0, 3330.0, a_max=10.0),
-    "prototype": tuned(205.0, 113.0, 25.0, 333.0, a_max=1.2),
+    "lift": tuned(400.0, 500.0, 1800.0, a_max=1.2),
+    "tilt": tuned(415.0, 332.0, 1400.0, a_max=1.2),
+    "telescope": tuned(400.0, 500.0, 1800.0, a_max=10.0),
+    "prototype": tuned(40.0, 50.0, 180.0, a_max=1.2),
 }
-"""Least error with a sample of delay: as it is, with 0.1 um of noise, and at 1.6 times the gain of the speed.
-
-Current loops are no faster than the magnitude optimum of `foc_gains.rule` has them.
-"""
+"""Found by `emla tune`; the prototype's are the lift's for a sample time ten times as long."""

@@ -127,7 +127,7 @@ def compensated(T_s: float, a_max: float, k_1: float = 0.025, k_2: float = 0.08)
         weaken_field=True,
         measure_supply=True,
         u_reserve=0.2,
-        i_reserve=0.01,
+        i_reserve=0.02,
         omega_u=0.03 / T_s,
     )
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import polars
 import pytest
 
 import emla_cosim as ec
@@ -10,6 +11,7 @@ from emla_cosim.errors import CommandError
 from emla_cosim.study.certificate import JointCertificate, certificate_rows, certify
 from fmublock import Block, Output, Parameter
 from rsba_fmu.gains import ROBUST
+from tests.support.commands import Emla, sentence
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +82,33 @@ def test_what_has_no_such_joint_is_a_sentence(fmu_folder: Path) -> None:
         pytest.raises(CommandError, match="has no joint with"),
     ):
         certify(simulation)
+
+
+def test_the_command_certifies_sets_side_by_side(emla: Emla, tmp_path: Path) -> None:
+    place = tmp_path / "found"
+    arguments = ("--table", "certificate", "--stop-time", "0.4", "--output", str(place))
+    result = emla("compare", "lift", "--gains", "robust,published", *arguments)
+    assert result.exit_code == 0
+    assert "Certificate of robust" in result.output
+    rows = polars.read_csv(place / "certificate.csv")
+    assert rows.filter(gains="robust", figure="phi_1")["lift"].item() == 1.0
+    text = (place / "certificate.md").read_text(encoding="utf-8")
+    assert "## robust" in text
+    assert "## published" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--controllers", "foc"), "the proof is of rsba alone; there is no certificate of foc"),
+        (("--workers", "2"), "a certificate takes no resolution, scheduler or workers"),
+        (("--gains", "soft"), "'soft'"),
+    ],
+)
+def test_a_certificate_of_something_else_is_refused(
+    arguments: tuple[str, ...], words: str, emla: Emla, tmp_path: Path
+) -> None:
+    place = tmp_path / "found"
+    command = ("compare", "lift", "--table", "certificate", *arguments, "--output", str(place))
+    assert words in sentence(emla(*command), 2)
+    assert not place.exists()

@@ -28,7 +28,7 @@ def names(controllers: list[str] | None, *gains: str) -> list[str]:
 def test_who_is_compared() -> None:
     usual = [f"{name}/{next(iter(one.gains))}" for name, one in ec.CONTROLLERS.items()]
     assert names(None) == usual
-    assert names(["rsba"]) == ["rsba/robust"]
+    assert names(["rsba"]) == ["rsba/compensated"]
     assert names(["rsba"], "all") == [f"rsba/{s}" for s in ec.CONTROLLERS["rsba"].gains]
     assert names(["foc", "rsba"], "published") == ["foc/rule", "rsba/published"]
     assert names(["foc", "rsba"], "rsba/compensated", "tuned") == ["foc/tuned", "rsba/compensated"]

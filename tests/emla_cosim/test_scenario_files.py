@@ -282,7 +282,7 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
             'system = "lift"\ncontroller = "robust"\n',
             ["'robust' is a set of gains, not a controller", 'write gains = "robust"'],
         ),
-        ('system = "lift"\ngains = "pid"\n', ["no set of gains 'pid'", "robust and published"]),
+        ('system = "lift"\ngains = "pid"\n', ["no set of gains 'pid'", "compensated, robust and published"]),
         ('system = "lift"\ncoupling_tolerance = 1e-6\n', ["gauss-seidel has no coupling tolerance"]),
         ('system = "lift"\noutput_format = "xls"\n', ["no output format 'xls'", "csv and parquet"]),
         (
@@ -473,3 +473,12 @@ def test_layers_of_options_merge() -> None:
     assert options.own == {"step_multiples": {"a": 2, "b": 4}}
     in_effect = {option.name: value for option, value in options.in_effect()}
     assert (in_effect["set"], in_effect["step_multiples"]) == (options.set, {"a": 2, "b": 4})
+
+
+def test_a_controller_without_gains_comes_with_its_usual_ones() -> None:
+    """Not with those that the scenario's file has for another one."""
+    assert load("lift").options.gains == "robust"
+    chosen = load("lift", controller="foc")
+    assert chosen.options.gains is None
+    assert chosen.system == load("lift", controller="foc", gains="rule").system
+    assert load("lift", controller="rsba", gains="robust").system == load("lift").system

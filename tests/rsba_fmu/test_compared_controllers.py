@@ -68,8 +68,8 @@ def _ours(block: type[Block], gains: dict[str, Any], times: np.ndarray) -> np.nd
         wires: dict[str, float] = dict(zip(("x_d", "v_d", "a_d"), paper.reference(MOVE, t), strict=True))
         wires |= dict(zip(("x_hat", "v_hat", "i_q", "i_d"), map(float, s[:4]), strict=True))
         u = controller.outputs(t, s[4:], wires)
-        plant.outputs(t, s[:4], {"u_q": u["u_q"], "u_d": u["u_d"], "F_L": LOAD})
-        return np.concatenate([plant.rates(), controller.rates()])
+        plant.outputs(t, [*s[:4], 0.0], {"u_q": u["u_q"], "u_d": u["u_d"], "F_L": LOAD})
+        return np.concatenate([plant.rates()[:4], controller.rates()])  # no winding grows warm
 
     start = [0.24, 0.0, 0.0, 0.0, *controller.start()]
     return paper.solve(rates, start, times, rtol=1e-9, atol=1e-11)
@@ -93,7 +93,7 @@ def _theirs(reference: Any, count: int, times: np.ndarray) -> np.ndarray:
 anything = st.floats(-1e6, 1e6)
 signals = st.fixed_dictionaries(
     dict.fromkeys(("x_hat", "v_hat", "d_hat", "i_q", "i_d", "x_d", "v_d", "a_d"), anything)
-    | {"u_available": st.floats(0.0, 1e6)}
+    | {"u_available": st.just(0.0) | st.floats(1e-6, 1e6)}
 )
 names = st.sampled_from(["foc", "cac", "anatc"])
 
@@ -156,15 +156,16 @@ def test_the_field_is_weakened_until_the_voltage_holds_what_is_asked_for() -> No
     """At 0.09 m/s; without the switch i_d stays 0, and less of i_q can be had."""
     v = Continuous(FocController, LIFT).v
     v.v_hat, omega_e = 0.09, LIFT.N_p * LIFT.alpha_RL * 0.09
-    i_q = 0.99 * drive_laws.current_limit(v)
-    i_d = drive_laws.weakening_current(v, i_q)
+    u = drive_laws.steady_voltage(v)
+    i_q = 0.99 * drive_laws.current_limit(v, u)
+    i_d = drive_laws.weakening_current(v, i_q, u)
     flux = math.hypot(LIFT.Phi_PM + LIFT.L_d * i_d, LIFT.L_q * i_q)
     assert omega_e * flux == pytest.approx(0.95 * LIFT.u_max)
     assert -LIFT.Phi_PM / LIFT.L_d <= i_d < 0.0
     v.weaken_field = 0.0
-    less = drive_laws.current_limit(v)
+    less = drive_laws.current_limit(v, u)
     assert 0.0 < less < i_q
-    assert drive_laws.weakening_current(v, less) == pytest.approx(0.0, abs=1e-9)
+    assert drive_laws.weakening_current(v, less, u) == pytest.approx(0.0, abs=1e-9)
     assert omega_e * math.hypot(LIFT.Phi_PM, LIFT.L_q * less) == pytest.approx(0.95 * LIFT.u_max)
 
 
@@ -186,3 +187,17 @@ def test_rule_gives_every_loop_half_of_what_its_delays_allow() -> None:
     assert rule.k_v + rule.omega_d == pytest.approx(1.0 / (2.0 * (1.0 / rule.w_c + 2.0 / 4000.0)))
     # s^2 + k_v s + k_p k_v: damped by 1 / sqrt(2)
     assert rule.k_v / (2.0 * math.sqrt(rule.k_p * rule.k_v)) == pytest.approx(math.sqrt(0.5))
+
+
+@pytest.mark.parametrize(("v_d", "u_available"), [(0.0, 1e4), (0.0, 200.0), (-0.1, 200.0)])
+def test_the_approach_is_no_faster_than_motor_and_supply(v_d: float, u_available: float) -> None:
+    """Up to the base speed all of the motor's torque can be had; the reference itself may be faster."""
+    found, _ = at(FocController, x_d=0.5, v_d=v_d, u_available=u_available)
+    assert found["v_ref"] > 0.0
+    omega_e = LIFT.N_p * LIFT.alpha_RL * found["v_ref"]
+    held = omega_e * math.hypot(LIFT.Phi_PM, LIFT.L_q * LIFT.i_max)
+    if v_d == 0.0:
+        assert held == pytest.approx(min(LIFT.u_max, u_available), rel=1e-9)
+    else:
+        assert found["v_ref"] == pytest.approx(1.02 * abs(v_d))
+    assert found["v_ref"] < LIFT.v_max

@@ -68,15 +68,22 @@ class Limits:
         rest = math.sqrt(max(u**2 - d**2, 0.0))
         return float(np.clip(q, -rest, rest)), d
 
-    def approach(self, k: float, e: float) -> tuple[float, float]:
-        """Speed that brings e to zero, and its slope over e."""
+    def fastest(self, at: Given) -> float:
+        """What may be asked for: 5 % less than v_max, the base speed, or 2 % more than the reference."""
+        k = self.known
+        omega = self.longest(at) / abs(complex(k.Phi_PM, k.L_q * self.i_max))
+        return max(min(0.95 * self.v_max, omega / (k.N_p * k.alpha_RL)), 1.02 * abs(at.x_d[1]))
+
+    def approach(self, at: Given, k: float, e: float) -> tuple[float, float]:
+        """Speed beside the reference's that brings e to zero, and its slope over e."""
         knee = self.a_max / k**2
         if abs(e) <= knee:
             speed, slope = k * abs(e), k
         else:
             speed = math.sqrt(2.0 * self.a_max * (abs(e) - knee / 2.0))
             slope = self.a_max / speed
-        return math.copysign(min(speed, self.v_max), e), slope if speed < self.v_max else 0.0
+        total, most = at.x_d[1] + math.copysign(speed, e), self.fastest(at)
+        return float(np.clip(total, -most, most)) - at.x_d[1], slope if abs(total) < most else 0.0
 
     def voltage_for(self, at: Given, rate_q: float, rate_d: float) -> tuple[float, float]:
         """Voltages in (26) that make the currents change at these rates."""
@@ -109,8 +116,7 @@ class Foc:
     def evaluate(self, t: float, s: Vector, at: Given) -> Result:
         x, v, i_q, i_d = at.x
         lim, A_2, g_2 = self.limits, self.limits.known.A[1], self.limits.known.g(at.x)[1]
-        v_ref = at.x_d[1] + lim.approach(self.k_p, at.x_d[0] - x)[0]
-        v_ref = float(np.clip(v_ref, -lim.v_max, lim.v_max))
+        v_ref = at.x_d[1] + lim.approach(at, self.k_p, at.x_d[0] - x)[0]
         own = self.omega_d * (v - s[2])
         load = own + (at.d_hat if self.compensate else 0.0)
         wanted = (at.x_d[2] + self.k_v * (v_ref - v) - load - g_2) / A_2
@@ -160,7 +166,7 @@ class Cac:
         k = np.array([self.k[0], self.k[1], self.k[2], self.k[4]])
         push = np.array([self.varpi[i] for i in (0, 1, 2, 4)]) * np.tanh(V / np.array(self.epsilon))
 
-        a_1 = float(np.clip(lim.approach(k[0], -z[0])[0] - push[0], -lim.v_max, lim.v_max))
+        a_1 = float(np.clip(lim.approach(at, k[0], -z[0])[0] - push[0], -lim.v_max, lim.v_max))
         load = D[0] + (at.d_hat if self.compensate else 0.0)
         a_2 = (at.x_d[2] + w_rate - k[1] * z[1] - z[0] - g_2 - load - push[1]) / A_2
         held = float(np.clip(a_2, -lim.current(at), lim.current(at)))
@@ -209,7 +215,7 @@ class Anatc:
         x, v, i_q, i_d = at.x
         lim, known = self.limits, self.limits.known
         z_1 = x - at.x_d[0]
-        speed, slope = lim.approach(self.k_1, -z_1)
+        speed, slope = lim.approach(at, self.k_1, -z_1)
         z_2 = v - at.x_d[1] - speed
         omega = known.alpha_RL * z_2
         sigma = max(self.g * math.exp(-self.b * t), self.sigma_min)

@@ -356,15 +356,28 @@ def fastest(c: Controller, v_d: float) -> float:
     return max(min(0.95 * c.v_max, omega / (k.N_p * k.alpha_RL)), 1.02 * abs(v_d))
 
 
-def room_for_i_q(c: Controller, i_q: float, v: float) -> tuple[float, float]:
-    """i_d* and the largest i_q in A, of R_s i_q + omega (L_d i_d + Phi) and omega L_q i_q on the circle."""
-    k, u = c.known, (1.0 - c.u_reserve) * c.u_max
-    omega = max(abs(k.N_p * k.alpha_RL * v), 1e-6)
-    largest = u / (omega * k.L_q)
-    kept = min(max(i_q, -largest), largest)
-    v_q = math.sqrt(max(u**2 - (omega * k.L_q * kept) ** 2, 0.0)) - k.R_s * kept * np.sign(v)
-    i_d = (v_q / omega - k.Phi_PM) / k.L_d
-    return min(max(i_d, -k.Phi_PM / k.L_d), 0.0), largest
+def weakest(c: Controller) -> float:
+    """The most negative i_d* in A."""
+    return -min(c.known.Phi_PM / c.known.L_d, 0.7 * c.i_max)
+
+
+def flux(c: Controller, v: float) -> float:
+    """Longest flux linkage in Wb that the voltage can turn at this speed."""
+    k = c.known
+    return (1.0 - c.u_reserve) * c.u_max / max(abs(k.N_p * k.alpha_RL * v), 1e-6)
+
+
+def room_for_i_q(c: Controller, v: float) -> float:
+    """The largest i_q in A: L_q i_q and the weakest field on the circle of the flux."""
+    psi, field = flux(c, v), c.known.Phi_PM + c.known.L_d * weakest(c)
+    return math.sqrt(max(psi**2 - field**2, (0.1 * psi) ** 2)) / c.known.L_q
+
+
+def room_made(c: Controller, i_q: float, v: float) -> float:
+    """i_d* in A: L_q i_q and Phi + L_d i_d on the same circle, or no field left to weaken."""
+    psi, k = flux(c, v), c.known
+    field = math.sqrt(max(psi**2 - (k.L_q * i_q) ** 2, (0.01 * psi) ** 2))
+    return min(max((field - k.Phi_PM) / k.L_d, weakest(c)), 0.0)
 
 
 def control(
@@ -389,9 +402,9 @@ def control(
     a_1 = wanted - (x_d[1] if c.x_2d_in_a_1 else 0.0)  # (31)
     P_2 = x[1] - x_d[1] - a_1
     u_2 = W(2, P_2) - P_1 * A[0] / A[1] + (x_d[2] / A[1] if c.feed_acceleration else 0.0)
-    i_d_ref, largest = room_for_i_q(c, u_2, float(x[1])) if c.weaken else (0.0, math.inf)
-    i_max = min((1.0 - c.i_reserve) * c.i_max, largest)
+    i_max = min((1.0 - c.i_reserve) * c.i_max, room_for_i_q(c, float(x[1])) if c.weaken else math.inf)
     i_q_ref = min(max(u_2, -i_max), i_max) if math.isfinite(c.i_max) else u_2
+    i_d_ref = room_made(c, i_q_ref, float(x[1])) if c.weaken else 0.0
     P_3, P_4 = x[2] - i_q_ref, x[3] - i_d_ref
     u_q, u_d, voltage_limited = shortened(W(3, P_3), W(4, P_4), c.u_max)
     P = np.array([P_1, P_2, P_3, P_4])

@@ -7,13 +7,15 @@ from typing import Annotated, Any
 import typer
 
 from ..bars import BarProgress
+from ..compare import certificates
 from ..compare.comparing import RESOLUTION, compare
-from ..compare.result import STABILITY, TABLES, CompareResult
+from ..compare.result import CERTIFICATE, STABILITY, TABLES, CompareResult
 from ..compare.tables import lost_lines
 from ..compare.writing import CSV, MARKDOWN, RECORD, draw
-from ..errors import CosimError
+from ..errors import CommandError, CosimError
 from ..option import COMPARE
 from ..results.output_folder import results_folder
+from ..study.certificate import certificate_table
 from ..terminal import show
 
 OPTIONS = COMPARE
@@ -49,8 +51,8 @@ def command(
         str | None,
         typer.Option(
             help="paper: the paper's tables beside ours, of all sets. robustness: under many circumstances. "
-            "stability: maps over delay and parameters.",
-            metavar="|".join(TABLES),
+            "stability: maps over delay and parameters. certificate: what the proof says of RSBA's sets.",
+            metavar="|".join((*TABLES, CERTIFICATE)),
             rich_help_panel=_WHO,
         ),
     ] = None,
@@ -77,6 +79,10 @@ def command(
     """Run a scenario with several controllers side by side, into an output folder."""
     output, plots = given.pop("output", None), given.pop("plots", True)
     place = Path(output or results_folder(Path(scenario).stem))
+    if table == CERTIFICATE:
+        _check_certificate(controllers, resolution, scheduler, workers)
+        _certify(scenario, _listed(gains), place, given)
+        return
     with BarProgress() as progress:
         result = compare(
             scenario,
@@ -94,6 +100,29 @@ def command(
     _show(result, place, pictures)
     if not result.complete:
         raise CosimError(f"interrupted; what was computed is in {place}.")
+
+
+def _check_certificate(controllers: str | None, *others: Any) -> None:
+    """Raise CommandError for what a certificate has no use for."""
+    if controllers not in (None, "rsba"):
+        raise CommandError(f"the proof is of rsba alone; there is no certificate of {controllers}.")
+    if any(other is not None for other in others):
+        raise CommandError(
+            "a certificate takes no resolution, scheduler or workers: it runs a set at a time."
+        )
+
+
+def _certify(scenario: str, gains: Sequence[str] | None, place: Path, given: dict[str, Any]) -> None:
+    """Certify RSBA's sets of gains in runs of the scenario, and show and write what came out."""
+    with BarProgress() as progress:
+        found = certificates.certificates(scenario, gains, progress, **given)
+    written = certificates.write(found, place)
+    for one in found:
+        if one.problem is None:
+            show(certificate_table(one.joints, one.gains))
+        else:
+            _say(f"{one.gains}: {one.problem}")
+    _say(f"Wrote {place}/: {', '.join(path.name for path in written)}")
 
 
 def _listed(text: str | None) -> list[str] | None:

@@ -12,7 +12,7 @@ from .grid import Grid
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAPER, ROBUSTNESS, STABILITY = "paper", "robustness", "stability"
+PAPER, ROBUSTNESS, STABILITY, CERTIFICATE = "paper", "robustness", "stability", "certificate"
 TABLES = (PAPER, ROBUSTNESS, STABILITY)
 """Comparisons that have a form of their own."""
 

@@ -58,10 +58,15 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenari
         return _of_ssp(file, name, read, given)
     options = Options()
     for layer in (built_in(read.system), read):
-        options = options.updated(layer.options, f"the scenario '{layer.where}'", layer.folder)
-    options = options.updated(given)
+        options = options.updated(_with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
+    options = options.updated(_with_gains(given))
     system = SYSTEMS[read.system](options.controller, options.gains)
     return Scenario(name, read.description, system, options)
+
+
+def _with_gains(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Whoever names a controller without gains wants its usual ones, not those of the one before."""
+    return {"gains": None, **given} if given.get("controller") is not None else given
 
 
 def _of_ssp(path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any]) -> Scenario:

@@ -220,11 +220,11 @@ def _remarks(
     return [sentence for holds, sentence in said if holds]
 
 
-def certificate_table(found: Sequence[JointCertificate]) -> RenderableType:
-    """Constants, predicted bounds and simulated values, a column for each joint."""
-    table = Table(
-        title="Certificate: bounds of the proof beside the run, from 0.3 s on", title_justify="left"
-    )
+def certificate_table(found: Sequence[JointCertificate], gains: str = "") -> RenderableType:
+    """Constants, predicted bounds and simulated values, a column for each joint; `gains` names the set."""
+    of = f" of {gains}" if gains else ""
+    title = f"Certificate{of}: bounds of the proof beside the run, from 0.3 s on"
+    table = Table(title=title, title_justify="left")
     table.add_column("")
     for one in found:
         table.add_column(escape(one.joint), justify="right")

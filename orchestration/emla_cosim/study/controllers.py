@@ -43,36 +43,43 @@ class Controller:
     gains: Mapping[str, Gains] = field(
         default_factory=lambda: {
             "robust": Gains(observer_gains.ROBUST),
+            "compensated": Gains(observer_gains.COMPENSATED),
             "published": Gains(observer_gains.PUBLISHED, printed_estimate=True),
         }
     )
 
 
 _OBSERVER = {**observer_gains.ROBUST, "prototype": observer_gains.robust(800.0)}
-"""Observer of the compared controllers; the prototype's loop runs at 1 kHz."""
+"""Observer of the compared controllers by rule and as published; the prototype's loop runs at 1 kHz."""
 
 CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
         {
+            "compensated": Gains(observer_gains.COMPENSATED, gains.COMPENSATED),
             "robust": Gains(observer_gains.ROBUST, gains.ROBUST),
             "published": Gains(observer_gains.PUBLISHED, gains.PUBLISHED, printed_estimate=True),
-            "compensated": Gains(observer_gains.COMPENSATED, gains.COMPENSATED),
         },
     ),
     "foc": Controller(
         FocController,
-        {"rule": Gains(_OBSERVER, foc_gains.RULE), "tuned": Gains(_OBSERVER, foc_gains.TUNED)},
+        {
+            "rule": Gains(_OBSERVER, foc_gains.RULE),
+            "tuned": Gains(observer_gains.COMPENSATED, foc_gains.TUNED),
+        },
     ),
     "cac": Controller(
         CacController,
-        {"published": Gains(_OBSERVER, cac_gains.PUBLISHED), "tuned": Gains(_OBSERVER, cac_gains.TUNED)},
+        {
+            "published": Gains(_OBSERVER, cac_gains.PUBLISHED),
+            "tuned": Gains(observer_gains.COMPENSATED, cac_gains.TUNED),
+        },
     ),
     "anatc": Controller(
         AnatcController,
         {
             "published": Gains(_OBSERVER, anatc_gains.PUBLISHED),
-            "tuned": Gains(_OBSERVER, anatc_gains.TUNED),
+            "tuned": Gains(observer_gains.COMPENSATED, anatc_gains.TUNED),
         },
     ),
 }

@@ -1,0 +1,91 @@
+"""Certificates of sets of gains side by side: what the stability proof says, beside a run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import polars
+
+from ..errors import CommandError, RunError
+from ..files import writing_to, written_whole
+from ..loading import load
+from ..progress import Progress
+from ..study.certificate import JointCertificate, certificate_rows, certify
+from ..sweep.place import Place
+from .entrants import ALL, entrants
+
+CSV, MARKDOWN = "certificate.csv", "certificate.md"
+
+
+@dataclass(frozen=True)
+class SetCertificate:
+    """The certificates of all joints with one set of gains; `problem` says why there is none."""
+
+    gains: str
+    joints: Sequence[JointCertificate]
+    problem: str | None = None
+
+
+def certificates(
+    scenario: str, gains: Sequence[str] | None, progress: Progress, **options: Any
+) -> list[SetCertificate]:
+    """Certify sets of gains of RSBA, by default all, in a run of the scenario each.
+
+    Raises CommandError for a set that does not exist and for a scenario without such a joint.
+    """
+    sets = [one.gains for one in entrants(["rsba"], gains or [ALL])]
+    progress.begin("certifying", len(sets), "sets of gains")
+    found = []
+    for gain_set in sets:
+        chosen = load(scenario, controller="rsba", gains=gain_set, **options)
+        try:
+            with chosen.prepare() as simulation:
+                found.append(SetCertificate(gain_set, certify(simulation)))
+        except CommandError:
+            raise
+        except RunError as error:
+            found.append(SetCertificate(gain_set, (), str(error)))
+        progress.advance(1)
+    return found
+
+
+def frame(found: Sequence[SetCertificate]) -> polars.DataFrame:
+    """All numbers: a row for each set of gains and figure, with its unit, and a column for each joint."""
+    rows = [
+        {"gains": one.gains, "figure": label, "unit": unit}
+        | dict(zip((joint.joint for joint in one.joints), values, strict=True))
+        for one in found
+        for label, unit, values in certificate_rows(one.joints)
+    ]
+    return polars.DataFrame(rows)
+
+
+def markdown(found: Sequence[SetCertificate]) -> str:
+    """Tables and remarks of all sets."""
+    return "\n".join(line for one in found for line in _section(one))
+
+
+def _section(one: SetCertificate) -> list[str]:
+    lines = [f"## {one.gains}", ""]
+    if one.problem is not None:
+        return [*lines, one.problem, ""]
+    names = [joint.joint for joint in one.joints]
+    lines += [f"| | {' | '.join(names)} | unit |", f"|---|{'---:|' * len(names)}---|"]
+    for label, unit, values in certificate_rows(one.joints):
+        lines.append(
+            f"| {label.replace('|', chr(92) + '|')} | {' | '.join(f'{x:.4g}' for x in values)} | {unit} |"
+        )
+    for joint in one.joints:
+        lines += ["", f"{joint.joint}:", "", *(f"- {remark}" for remark in joint.remarks)]
+    return [*lines, ""]
+
+
+def write(found: Sequence[SetCertificate], folder: Path) -> list[Path]:
+    """Write numbers and tables into a folder, and return the files. Raises CommandError and RunError."""
+    contents = {CSV: frame(found).write_csv(), MARKDOWN: markdown(found)}
+    with Place(folder).alone(), writing_to(folder):
+        for name, text in contents.items():
+            with written_whole(folder / name) as stream:
+                stream.write(text.encode())
+    return [folder / name for name in contents]
