@@ -16,12 +16,12 @@ def test_it_sets_no_enumeration(case: Case) -> None:
     assert set(types.values()) == {"Real", "Integer", "Boolean"}
 
 
-def test_every_signal_but_the_constant_load_moves(case: Case) -> None:
+def test_every_signal_moves_in_one_joint_but_the_constant_load(case: Case) -> None:
     """What rests would agree with anything."""
     still = np.ptp(our_run(case, "jacobi"), axis=0) == 0.0
-    assert [s for s, at_rest in zip(case.signals, still, strict=True) if at_rest] == [
-        ("lift.disturbance", "F_L")
-    ]
+    resting = {".".join(s) for s, at_rest in zip(case.signals, still, strict=True) if at_rest}
+    off = {"lift.disturbance.supply.sag", "lift.plant.inverter.u_available", "lift.observer.d_hat"}
+    assert resting == {"lift.disturbance.F_L", *(off if case.system == study_joint() else ())}
 
 
 def test_the_order_of_exchange_shows(case: Case) -> None:

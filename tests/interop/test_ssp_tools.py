@@ -119,7 +119,7 @@ def too_far(found: Array, expected: Array) -> dict[str, float]:
 
 def test_libcosim_does_what_we_do(package: Path, tmp_path: Path) -> None:
     log_output_level(CosimLogLevel.ERROR)
-    assert len(SIGNALS) == 48
+    assert len(SIGNALS) == 57
     found = libcosim_run(package, STEPS)
     assert too_far(found, our_run(package, tmp_path, STEP, STEPS)) == {}
 

@@ -31,7 +31,8 @@ def study_joint() -> System:
 def moving_joint() -> System:
     """The same, already moving and near its reference, so that all initial values depend on each other.
 
-    In the study itself the controller begins at its limits, whatever the observer tells it.
+    In the study itself the controller begins at its limits, whatever the observer tells it. Here the
+    observer estimates the disturbance as well, and the supply sags for a while.
     """
     start = {
         "plant.start.x_L": 0.244 + 3.0e-6,
@@ -40,6 +41,12 @@ def moving_joint() -> System:
         "plant.i_d": 2.0,
         "observer.start.x_hat": 0.244 + 3.5e-6,
         "observer.v_hat": 2e-3,
+        "observer.use_model": True,
+        "observer.use_measured_current": True,
+        "observer.omega_d": 400.0,
+        "disturbance.supply.depth": 0.1,
+        "disturbance.supply.start": 0.01,
+        "disturbance.supply.duration": 0.01,
     }
     return study_joint().with_parameters({f"lift.{name}": value for name, value in start.items()})
 

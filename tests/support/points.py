@@ -49,6 +49,8 @@ def plant_points(draw: Draw) -> Point:
     quantized = draw(st.booleans())
     steps = draw(st.integers(1, 5)) + draw(st.floats(-0.3, 0.3))
     sag, F_C = magnitude(draw, 0.01, 0.4), magnitude(draw, 10.0, 1e3)
+    # dead time depends on the electrical angle, whose sine loses digits where it is many turns
+    N_p, rho, angle = draw(st.integers(2, 10)), magnitude(draw, 0.1, 1.0), magnitude(draw, 2.0, 20.0)
     values = {
         "supply.sag": sag,
         "u_q": u_q,
@@ -62,14 +64,14 @@ def plant_points(draw: Draw) -> Point:
         "motor.L_d": magnitude(draw, 1e-3, 5e-3),
         "motor.L_q": magnitude(draw, 1e-3, 5e-3),
         "motor.Phi_PM": magnitude(draw, 0.05, 0.3),
-        "motor.N_p": draw(st.integers(2, 10)),
+        "motor.N_p": N_p,
         "motor.J_m": magnitude(draw, 0.005, 0.05),
         "motor.B_m": magnitude(draw, 1e-3, 1e-2),
         "coupling.J_c": magnitude(draw, 1e-3, 1e-2),
-        "gearbox.rho": magnitude(draw, 0.1, 1.0),
+        "gearbox.rho": rho,
         "gearbox.J_GB": magnitude(draw, 1e-3, 1e-2),
         "gearbox.eta_GB": draw(st.floats(0.7, 0.95)),
-        "screw.lead": magnitude(draw, 0.005, 0.03),
+        "screw.lead": 2.0 * math.pi * N_p * x_L / (rho * angle),
         "screw.M_BS": magnitude(draw, 50.0, 500.0),
         "screw.B_BS": magnitude(draw, 1.0, 100.0),
         "screw.C_eq": magnitude(draw, 0.1, 10.0),
