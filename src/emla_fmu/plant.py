@@ -322,7 +322,7 @@ class EmlaPlant(Block):
         nominal=100.0,
         name="inverter.u_available",
         description="Longest voltage vector that the supply allows, as the drive measures it",
-        terminal="drive",
+        terminal="drive.u_available",
     )
     a_L = Output(unit="m/s2", description="Screw acceleration")
     tau_m = Output(unit="N.m", nominal=10.0, description="Motor torque that drives the screw")

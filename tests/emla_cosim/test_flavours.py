@@ -13,6 +13,7 @@ from emla_cosim.study.joint import start_values
 from emla_fmu import observer_gains
 from emla_fmu.drive import DRIVES
 from emla_fmu.parameters import TILT
+from emla_fmu.signal_fault import FaultKind
 from fmublock.platforms import host_platform
 from rsba_fmu import anatc_gains, cac_gains, foc_gains, gains
 from tests.support.slaves import BlockSlave, fmu_slave, interface
@@ -59,7 +60,8 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
     ),
     "RsbaController": (
         start_values(MODELS["RsbaController"], TILT, gains.ROBUST["tilt"]),
-        {"x_hat": 1e-3, "v_hat": 0.05, "i_q": 20, "i_d": 5, "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3},
+        {"x_hat": 1e-3, "v_hat": 0.05, "i_q": 20, "i_d": 5, "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3,
+         "d_hat": 0.5, "u_available": 100.0},
     ),
     "FocController": (
         start_values(MODELS["FocController"], TILT, foc_gains.RULE["tilt"]),
@@ -73,7 +75,7 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         start_values(MODELS["AnatcController"], TILT, anatc_gains.PUBLISHED["tilt"]),
         COMPARED,
     ),
-    "SignalFault": ({"kind": "freeze", "start": 0.1, "duration": 0.2}, {"u": 0.5}),
+    "SignalFault": ({"kind": FaultKind.FREEZE, "start": 0.1, "duration": 0.2}, {"u": 0.5}),
 }  # fmt: skip
 
 

@@ -435,7 +435,10 @@ def test_what_is_no_controller_is_said(fmu_folder: Path) -> None:
     for controller, words in (
         (EmlaPlant, "the controller EmlaPlant is no"),
         (str, "no block of fmublock"),
-        ("pid", "there is no controller 'pid'; choose from rsba, or name FILE.fmu or FILE.py:BLOCK"),
+        (
+            "pid",
+            "no controller 'pid'; choose from rsba, foc, cac and anatc, or name FILE.fmu or FILE.py:BLOCK",
+        ),
         ("robust", "a set of gains, not a controller"),
         (str(fmu_path("EmlaObserver", "native", fmu_folder)), "has no output 'u_q'"),
     ):

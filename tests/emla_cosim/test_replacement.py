@@ -24,7 +24,9 @@ IDEAL = ("--set", "lift.plant.sensor.resolution=0")
 TOLERANCE = 1e-9
 """Per largest value of a signal: rounding, and what the closed loop makes of it in 0.3 s."""
 
-WITHOUT_MAPPING = "the input F_L [N] is missing, and 10 more do not fit; a mapping may help."
+HEAT = ("lift.plant.motor.temperature_rise", "lift.plant.motor.load")
+"""What the other plant does not model."""
+WITHOUT_MAPPING = "the input F_L [N] is missing, and 12 more do not fit; a mapping may help."
 
 
 def ran(emla: Emla, output: str, *arguments: str) -> Result:
@@ -98,7 +100,7 @@ def test_an_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_f
     ran(emla, "ours", "study", "--stop-time", "0.02")
     result = ran(emla, "theirs", "study", "--stop-time", "0.02", "--replace", f"lift.plant={other}")
     assert Path("ours/results.csv").read_bytes() == Path("theirs/results.csv").read_bytes()
-    assert rows(result) == [["", "49 more", "", "same name and unit"]]
+    assert rows(result) == [["", "55 more", "", "same name and unit"]]
     assert record("theirs")["components"]["lift.plant"]["fmu"] == str(other)
     assert record("theirs")["components"]["tilt.plant"]["fmu"] != str(other)
 
@@ -132,7 +134,8 @@ def test_other_names_and_units_give_the_same_results(
     # what they have and we do not comes last
     extra = [name for name in theirs.columns if name not in ours.columns]
     assert extra == ["lift.plant.Motor.IqError_A"]
-    assert too_far(theirs.select(ours.columns), ours, tolerance) == {}
+    common = [name for name in ours.columns if name not in HEAT]
+    assert too_far(theirs.select(common), ours.select(common), tolerance) == {}
     assert metrics("theirs") == pytest.approx(metrics("ours"), rel=1e-6)
 
 
@@ -143,7 +146,8 @@ def test_chosen_steps_are_the_same(emla: Emla, foreign: tuple[str, ...]) -> None
     ran(emla, "theirs", *options, *foreign)
     assert record("theirs")["stepping"]["steps"] == record("ours")["stepping"]["steps"]
     ours, theirs = results("ours"), results("theirs")
-    assert too_far(theirs.select(ours.columns), ours, 1e-4) == {}
+    common = [name for name in ours.columns if name not in HEAT]
+    assert too_far(theirs.select(common), ours.select(common), 1e-4) == {}
 
 
 def test_the_table_says_how_everything_is_converted(emla: Emla, foreign: tuple[str, ...]) -> None:

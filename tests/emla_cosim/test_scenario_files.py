@@ -274,7 +274,10 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
         ('systm = "lift"\n', ["has the key 'systm'", "did you mean 'system'?"]),
         ("stop_time = 1\n", ["my.toml' has no system", 'write system = "study"']),
         ("", ["my.toml' has no system"]),
-        ('system = "crane"\n', ["names the system 'crane'", "neither an SSP nor one of study, lift"]),
+        (
+            'system = "crane"\n',
+            ["names the system 'crane'", "one of study, study-drive, lift"],
+        ),
         ('system = "crane.ssp"\n', ["there is no file 'crane.ssp'"]),
         ("system = 1\n", ["'system' of the scenario 'my.toml' is 1; it must be a text"]),
         ('system = "lift"\ncontroller = "pid"\n', ["no controller 'pid'", "choose from rsba"]),

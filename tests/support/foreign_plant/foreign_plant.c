@@ -214,6 +214,7 @@ static void initialize(State *now) {
     now->x[I_D] = now->reals[I_D];
     now->random = now->integers[SEED];
     write_outputs(now);
+    now->reals[AVAILABLE] = now->reals[LIMIT]; /* sampled by steps, so that it waits for no input */
 }
 
 /* ---- instances ------------------------------------------------------------------------- */
