@@ -19,18 +19,18 @@ _GAINS = {"rsba": "compensated", "foc": "tuned", "cac": "tuned", "anatc": "tuned
 
 @dataclass(frozen=True)
 class _Joint:
-    """RSBA's convergence time in s (Table VI), a start from afar in m, and what else a joint's plans set."""
+    """RSBA's convergence time in s (Table VI), a start from afar in m, and what noise is tried with."""
 
     convergence: float
     far: float
-    set: str = ""
+    noisy: str = ""
 
 
 _JOINTS = {
     "lift": _Joint(0.083, 0.240 - _BEHIND),
     "tilt": _Joint(0.085, 0.385 - _BEHIND),
     # 0.20 m/s: the study's 0.21 m/s are the limit itself, which noise crosses
-    "telescope": _Joint(0.086, 0.500 + _BEHIND, '"telescope.reference.move.duration[1]" = 1.4156'),
+    "telescope": _Joint(0.086, 0.500 + _BEHIND, ', "telescope.reference.move.duration[1]" = 1.4156'),
 }
 
 
@@ -56,5 +56,5 @@ def _text(controller: str, joint: str) -> str:
         inductance=EMLAS[joint].L_q,
         paper_convergence=known.convergence,
         far=known.far,
-        set=known.set,
+        noisy=known.noisy,
     )
