@@ -109,9 +109,9 @@ def compensated(p: float) -> ObserverGains:
 
 
 COMPENSATED = {
-    "lift": compensated(2000.0),
+    "lift": compensated(2200.0),
     "tilt": compensated(2000.0),
-    "telescope": compensated(4000.0),  # little inertia: what noise becomes as torque is little too
+    "telescope": compensated(1800.0),
     "prototype": compensated(300.0),  # at 1 kHz
 }
 """Gains with an estimate of the disturbance by joint: at least twice as fast as the speed loop."""

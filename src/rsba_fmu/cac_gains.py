@@ -14,6 +14,8 @@ class CacGains:
     omega_n: tuple[float, float] = (5000.0, 10000.0)
     a_max: float = 1.2
     compensate: bool = False
+    internal_step: float = 2e-5
+    """In s; a fifth of the fastest command filter's time constant, so that Runge-Kutta is exact to 1e-3."""
     weaken_field: bool = False
 
 
