@@ -41,12 +41,9 @@ def tuned(k_1: float, k_2: float, lambda_1: float, w_c: float, lambda_2: float, 
 
 
 TUNED = {
-    "lift": tuned(347.0, 5.97, 2100.0, 3330.0, 0.957, a_max=1.2),
-    "tilt": tuned(352.0, 4.32, 1200.0, 3330.0, 0.949, a_max=1.2),
-    "telescope": tuned(320.0, 0.39, 230.0, 3330.0, 0.0737, a_max=10.0),
+    "lift": tuned(1485.0, 1.89, 4014.0, 1919.0, 9.68, a_max=1.2),
+    "tilt": tuned(328.0, 0.844, 997.0, 3399.0, 1.12, a_max=1.2),
+    "telescope": tuned(268.0, 1.01, 122.0, 1957.0, 0.0151, a_max=10.0),
     "prototype": tuned(206.0, 0.5, 30.2, 274.0, 0.0266, a_max=1.2),
 }
-"""Least error with a sample of delay: as it is, with 0.1 um of noise, and at 1.6 times the gain of the speed.
-
-Current loops are no faster than the magnitude optimum of `foc_gains.rule` has them.
-"""
+"""What `emla tune anatc-lift` and its like find; for the prototype by a search of its own."""

@@ -49,9 +49,9 @@ def tuned(k_p: float, k_v: float, w_c: float, a_max: float) -> FocGains:
 
 
 TUNED = {
-    "lift": tuned(400.0, 500.0, 1800.0, a_max=1.2),
+    "lift": tuned(1464.0, 543.0, 2336.0, a_max=1.2),
     "tilt": tuned(415.0, 332.0, 1400.0, a_max=1.2),
-    "telescope": tuned(400.0, 500.0, 1800.0, a_max=10.0),
-    "prototype": tuned(40.0, 50.0, 180.0, a_max=1.2),
+    "telescope": tuned(478.0, 592.0, 1936.0, a_max=10.0),
+    "prototype": tuned(60.0, 100.0, 200.0, a_max=1.2),
 }
-"""Found by `emla tune`; the prototype's are the lift's for a sample time ten times as long."""
+"""What `emla tune foc-lift` and its like find; for the prototype set by hand."""

@@ -79,7 +79,7 @@ def test_observer_and_controller_sample_at_1_khz_beside_a_plant_at_10_khz(fmu_fo
 
 def test_a_sampled_controller_computes_from_the_values_of_its_sample(fmu_folder: Path) -> None:
     """RSBA's reference of the current, (31) with all repairs, from what stands in the same row."""
-    with ec.load("prototype", fmus=fmu_folder, stop_time=2.0).prepare() as simulation:
+    with ec.load("prototype", gains="robust", fmus=fmu_folder, stop_time=2.0).prepare() as simulation:
         result = simulation.run(output_interval=1e-3)
     row = {n: result[f"prototype.{n}"][1500:] for n in ("reference.x_d", "observer.x_hat", "observer.v_hat")}
     late = {n: result[f"prototype.{n}"][1499:-1] for n in row}

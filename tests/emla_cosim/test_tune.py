@@ -196,7 +196,7 @@ def test_plans_of_the_study_run(name: str, cluster: Client, fmu_folder: Path) ->
     plan = ec.tune(name, evaluations=1, validation=1, stop_time=0.31, scheduler=cluster, fmus=fmu_folder)
     assert plan.complete
     assert all(value is not None for value in plan.start.values.values())
-    assert len(plan.start.training.worst) == 8
+    assert len(plan.start.training.worst) == 10
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,13 @@ class Controller:
 _OBSERVER = {**observer_gains.ROBUST, "prototype": observer_gains.robust(800.0)}
 """Observer of the compared controllers by rule and as published; the prototype's loop runs at 1 kHz."""
 
+
+def _tuned(lift: float, tilt: float, telescope: float, prototype: float = 300.0) -> Mapping[str, Any]:
+    """The compensated observer with poles at these rates in rad/s, as `emla tune` finds them."""
+    poles = {"lift": lift, "tilt": tilt, "telescope": telescope, "prototype": prototype}
+    return {joint: observer_gains.compensated(p) for joint, p in poles.items()}
+
+
 CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
@@ -65,21 +72,21 @@ CONTROLLERS: dict[str, Controller] = {
         FocController,
         {
             "rule": Gains(_OBSERVER, foc_gains.RULE),
-            "tuned": Gains(observer_gains.COMPENSATED, foc_gains.TUNED),
+            "tuned": Gains(_tuned(1959.0, 2000.0, 2603.0), foc_gains.TUNED),
         },
     ),
     "cac": Controller(
         CacController,
         {
             "published": Gains(_OBSERVER, cac_gains.PUBLISHED),
-            "tuned": Gains(observer_gains.COMPENSATED, cac_gains.TUNED),
+            "tuned": Gains(_tuned(1036.0, 667.0, 2890.0), cac_gains.TUNED),
         },
     ),
     "anatc": Controller(
         AnatcController,
         {
             "published": Gains(_OBSERVER, anatc_gains.PUBLISHED),
-            "tuned": Gains(observer_gains.COMPENSATED, anatc_gains.TUNED),
+            "tuned": Gains(_tuned(1403.0, 1441.0, 900.0), anatc_gains.TUNED),
         },
     ),
 }
