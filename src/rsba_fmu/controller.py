@@ -54,6 +54,13 @@ class RsbaController(Block):
       inverter can do, so that the controller knows when it saturates.
     - `freeze_adaptation`: (32) integrates errors that a saturated actuator cannot remove
       (theta_hat of 1e14 seen). Adaptation stops while its subsystem saturates and at theta_max.
+    - `compensate`, `omega_u`: (39) leaves d_2, d_3 and d_4 to the feedback, which lets
+      4 d_2 / (beta_1 beta_2) of position error stand. What observer (d_hat) and currents say of
+      them is taken off; the proof then speaks of what is left of d_i.
+    - `limit_speed`: a start some millimetres off asks for speeds at which back-EMF takes the voltage
+      that braking needs. The approach keeps to v_max and to the base speed.
+    - `weaken_field`: beyond the base speed i_d* makes room for i_q*, and P_4 = i_d - i_d*.
+    - `measure_supply`: the voltage limit is u_available where that is less than u_max.
 
     |P_i|^2 in (32) is the plain square.
     """
