@@ -374,7 +374,7 @@ START_VALUES: dict[str, dict[str, Any]] = {
         "d_4.phase": SURROUNDINGS.cosine_4[2],
         **dict(zip(("supply.depth", "supply.start", "supply.duration"), SURROUNDINGS.sag, strict=True)),
     },
-    "RsbaController": {"compensate": 1.0, "omega_u": OMEGA_U},
+    "RsbaController": {"compensate": True, "omega_u": OMEGA_U},
     "FocController": {"omega_d": 500.0},
     "CacController": indexed("omega_n", (500.0, 1000.0)),  # the usual ones are too fast for RK4 to be exact
     "AnatcController": {},

@@ -75,8 +75,9 @@ def _watched(run: Callable[[], None], parent: int) -> None:
         black_box.present().ended = 1
         raise
     except Exception:  # nothing can be relied on, not even that Python comes to its end
-        with contextlib.suppress(Exception):
-            traceback.print_exc()
+        if not black_box.present().ended:  # where memory ends, so does what raises SystemExit
+            with contextlib.suppress(Exception):
+                traceback.print_exc()
         os._exit(1)
     black_box.present().ended = 1
 

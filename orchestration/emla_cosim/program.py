@@ -11,6 +11,11 @@ from typing import TextIO
 
 from .interruption import ask_no_more, ending_at_once
 
+try:
+    import resource  # while there is memory for it
+except ImportError:  # of Windows
+    resource = None
+
 COLLECT = 50_000
 """Objects made between two looks for garbage: imports make many that stay, which need no look every 700."""
 
@@ -59,9 +64,7 @@ def _run() -> None:
 
 def _memory_limit() -> int | None:
     """Bytes of memory that this process may address; None without a limit, or where nobody knows."""
-    try:
-        import resource
-    except ImportError:
+    if resource is None:
         return None
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     return None if limit == resource.RLIM_INFINITY else limit
@@ -109,5 +112,8 @@ def _interrupted() -> None:
 
 
 def _end(sentence: str) -> None:
+    from . import black_box
+
     sys.stderr.write(f"{sentence}\n")
+    black_box.present().ended = 1  # whatever the end of Python itself still fails at
     sys.exit(1)

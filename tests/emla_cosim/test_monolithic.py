@@ -123,8 +123,8 @@ def test_limit_of_short_steps_is_the_solution_of_the_whole(runs: list[Run], solu
     extrapolated = (64.0 * d - 56.0 * c + 14.0 * b - a) / 21.0
     left = np.abs(extrapolated - solution).max(axis=0) / ranges(solution)
     by_name = dict(zip(paper.JOINT_STATES, left, strict=True))
-    # the fourth term leaves 2e-6; without F_2 of (84), the smallest effect, 3e-5 would be left
-    assert {name: by_name[name] for name in FIRST_ORDER if by_name[name] > 5e-6} == {}
+    # the fourth term leaves 2e-6 to 5e-6; without F_2 of (84), the smallest effect, 3e-5 would be left
+    assert {name: by_name[name] for name in FIRST_ORDER if by_name[name] > 8e-6} == {}
     # theta integrates squares, eta_hat |y_bar| with its kink: 3e-5 is left of both
     assert {name: value for name, value in by_name.items() if value > 1e-4} == {}
 

@@ -69,6 +69,8 @@ def lift(gains: str = "robust") -> System:
         "observer.start.eta_hat": START["eta_hat"],
         "observer.v_hat": START["v_hat"],
     }
+    if gains == "compensated":  # with its gain of the position, braking begins at a tenth of the distance
+        given["controller.limit.a_max"] = 12.0
     system = load("lift", gains=gains).system
     return system.with_parameters({f"lift.{name}": value for name, value in given.items()})
 
