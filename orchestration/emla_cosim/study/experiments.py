@@ -7,7 +7,6 @@ from itertools import pairwise
 from math import tau
 from typing import Any
 
-from emla_fmu import EmlaPlant
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.parameters import EMLAS
 from emla_fmu.reference import MOVES, quintic_duration
@@ -94,13 +93,12 @@ def _prototype(experiment: Experiment, measured: bool, controller: Choice, gains
 
 def _drive(i_range: float) -> dict[str, Any]:
     """What the sensors and the computing time of the drive do; all of it assumed, but for the sample."""
-    effects = {
+    return {
         "sigma": 1e-8,  # 3 steps of the encoder
         "delay": SAMPLE,
         "sigma_i": 1e-3 * i_range,
         "resolution_i": 2.0 * i_range / 2**12,
     }
-    return {name: value for name, value in effects.items() if hasattr(EmlaPlant, name)}
 
 
 SYSTEMS: dict[str, Callable[[Choice, Choice], System]] = {
