@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from fmublock import (
-    Block,
     DefaultExperiment,
     DiscreteState,
     Input,
@@ -16,12 +15,11 @@ from fmublock import (
     logical_and,
     maximum,
     minimum,
-    sign,
-    sqrt,
     where,
 )
 
 from . import drive_laws
+from .known_drive import KnownDrive
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Laws:
     voltage_limited: Any
 
 
-class RsbaController(Block):
+class RsbaController(KnownDrive):
     """Robust subsystem-based adaptive control of one EMLA, (26) to (41) of the paper.
 
     Four subsystems: 1 position, 2 speed, 3 q-axis current, 4 d-axis current; arrays are indexed
@@ -131,40 +129,9 @@ class RsbaController(Block):
         name="limit.i_reserve",
         description="Part of i_max that is kept for what noise and delay add",
     )
-    a_max = Parameter(1.2, unit="m/s2", minimum=1e-6, name="limit.a_max", description="Braking acceleration")
-    i_max = Parameter(105.0, unit="A", minimum=1e-6, name="limit.i_max", description="Largest q-axis current")
-    u_max = Parameter(445.0, unit="V", minimum=1e-6, name="limit.u_max", description="Longest voltage vector")
     theta_max = Parameter(
         1e6, minimum=0.0, name="limit.theta_max", description="Largest adaptation parameter"
     )
-
-    R_s = Parameter(
-        0.14, unit="Ohm", minimum=0.0, name="model.R_s", description="Stator resistance, as known"
-    )
-    L_d = Parameter(
-        2.4e-3, unit="H", minimum=1e-9, name="model.L_d", description="d-axis inductance, as known"
-    )
-    L_q = Parameter(
-        2.4e-3, unit="H", minimum=1e-9, name="model.L_q", description="q-axis inductance, as known"
-    )
-    Phi_PM = Parameter(
-        0.15, unit="Wb", minimum=1e-9, name="model.Phi_PM", description="Magnet flux, as known"
-    )
-    N_p = Parameter(8, minimum=1, name="model.N_p", description="Number of pole pairs, as known")
-    alpha_RL = Parameter(
-        2199.0,
-        unit="rad/m",
-        minimum=1e-9,
-        name="model.alpha_RL",
-        description="Motor angle per travel, as known",
-    )
-    A_eq = Parameter(
-        35.26, unit="kg.m", minimum=1e-9, name="model.A_eq", description="Equivalent inertia, as known"
-    )
-    B_eq = Parameter(
-        3.67, unit="kg.m/s", minimum=0.0, name="model.B_eq", description="Equivalent friction, as known"
-    )
-    C_eq = Parameter(0.0, unit="N", minimum=0.0, name="model.C_eq", description="Torque per travel, as known")
 
     theta = State(0.0, shape=4, minimum=0.0, description="Adaptation parameter theta_hat")
 
@@ -216,7 +183,7 @@ class RsbaController(Block):
 
     def laws(self, v: Any) -> "Laws":
         """The laws (30), (31) and (39), within the limits."""
-        A_2 = 1.5 * v.N_p * v.Phi_PM / v.A_eq
+        A_2 = drive_laws.acceleration_per_current(v)
         A_3, A_4 = 1.0 / v.L_q, 1.0 / v.L_d
         g_2, g_3, g_4 = self.model(v)
         u_max = self.known_voltage(v)
@@ -265,8 +232,7 @@ class RsbaController(Block):
     def model(self, v: Any) -> tuple[Any, Any, Any]:
         """g_2, g_3, g_4 of Table I (g_1 = 0)."""
         omega_e = v.N_p * v.alpha_RL * v.v_hat
-        reluctance = 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
-        g_2 = (reluctance - v.B_eq * v.v_hat - v.C_eq * v.x_hat) / v.A_eq
+        g_2 = drive_laws.known_acceleration(v, v.i_d)
         g_3 = (-v.R_s * v.i_q - omega_e * (v.i_d * v.L_d + v.Phi_PM)) / v.L_q
         g_4 = (-v.R_s * v.i_d + omega_e * v.i_q * v.L_q) / v.L_d
         return g_2, g_3, g_4
@@ -274,11 +240,7 @@ class RsbaController(Block):
     def approach_speed(self, v: Any, P_1: Any) -> Any:
         """First term of -a_1 in m/s: k P_1, or what a_max can brake where that is less."""
         k = (v.beta[0] + v.zeta[0] * v.theta[0]) / 2.0
-        e = abs(P_1)
-        # here the braking parabola touches the line; beyond it lies below
-        linear_range = v.a_max / (k * k)
-        braking = sqrt(2.0 * v.a_max * (e - 0.5 * linear_range))
-        limited = where(e > linear_range, sign(P_1) * braking, k * P_1)
+        limited, _ = drive_laws.braked(v.a_max, k, P_1)
         return where(v.limit_acceleration, limited, k * P_1)
 
     def adaptation(self, v: Any, i: int, P_i: Any, frozen: Any) -> Any:

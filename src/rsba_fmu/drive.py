@@ -2,15 +2,16 @@
 
 from typing import Any
 
-from fmublock import Block, DefaultExperiment, Input, Output, Parameter
+from fmublock import DefaultExperiment, Input, Output, Parameter
 
 from . import drive_laws
+from .known_drive import KnownDrive
 
 
-class DriveController(Block):
+class DriveController(KnownDrive):
     """Base of controllers that fit into a joint in the place of `RsbaController`.
 
-    Subclasses add gains, states and equations; limits and model are here.
+    Subclasses add gains, states and equations; ports and limits are here.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
@@ -39,38 +40,7 @@ class DriveController(Block):
     weaken_field = Parameter(
         True, description="Let i_d weaken the field where back-EMF leaves i_q too little voltage"
     )
-    a_max = Parameter(1.2, unit="m/s2", minimum=1e-6, name="limit.a_max", description="Braking acceleration")
     v_max = Parameter(0.136, unit="m/s", minimum=1e-6, name="limit.v_max", description="Largest screw speed")
-    i_max = Parameter(105.0, unit="A", minimum=1e-6, name="limit.i_max", description="Largest q-axis current")
-    u_max = Parameter(445.0, unit="V", minimum=1e-6, name="limit.u_max", description="Longest voltage vector")
-
-    R_s = Parameter(
-        0.14, unit="Ohm", minimum=0.0, name="model.R_s", description="Stator resistance, as known"
-    )
-    L_d = Parameter(
-        2.4e-3, unit="H", minimum=1e-9, name="model.L_d", description="d-axis inductance, as known"
-    )
-    L_q = Parameter(
-        2.4e-3, unit="H", minimum=1e-9, name="model.L_q", description="q-axis inductance, as known"
-    )
-    Phi_PM = Parameter(
-        0.15, unit="Wb", minimum=1e-9, name="model.Phi_PM", description="Magnet flux, as known"
-    )
-    N_p = Parameter(8, minimum=1, name="model.N_p", description="Number of pole pairs, as known")
-    alpha_RL = Parameter(
-        2199.0,
-        unit="rad/m",
-        minimum=1e-9,
-        name="model.alpha_RL",
-        description="Motor angle per travel, as known",
-    )
-    A_eq = Parameter(
-        35.26, unit="kg.m", minimum=1e-9, name="model.A_eq", description="Equivalent inertia, as known"
-    )
-    B_eq = Parameter(
-        3.67, unit="kg.m/s", minimum=0.0, name="model.B_eq", description="Equivalent friction, as known"
-    )
-    C_eq = Parameter(0.0, unit="N", minimum=0.0, name="model.C_eq", description="Torque per travel, as known")
 
     u_q = Output(unit="V", nominal=100.0, description="q-axis voltage", terminal="drive")
     u_d = Output(unit="V", nominal=100.0, description="d-axis voltage", terminal="drive")

@@ -107,18 +107,24 @@ def fastest(v: Any, u: Any) -> Any:
     return maximum(minimum(0.95 * v.v_max, base_speed(v, u)), 1.02 * abs(v.v_d))
 
 
+def braked(a_max: Any, k: Any, e: Any) -> tuple[Any, Any]:
+    """Speed in m/s that makes up for an error e in m, and its slope over e in 1/s.
+
+    k e where that is less, else what `a_max` can brake: sqrt(2 a_max (|e| - a_max / (2 k^2))).
+    """
+    distance = abs(e)
+    linear_range = a_max / (k * k)  # here the braking parabola touches the line; beyond it lies below
+    braking = sqrt(2.0 * a_max * maximum(distance - 0.5 * linear_range, 0.5 * linear_range))
+    is_linear = distance <= linear_range
+    return where(is_linear, k * e, sign(e) * braking), where(is_linear, k, a_max / braking)
+
+
 def approach(v: Any, k: Any, e: Any) -> tuple[Any, Any]:
     """Speed in m/s beside v_d that makes up for an error e in m, and its slope over e in 1/s.
 
-    k e where that is least; what `a_max` can brake, min(k |e|, sqrt(2 a_max (|e| - a_max / (2 k^2))));
-    and with v_d together at most `fastest`.
+    As `braked` says, and with v_d together at most `fastest`.
     """
-    distance = abs(e)
-    linear_range = v.a_max / (k * k)  # here the braking parabola touches the line; beyond it lies below
-    braking = sqrt(2.0 * v.a_max * maximum(distance - 0.5 * linear_range, 0.5 * linear_range))
-    is_linear = distance <= linear_range
-    wanted = sign(e) * where(is_linear, k * distance, braking)
-    slope = where(is_linear, k, v.a_max / braking)
+    wanted, slope = braked(v.a_max, k, e)
     most = fastest(v, available_voltage(v))
     w = clamp(v.v_d + wanted, -most, most) - v.v_d
     return w, where(abs(v.v_d + wanted) < most, slope, 0.0)

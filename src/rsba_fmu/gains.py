@@ -1,6 +1,6 @@
 """Gains of the RSBA controller: as published, and repaired."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 Four = tuple[float, float, float, float]
 
@@ -112,18 +112,9 @@ def compensated(T_s: float, k_1: float, k_2: float, a_max: float) -> RsbaGains:
     Adaptation is off: theta_hat follows |P|^2, which with noise is noise. With zeta = 100 the errors of the
     study fall by a tenth, and 1 um of noise takes lift and tilt beyond tau_max.
     """
-    return RsbaGains(
-        beta=(2.0 * k_1 / T_s, 2.0 * k_2 / T_s, 0.4 / T_s, 0.4 / T_s),
-        zeta=(0.0, 0.0, 0.0, 0.0),
-        delta=(1.0, 1.0, 1.0, 1.0),
-        sigma=(1.0, 1.0, 1.0, 1.0),
-        x_2d_in_a_1=False,
-        feed_acceleration=True,
-        limit_acceleration=True,
-        limit_current=True,
-        limit_voltage=True,
-        freeze_adaptation=True,
-        a_max=a_max,
+    repaired = robust(2.0 * k_1 / T_s, 2.0 * k_2 / T_s, a_max, beta_3=0.4 / T_s, zeta=0.0)
+    return replace(
+        repaired,
         limit_speed=True,
         compensate=True,
         weaken_field=True,
