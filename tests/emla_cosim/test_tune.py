@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -246,7 +247,14 @@ def test_expressions_are_those_of_python() -> None:
     found = expression("-a.b[1] ** 2 / (4 - a.c) + max(a.c, sqrt(9), 1e0)", "here")
     assert found.names == {"a.b[1]", "a.c"}
     assert found.value(known) == -(3.0**2) / 2 + 3.0
-    assert math.isnan(expression("log(0 * a.c)", "here").value(known))
+    for without in ("log(0 * a.c)", "10**10**10", "max((0 - a.c) ** 0.5, 1)", "9" * 400):
+        assert math.isnan(expression(without, "here").value(known))
+
+
+@pytest.mark.parametrize("text", ["max(1)", "max()", "sqrt(1, 2)", "abs()", "log(1, 2, 3)", "max(*a)", "1j"])
+def test_what_is_no_expression_is_named(text: str) -> None:
+    with pytest.raises(CommandError, match=re.escape(f"here: '{text}' is no expression; write one of")):
+        expression(text, "here")
 
 
 def test_what_is_lost_later_or_less_is_better() -> None:

@@ -14,7 +14,7 @@ _OPERATIONS = {
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
+    ast.Pow: math.pow,  # that of operator is complex for roots of less than 0, and has no end for 10**10**10
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
@@ -39,10 +39,9 @@ class Expression:
     def value(self, known: Mapping[str, float]) -> float:
         """Its value, in whatever unit comes of it; NaN where there is none, as of log(0)."""
         try:
-            found = _value(self.tree, known)
+            return float(_value(self.tree, known))
         except (ArithmeticError, ValueError):
             return math.nan
-        return math.nan if isinstance(found, complex) else float(found)
 
 
 def expression(text: str, where: str) -> Expression:
@@ -54,7 +53,7 @@ def expression(text: str, where: str) -> Expression:
     try:
         tree = ast.parse(text.strip(), mode="eval").body
         names = frozenset(_names(tree))
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
+    except (SyntaxError, TypeError, ValueError, RecursionError, MemoryError):
         raise CommandError(
             f"{where}: '{text}' is no expression; write one of numbers, names, + - * / ** and "
             f"{listed(_FUNCTIONS)}.",
@@ -64,7 +63,7 @@ def expression(text: str, where: str) -> Expression:
 
 
 def _names(tree: ast.expr) -> set[str]:
-    """The names in a tree; ValueError for what is no arithmetic."""
+    """The names in a tree; ValueError for what is no arithmetic, TypeError for too few or many arguments."""
     if isinstance(tree, ast.Constant) and type(tree.value) in (int, float):
         return set()
     if (name := _name(tree)) is not None:
@@ -73,7 +72,8 @@ def _names(tree: ast.expr) -> set[str]:
         return _names(tree.left) | _names(tree.right)
     if isinstance(tree, ast.UnaryOp) and type(tree.op) in _OPERATIONS:
         return _names(tree.operand)
-    if isinstance(tree, ast.Call) and not tree.keywords and tree.args and _function(tree) is not None:
+    if isinstance(tree, ast.Call) and not tree.keywords and (function := _function(tree)) is not None:
+        function(*(2.0 for _ in tree.args))  # TypeError where it takes more of them, or less
         return set[str]().union(*map(_names, tree.args))
     raise ValueError
 
