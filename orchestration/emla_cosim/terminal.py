@@ -55,20 +55,20 @@ def show_result(
 ) -> None:
     """The metrics as tables, how the steps were made, and where everything is."""
     for remark in result.remarks:
-        _say(remark)
+        say(remark)
     span = result.end_s - result.times.start
     for kind, figures in result.metrics.items():
         if result.shown[kind]:
             show(_figures(f"{result.name}, {span:g} s simulated", figures, result.shown[kind]))
     for note in notes:
-        _say(f"Note: {note}.")
+        say(f"Note: {note}.")
     if result.comparisons:
         _show_agreement(result)
     for line in _speed(result):
-        _say(line)
-    _say(f"Wrote {output.path}/: {output.results.name}, metrics.json, run.json")
+        say(line)
+    say(f"Wrote {output.path}/: {output.results.name}, metrics.json, run.json")
     if pictures:
-        _say(f"Pictures: {', '.join(path.name for path in pictures)}")
+        say(f"Pictures: {', '.join(path.name for path in pictures)}")
 
 
 def show_error(sentence: str) -> None:
@@ -88,7 +88,7 @@ def show_file(path: Path) -> None:
     show(f"{escape(str(path))}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
     """One line as it is: names in it are no markup."""
     show(text, markup=False, highlight=False, soft_wrap=True)
 
@@ -111,7 +111,7 @@ def _show_agreement(result: "Result") -> None:
 
     left = that_left(result.comparisons)
     place = result.record["reference"]["run"]
-    _say(f"{len(result.comparisons) - len(left)} of {len(result.comparisons)} signals agree with {place}")
+    say(f"{len(result.comparisons) - len(left)} of {len(result.comparisons)} signals agree with {place}")
     if not left:
         return
     table = Table("signal", "left at / s", "off by", "allowed", "", "at / s")

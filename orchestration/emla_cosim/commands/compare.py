@@ -16,7 +16,8 @@ from ..errors import CommandError, CosimError
 from ..option import COMPARE
 from ..results.output_folder import results_folder
 from ..study.certificate import certificate_table
-from ..terminal import show
+from ..terminal import say, show
+from .options import Scheduler, Workers
 
 OPTIONS = COMPARE
 """Options that the command takes."""
@@ -24,7 +25,7 @@ OPTIONS = COMPARE
 _MOST_LOST = 12
 """So many joints that were lost are shown; the file has all."""
 
-_WHO, _WHERE = "What is compared", "Where it runs"
+_WHO = "What is compared"
 
 
 def command(
@@ -63,18 +64,8 @@ def command(
             rich_help_panel=_WHO,
         ),
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Without: this machine's cores.",
-            metavar="ADDRESS",
-            rich_help_panel=_WHERE,
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(help="Processes on this machine. Without: one per core.", rich_help_panel=_WHERE),
-    ] = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
 ) -> None:
     """Run a scenario with several controllers side by side, into an output folder."""
     output, plots = given.pop("output", None), given.pop("plots", True)
@@ -121,8 +112,8 @@ def _certify(scenario: str, gains: Sequence[str] | None, place: Path, given: dic
         if one.problem is None:
             show(certificate_table(one.joints, one.gains))
         else:
-            _say(f"{one.gains}: {one.problem}")
-    _say(f"Wrote {place}/: {', '.join(path.name for path in written)}")
+            say(f"{one.gains}: {one.problem}")
+    say(f"Wrote {place}/: {', '.join(path.name for path in written)}")
 
 
 def _listed(text: str | None) -> list[str] | None:
@@ -138,18 +129,14 @@ def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
         if len(lines) > len(shown):
             shown.append(f"and {len(lines) - len(shown)} more, in {place / MARKDOWN}")
         for line in shown:
-            _say(line)
+            say(line)
     for grid in result.grids:
         show(grid.rich())
         for sentence in grid.under:
-            _say(sentence)
+            say(sentence)
     for note in result.notes:
-        _say(note)
-    _say(f"{result.rows['run'].n_unique()} runs in {result.wall_s:.0f} s")
-    _say(f"Wrote {place}/: {CSV}, {MARKDOWN}, {RECORD}")
+        say(note)
+    say(f"{result.rows['run'].n_unique()} runs in {result.wall_s:.0f} s")
+    say(f"Wrote {place}/: {CSV}, {MARKDOWN}, {RECORD}")
     if pictures:
-        _say(f"Pictures: {', '.join(path.name for path in pictures)}")
-
-
-def _say(line: str) -> None:
-    show(line, markup=False, highlight=False, soft_wrap=True)
+        say(f"Pictures: {', '.join(path.name for path in pictures)}")

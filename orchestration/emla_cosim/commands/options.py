@@ -17,6 +17,26 @@ from ..options import table
 SOURCE = "Name of a scenario (`emla list` shows them), scenario file (.toml), or SSP (.ssp, .ssd, folder)."
 """What commands that take a scenario say of it."""
 
+PLAN = "Plan (.toml, or its name), or scenario as `emla run` takes it."
+"""What commands that take a plan say of it."""
+
+RUNS = "Where it runs"
+"""The part of the help that is about processes."""
+
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Without: this machine's cores.",
+        metavar="ADDRESS",
+        rich_help_panel=RUNS,
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(help="Processes on this machine. Without: one per core.", rich_help_panel=RUNS),
+]
+"""Options of commands that have many runs."""
+
 
 def with_options(function: Callable[..., None], command: str) -> Callable[..., None]:
     """A function with the options of a command; those that are given reach it in `given`, by name.

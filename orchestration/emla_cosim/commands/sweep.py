@@ -20,7 +20,8 @@ from ..sweep.result import DONE, STATUS, SweepResult
 from ..sweep.sampling import SAMPLINGS
 from ..sweep.summary import commands, summary
 from ..sweep.sweeping import sweep
-from ..terminal import show
+from ..terminal import say, show
+from .options import PLAN, RUNS, Scheduler, Workers
 
 OPTIONS = SWEEP
 """Options that the command takes."""
@@ -28,14 +29,11 @@ OPTIONS = SWEEP
 _MOST_LETTERS = 1600
 """Of commands that are shown."""
 
-_SOURCE = "Plan (.toml, or its name), or scenario as `emla run` takes it."
-_VARIES, _RUNS = "What varies", "Where it runs"
+_VARIES = "What varies"
 
 
 def command(
-    plan: Annotated[
-        str, typer.Argument(help="Plan (.toml, or its name), or scenario as `emla run` takes it.")
-    ],
+    plan: Annotated[str, typer.Argument(help=PLAN)],
     given: dict[str, Any],
     vary: Annotated[
         list[str] | None,
@@ -73,20 +71,10 @@ def command(
             rich_help_panel="What comes out",
         ),
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Without: this machine's cores.",
-            metavar="ADDRESS",
-            rich_help_panel=_RUNS,
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(help="Processes on this machine. Without: one per core.", rich_help_panel=_RUNS),
-    ] = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with what the output folder has.", rich_help_panel=_RUNS)
+        bool, typer.Option("--resume", help="Go on with what the output folder has.", rich_help_panel=RUNS)
     ] = False,
 ) -> None:
     """Run many variants of a scenario into an output folder."""
@@ -126,7 +114,7 @@ def _show(result: SweepResult, place: Path, pictures: Sequence[Path]) -> None:
     if pictures:
         lines.append(f"Pictures: {', '.join(path.name for path in pictures)}")
     for line in lines:
-        show(line, markup=False, highlight=False, soft_wrap=True)
+        say(line)
 
 
 def _short(lines: Sequence[str], place: Path) -> Sequence[str]:

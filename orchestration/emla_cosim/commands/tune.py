@@ -10,24 +10,22 @@ from ..errors import CosimError
 from ..option import SWEEP
 from ..results.output_folder import results_folder
 from ..sweep.distributions import FORMS
-from ..terminal import show
+from ..terminal import say, show
 from ..tune.folder import BEST, HISTORY, PICTURE, RECORD
 from ..tune.plan import tuning_of
 from ..tune.result import TuneResult
 from ..tune.summary import lines, summary
 from ..tune.tuning import tune
-from .options import pairs
+from .options import PLAN, Scheduler, Workers, pairs
 
 OPTIONS = SWEEP
 """Options that the command takes."""
 
-_WANTED, _TRIED, _RUNS = "What is wanted", "What is tried", "Where it runs"
+_WANTED, _TRIED = "What is wanted", "What is tried"
 
 
 def command(
-    plan: Annotated[
-        str, typer.Argument(help="Plan (.toml, or its name), or scenario as `emla run` takes it.")
-    ],
+    plan: Annotated[str, typer.Argument(help=PLAN)],
     given: dict[str, Any],
     vary: Annotated[
         list[str] | None,
@@ -81,18 +79,8 @@ def command(
     seed: Annotated[
         int | None, typer.Option(help="Seed of whatever is drawn. Without: 0.", rich_help_panel=_TRIED)
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Without: this machine's cores.",
-            metavar="ADDRESS",
-            rich_help_panel=_RUNS,
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(help="Processes on this machine. Without: one per core.", rich_help_panel=_RUNS),
-    ] = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
 ) -> None:
     """Look for gains of a scenario's controllers, into an output folder."""
     found = tuning_of(plan)
@@ -131,4 +119,4 @@ def _show(result: TuneResult, place: Path, plots: bool) -> None:
         show(part)
     files = [BEST, RECORD, HISTORY, *([PICTURE] if plots else [])]
     for line in (*lines(result), f"emla run {place / BEST}", f"Wrote {place}/: {', '.join(files)}"):
-        show(line, markup=False, highlight=False, soft_wrap=True)
+        say(line)
