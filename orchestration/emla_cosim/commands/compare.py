@@ -105,15 +105,16 @@ def _check_certificate(controllers: str | None, *others: Any) -> None:
 
 def _certify(scenario: str, gains: Sequence[str] | None, place: Path, given: dict[str, Any]) -> None:
     """Certify RSBA's sets of gains in runs of the scenario, and show and write what came out."""
-    with BarProgress() as progress:
+    folder = certificates.CertificateFolder(place)
+    with BarProgress() as progress, folder.alone():
         found = certificates.certificates(scenario, gains, progress, **given)
-    written = certificates.write(found, place)
+        folder.write(found)
     for one in found:
         if one.problem is None:
             show(certificate_table(one.joints, one.gains))
         else:
             say(f"{one.gains}: {one.problem}")
-    say(f"Wrote {place}/: {', '.join(path.name for path in written)}")
+    say(f"Wrote {place}/: {certificates.CSV}, {certificates.MARKDOWN}")
 
 
 def _listed(text: str | None) -> list[str] | None:

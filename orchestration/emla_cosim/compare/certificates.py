@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import polars
@@ -81,11 +80,16 @@ def _section(one: SetCertificate) -> list[str]:
     return [*lines, ""]
 
 
-def write(found: Sequence[SetCertificate], folder: Path) -> list[Path]:
-    """Write numbers and tables into a folder, and return the files. Raises CommandError and RunError."""
-    contents = {CSV: frame(found).write_csv(), MARKDOWN: markdown(found)}
-    with Place(folder).alone(), writing_to(folder):
-        for name, text in contents.items():
-            with written_whole(folder / name) as stream:
-                stream.write(text.encode())
-    return [folder / name for name in contents]
+class CertificateFolder(Place):
+    """The folder of certificates; see `Place` for errors."""
+
+    what = "certificates"
+    files = (CSV, MARKDOWN)
+
+    def write(self, found: Sequence[SetCertificate]) -> None:
+        """Write numbers and tables, each file whole. Raises RunError."""
+        contents = {CSV: frame(found).write_csv(), MARKDOWN: markdown(found)}
+        with writing_to(self.path):
+            for name, text in contents.items():
+                with written_whole(self._place / name) as stream:
+                    stream.write(text.encode())

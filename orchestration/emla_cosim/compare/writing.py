@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..files import place_of, writing_to, written_whole
+from ..files import writing_to, written_whole
 from ..results.style import save
 from ..run_record import plain, versions
 from ..sweep.place import Place
@@ -15,17 +15,13 @@ from .pictures import NAMES
 from .result import CompareResult
 
 CSV, MARKDOWN, RECORD = "comparison.csv", "comparison.md", "comparison.json"
-_FILES = (CSV, MARKDOWN, RECORD)
 
 
 class CompareFolder(Place):
     """The folder of a comparison; see `Place` for errors."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        for name in (*_FILES, *(f"{picture}.png" for picture in NAMES)):
-            if path.is_dir():
-                place_of(path / name, "the file of the comparison")
+    what = "comparison"
+    files = (CSV, MARKDOWN, RECORD, *(f"{picture}.png" for picture in NAMES))
 
     def write(self, result: CompareResult, record: Mapping[str, Any]) -> None:
         """Write all but pictures, each file whole; those of an earlier comparison go. Raises RunError."""

@@ -12,7 +12,7 @@ from typing import Any
 import polars
 
 from ..errors import CommandError
-from ..files import UNFINISHED, place_of, read_text, writing_to, written_whole
+from ..files import UNFINISHED, read_text, writing_to, written_whole
 from .measures import Measures
 from .pictures import PICTURES
 from .place import Place
@@ -23,7 +23,6 @@ TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "part
 WORST = "worst.txt"
 COMPLETED, UNFINISHED_SWEEP = "completed", "unfinished"
 
-_FILES = (TABLE, WORST, *(f"{kind}.png" for kind in PICTURES), RECORD)
 _OURS = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(UNFINISHED)}.*")
 """Names of parts, and of those that are being written."""
 
@@ -38,6 +37,8 @@ _ENDS = {
 class SweepFolder(Place):
     """What a sweep leaves: `variants.parquet`, `series/`, `sweep.json`, and `parts/` until it is complete."""
 
+    what = "sweep"
+    files = (TABLE, WORST, *(f"{kind}.png" for kind in PICTURES), RECORD)
     inner = (PARTS, SERIES)
 
     def check(self, identity: Mapping[str, Any], resume: bool) -> None:
@@ -61,9 +62,7 @@ class SweepFolder(Place):
             )
 
     def _check_places(self, begun: bool) -> None:
-        """Raise CommandError where a file cannot be written, or what is in its place is no sweep's."""
-        for name in _FILES:
-            place_of(self.path / name, "the file of the sweep")
+        """Raise CommandError where what is in the place of an inner folder is no sweep's."""
         for name in (PARTS, SERIES):
             place = self._place / name
             with writing_to(self.path):
@@ -102,7 +101,7 @@ class SweepFolder(Place):
         """Remove what an earlier sweep left under the same names, but no links. May raise OSError."""
         for name in (PARTS, SERIES):
             self._remove(name)
-        for name in _FILES:  # the record last: without it nobody knows whose the others are
+        for name in self.files:  # the record last: without it nobody knows whose the others are
             if not (self._place / name).is_symlink():
                 (self._place / name).unlink(missing_ok=True)
 

@@ -6,17 +6,19 @@ from pathlib import Path
 from typing import ClassVar
 
 from ..errors import CommandError
-from ..files import UNFINISHED
+from ..files import UNFINISHED, place_of
 from ..locking import alone
 
 
 class Place:
-    """A folder at `path`; `inner` are the folders in it to which files are written too."""
+    """A folder at `path` to which `files` are written, of `what`; and into `inner`, folders in it."""
 
+    what: ClassVar[str]
+    files: ClassVar[tuple[str, ...]]
     inner: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, path: Path) -> None:
-        """Nothing is made yet; CommandError for a path that cannot be one."""
+        """Nothing is made yet; CommandError for a path that cannot be one, or files that cannot be there."""
         self.path = path
         try:
             self._place = path.resolve()
@@ -26,6 +28,8 @@ class Place:
             raise CommandError(f"the output folder {str(path)!r} cannot be written: {reason}.") from error
         if wrong:
             raise CommandError(f"the output folder '{path}' cannot be written: it is a file.")
+        for name in self.files if path.is_dir() else ():
+            place_of(path / name, f"the file of the {self.what}")
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:

@@ -1,41 +1,25 @@
 """What a tuning leaves in its folder."""
 
-import contextlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import CommandError
-from ..files import place_of, writing_to, written_whole
-from ..locking import alone
+from ..files import writing_to, written_whole
 from ..results.style import save
+from ..sweep.place import Place
 from .picture import drawn
 from .result import TuneResult
 
 BEST, RECORD, HISTORY, PICTURE = "best.toml", "tune.json", "history.csv", "tuning.png"
 
 
-class TuneFolder:
+class TuneFolder(Place):
     """`best.toml`, a scenario with the best gains; `history.csv`; `tune.json`; `tuning.png`."""
 
-    def __init__(self, path: Path) -> None:
-        """Nothing is made yet."""
-        self.path = path
-
-    @contextlib.contextmanager
-    def alone(self) -> Iterator[None]:
-        """No other run writes here meanwhile; CommandError where one does, or the folder cannot be made."""
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise CommandError(f"the output folder '{self.path}' cannot be written: {reason}.") from error
-        for name in (BEST, RECORD, HISTORY, PICTURE):
-            place_of(self.path / name, "the file of the tuning")
-        with alone(self.path):
-            yield
+    what = "tuning"
+    files = (BEST, RECORD, HISTORY, PICTURE)
 
     def keep(self, result: TuneResult, record: Mapping[str, Any], scenario: Mapping[str, Any] | None) -> None:
         """Write what is there so far, but for the picture. Raises RunError.
@@ -50,12 +34,12 @@ class TuneFolder:
 
     def draw(self, result: TuneResult) -> Path:
         """Draw the picture. Raises RunError."""
-        with writing_to(self.path), written_whole(self.path / PICTURE) as stream:
+        with writing_to(self.path), written_whole(self._place / PICTURE) as stream:
             save(drawn(result), stream)
         return self.path / PICTURE
 
     def _write(self, name: str, text: str) -> None:
-        with written_whole(self.path / name) as stream:
+        with written_whole(self._place / name) as stream:
             stream.write(text.encode())
 
 
