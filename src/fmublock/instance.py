@@ -141,9 +141,13 @@ class Instance:
         self.set(references, values)
 
     def get(self, references: Sequence[int]) -> list[float]:
-        """Values of the variables with these value references."""
+        """Values of the variables with these value references.
+
+        Raises BlockError where, during initialization, an output cannot be computed.
+        """
         if self.phase <= Phase.INITIALIZATION:
-            self._initialize_values()
+            self._take_start_values()
+            self._evaluate_first_outputs()
         return [container[key] for container, key in (self._slots[r] for r in references)]
 
     def set(self, references: Sequence[int], values: Sequence[float]) -> None:
@@ -175,11 +179,15 @@ class Instance:
         self.phase = Phase.INITIALIZATION
 
     def exit_initialization(self) -> None:
-        """End initialization; raises BlockError if a value is outside its declared range."""
+        """End initialization.
+
+        Raises BlockError if a value is outside its declared range or an output cannot be computed.
+        """
         self._require(Phase.INITIALIZATION, "exit initialization mode")
-        self._initialize_values()
-        for r in (*self._parameters, *self._states):
+        self._take_start_values()
+        for r in (*self._parameters, *self._states):  # before the equations meet what they are not made for
             self._check_range(r)
+        self._evaluate_first_outputs()
         self.phase = Phase.STEP
 
     def do_step(self, time: float, step: float) -> None:
@@ -358,12 +366,17 @@ class Instance:
             hint = f"; did you mean '{near[0]}'?" if near else "."
             raise BlockError(f"{self.name}: there is no variable '{name}'{hint}") from None
 
-    def _initialize_values(self) -> None:
-        """Start values that come from parameters, and the outputs that follow from everything set."""
+    def _take_start_values(self) -> None:
+        """Give states the start values that come from parameters."""
         for reference, start in self._starts:
             container, key = self._slots[start]
             self._write((reference,), (container[key],))
-        self._evaluate_outputs()
+
+    def _evaluate_first_outputs(self) -> None:
+        try:
+            self._evaluate_outputs()
+        except ArithmeticError as error:
+            raise BlockError(f"{self.name}: the first outputs cannot be computed: {error}.") from error
 
     def _integrate(self, time: float, step: float) -> None:
         """Classical Runge-Kutta substeps no longer than the block's internal step."""

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from emla_cosim.models import FLAVOURS, fmu_path
-from fmublock import BlockError, Instance
+from fmublock import Block, BlockError, Instance, Output, Parameter
 from rsba_fmu.controller import RsbaController
 from tests.support.sessions import ERROR, FATAL, Session, opened, refused
 
@@ -45,3 +46,26 @@ def test_an_fmu_refuses_it(session: Session, value: float) -> None:
     )
     session.set(slave, **{"theta[1]": 0.0})
     slave.exitInitializationMode()
+
+
+class Quotient(Block):
+    """A block whose output has no value for a parameter within its range."""
+
+    a = Parameter(0.0)
+    y = Output()
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"y": 1.0 / v.a}
+
+
+def test_outputs_that_cannot_be_computed_are_told_in_a_sentence() -> None:
+    instance = Instance(Quotient(), "quotient")
+    instance.enter_initialization()
+    sentence = r"^quotient: the first outputs cannot be computed: float division by zero\.$"
+    with pytest.raises(BlockError, match=sentence):
+        instance["y"]
+    with pytest.raises(BlockError, match=sentence):
+        instance.exit_initialization()
+    instance["a"] = 2.0
+    instance.exit_initialization()
+    assert instance["y"] == 0.5

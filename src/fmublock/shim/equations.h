@@ -117,9 +117,14 @@ static void set_start_values(State *now, int type) {
     for (int r = 0; r < N_VALUES; r++) now->values[r] = variables[r].start;
 }
 
-/* Start values that come from parameters, and the outputs that follow from everything set. */
-static void initialize_values(State *now) {
+/* Start values that come from parameters. */
+static void take_start_values(State *now) {
     for (int r = FIRST_STATE; r < FIRST_OUTPUT; r++)
         if (variables[r].start_reference >= 0) now->values[r] = now->values[variables[r].start_reference];
+}
+
+/* Those, and the outputs that follow from everything set. */
+static void initialize_values(State *now) {
+    take_start_values(now);
     evaluate_outputs(now);
 }

@@ -110,9 +110,10 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     Instance *instance = c;
     State *now = &instance->now;
     if (require(instance, INITIALIZATION, "exit initialization mode") != fmi2OK) return fmi2Error;
-    initialize_values(now);
+    take_start_values(now);
     for (int r = N_INPUTS; r < FIRST_DISCRETE_STATE; r++)
         if (check_range(instance, r) != fmi2OK) return fmi2Error;
+    evaluate_outputs(now);
     hold_inputs(now, 0.0);
     now->phase = now->type == fmi2ModelExchange ? EVENT : STEP;
     report_limits(instance);
