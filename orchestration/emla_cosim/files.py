@@ -7,7 +7,7 @@ import stat
 import tempfile
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fmublock.cache import CacheError, cache_folder
@@ -52,7 +52,8 @@ def temporary_folder(prefix: str) -> Iterator[Path]:
 
     def remove() -> None:
         if os.getpid() == owner:
-            shutil.rmtree(folder, ignore_errors=True)
+            with suppress(OSError):  # of who listens, which ignore_errors does not cover
+                shutil.rmtree(folder, ignore_errors=True)
 
     atexit.register(remove)
     try:

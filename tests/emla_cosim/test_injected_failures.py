@@ -1,6 +1,7 @@
 """Every call by which Python reaches a file fails once: a sentence, whole files, and nothing lost."""
 
 import errno
+import gc
 import json
 import os
 import re
@@ -92,6 +93,14 @@ def failing(hook: _Failing, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     hook.folder = None
 
 
+@pytest.fixture
+def unraisable(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What finalizers raise: nobody can catch it, and Python prints its traceback."""
+    told: list[str] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda of: told.append(f"{of.exc_value!r} in {of.object!r}"))
+    return told
+
+
 def assert_whole(folder: Path) -> None:
     """No file is there in part."""
     for path in folder.rglob("*"):
@@ -107,7 +116,7 @@ def assert_whole(folder: Path) -> None:
 
 @pytest.mark.parametrize("what", COMMANDS)
 def test_every_call_to_the_file_system_fails_once(
-    what: str, emla: Emla, failing: _Failing, tmp_path: Path
+    what: str, emla: Emla, failing: _Failing, unraisable: list[str], tmp_path: Path
 ) -> None:
     (tmp_path / "my.toml").write_text('system = "lift"\nstop_time = 0.01\nstep_size = 1e-4\n')
     assert emla("export", "lift", "lift.ssp").exit_code == 0
@@ -129,6 +138,8 @@ def test_every_call_to_the_file_system_fails_once(
             silent.append(made.read_bytes())
         assert_whole(tmp_path)
     assert result.exit_code == 0, result.stderr
+    gc.collect()
+    assert not unraisable
     assert all(content == made.read_bytes() for content in silent)
     assert len(silent) < len(failing.tried) or what == "build"  # which reads what it made before
     print(f"{what}: {len(failing.tried)} places failed, {len(silent)} of them without harm")
