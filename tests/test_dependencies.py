@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-OURS = {"fmublock", "emla_fmu", "rsba_fmu", "emla_cosim"}
+OURS = {"fmublock", "emla_fmu", "rsba_fmu", "hdrm_fmu", "emla_cosim"}
 EXECUTED = {"ziglang"}
 """Declared for a program that is started, not imported: `python -m ziglang`."""
 

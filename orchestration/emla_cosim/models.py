@@ -10,6 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import emla_fmu
+import hdrm_fmu
 import rsba_fmu
 from fmublock import Block
 from fmublock.archive import Built, read_built
@@ -22,7 +23,9 @@ from .errors import CommandError, RunError, check_choice
 
 __all__ = ["FLAVOURS", "FMU_FOLDER", "MODELS", "PLATFORMS", "block_of", "build", "fmu_path"]
 
-MODELS: dict[str, type[Block]] = {b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS)}
+MODELS: dict[str, type[Block]] = {
+    b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS, *hdrm_fmu.BLOCKS)
+}
 """Blocks by the name of their model."""
 
 PLATFORMS = tuple(TARGETS)

@@ -150,11 +150,18 @@ class Block:
         return _layout(cls)
 
 
+def _variables(owner: type[Block]) -> dict[str, Variable]:
+    """The variables that a class declares itself."""
+    return {attribute: x for attribute, x in vars(owner).items() if isinstance(x, Variable)}
+
+
 @cache
 def _layout(block: type[Block]) -> Layout:
     declared: dict[str, Variable] = {}
-    for base in (*reversed(block.__mro__[:-2]), Block):  # the solver's settings come last
-        declared.update({k: x for k, x in vars(base).items() if isinstance(x, Variable)})
+    for base in reversed(block.__mro__[:-2]):
+        declared.update(_variables(base))
+    for attribute, setting in _variables(Block).items():  # the solver's come last, also a block's own
+        declared[attribute] = declared.pop(attribute, setting)
 
     def group(kind: type[Variable]) -> tuple[Variable, ...]:
         return tuple(x for x in declared.values() if isinstance(x, kind))

@@ -1,0 +1,13 @@
+"""The paper's manipulator of lift, tilt and telescope, which three EMLAs move.
+
+Closed-chain kinematics, inverse and forward dynamics as functions, and as blocks. The paper is the one
+that `emla_fmu` names; numbers in parentheses are those of its equations as printed.
+"""
+
+from .manipulator import HdrmManipulator
+from .parameters import HDRM, HdrmParameters
+from .plant import HdrmPlant
+
+BLOCKS = (HdrmManipulator, HdrmPlant)
+
+__all__ = ["BLOCKS", "HDRM", "HdrmManipulator", "HdrmParameters", "HdrmPlant"]

@@ -1,0 +1,232 @@
+"""Motion and forces of the manipulator: inverse and forward dynamics, and energy.
+
+`p` is anything with the attributes of HdrmParameters; `q`, `v`, `a` are stroke, speed and acceleration of
+lift, tilt and telescope in m, m/s and m/s2; the payload is in kg. Forces are those that the screws have to
+give, in N, positive against extension: (M(q) a + bias(q, v)) = f.
+
+**What belongs to whom.** The paper's A_eq has the inertia of the whole M_BS along the screw, so the
+manipulator leaves that of the tubes out: here they have weight, and inertia across the screw and through
+the motion of what carries them, but their acceleration against their housing costs no force. Otherwise
+motor and manipulator would both push the same mass.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from fmublock import dot
+
+from .bodies import Bodies, Moments, Slider, bodies
+from .kinematics import Posture, Triangle, posture
+from .plane import Vector, added, cross, normal, scaled
+
+Matrix = list[list[Any]]
+
+
+class _Motion(NamedTuple):
+    """How an axis moves: acceleration of its origin (m/s2), angular speed and acceleration."""
+
+    a: Vector
+    omega: Any
+    alpha: Any
+
+
+class _Wrench(NamedTuple):
+    """Force in N and moment about an axis' origin in N m that the motion of bodies takes."""
+
+    force: Vector
+    moment: Any
+
+
+_AT_REST = _Motion((0.0, 0.0), 0.0, 0.0)
+
+
+def inverse_dynamics(p: Any, q: Sequence[Any], v: Sequence[Any], a: Sequence[Any], payload: Any) -> list[Any]:
+    """Forces f_L of the three screws in N that a motion takes.
+
+    (v_L, f_L) = RNEA(q, q', q'') of the paper; q being strokes, v_L is `v`. Recursive Newton-Euler: outwards
+    from O1 accelerations, inwards from the tip the forces and moments that they take. The base accelerates
+    upwards instead of gravity pulling down. A triangle's actuator turns what it moves with its lever arm,
+    and takes part of its own weight and inertia to the boom pin.
+    """
+    at = posture(p, q)
+    masses = bodies(p, at, q, payload)
+    ground = _Motion((0.0, p.gravity), 0.0, 0.0)
+
+    # outwards
+    lift_boom = _boom_motion(ground, at.lift, v[0], a[0])
+    lift_actuator = _actuator_motion(ground, at.lift, v[0], a[0])
+    carried_O_2 = _carried(lift_boom, at.O_2)
+    boom = _boom_motion(carried_O_2, at.tilt, v[1], a[1])
+    carried_A_2 = _carried(lift_boom, at.A_2)
+    tilt_actuator = _actuator_motion(carried_A_2, at.tilt, v[1], a[1])
+
+    # inwards
+    w_boom, f_telescope = _slider_wrench(masses.boom, at.boom_axis, boom, v[2], a[2])
+    w_tilt, axial_tilt = _slider_wrench(masses.tilt_actuator, at.tilt_actuator, tilt_actuator, v[1], a[1])
+    w_lift, axial_lift = _slider_wrench(masses.lift_actuator, at.lift_actuator, lift_actuator, v[0], a[0])
+    f_tilt = _screw_force(at.tilt, w_boom.moment, w_tilt.moment, axial_tilt)
+    moment = (
+        _moment(masses.lift_boom, at.lift_axis, lift_boom)
+        + _moment_at_base(w_boom, at.O_2)
+        + _moment_at_base(w_tilt, at.A_2)
+    )
+    return [_screw_force(at.lift, moment, w_lift.moment, axial_lift), f_tilt, f_telescope]
+
+
+def bias(p: Any, q: Sequence[Any], v: Sequence[Any], payload: Any) -> list[Any]:
+    """Forces in N that weight and speed take: those of the motion without acceleration."""
+    return inverse_dynamics(p, q, v, (0.0, 0.0, 0.0), payload)
+
+
+def mass_matrix(p: Any, q: Sequence[Any], payload: Any) -> Matrix:
+    """M(q) in kg, a list of rows: kinetic energy is v^T M v / 2.
+
+    Written out from the kinetic energy of the four axes, whose speeds are proportional to strokes'.
+    """
+    at = posture(p, q)
+    return _mass_matrix(at, bodies(p, at, q, payload))
+
+
+def forward_dynamics(
+    p: Any,
+    q: Sequence[Any],
+    v: Sequence[Any],
+    force: Sequence[Any],
+    payload: Any,
+    reflected: Sequence[Any] = (0.0, 0.0, 0.0),
+) -> list[Any]:
+    """Accelerations in m/s2 under the forces of the screws in N.
+
+    `reflected` is the inertia in kg that each stroke has beside the manipulator's, such as A_eq/D_eq of
+    its motor: (M + diag(reflected)) a = force - bias.
+    """
+    M = mass_matrix(p, q, payload)
+    inertia = [[M[i][j] + reflected[i] if i == j else M[i][j] for j in range(3)] for i in range(3)]
+    h = bias(p, q, v, payload)
+    return solve(inertia, [force[i] - h[i] for i in range(3)])
+
+
+def energy(
+    p: Any,
+    q: Sequence[Any],
+    v: Sequence[Any],
+    payload: Any,
+    reflected: Sequence[Any] = (0.0, 0.0, 0.0),
+) -> Any:
+    """Kinetic and potential energy in J, the latter against all masses at the height of O1.
+
+    `reflected` as in `forward_dynamics`.
+    """
+    at = posture(p, q)
+    masses = bodies(p, at, q, payload)
+    M = _mass_matrix(at, masses)
+    momentum = [dot(M[i], v) + reflected[i] * v[i] for i in range(3)]
+    return 0.5 * dot(v, momentum) + p.gravity * _moment_of_height(at, masses)
+
+
+def solve(M: Matrix, b: Sequence[Any]) -> list[Any]:
+    """Solve M x = b for a symmetric, positive definite 3 x 3 matrix: M = L D L^T, written out."""
+    d_1 = M[0][0]
+    l_21, l_31 = M[1][0] / d_1, M[2][0] / d_1
+    d_2 = M[1][1] - l_21 * M[1][0]
+    m_32 = M[2][1] - l_31 * M[1][0]
+    l_32 = m_32 / d_2
+    d_3 = M[2][2] - l_31 * M[2][0] - l_32 * m_32
+    y_2 = b[1] - l_21 * b[0]
+    x_3 = (b[2] - l_31 * b[0] - l_32 * y_2) / d_3
+    x_2 = y_2 / d_2 - l_32 * x_3
+    return [b[0] / d_1 - l_21 * x_2 - l_31 * x_3, x_2, x_3]
+
+
+# ---- outwards ---------------------------------------------------------------------------
+
+
+def _boom_motion(carrier: _Motion, chain: Triangle, v: Any, a: Any) -> _Motion:
+    """Motion of a boom that an actuator turns: v = r gamma', where dr/dgamma = -d (1 - d/L)."""
+    rate = v / chain.r
+    growth = (a + chain.d * (1.0 - chain.d / chain.L) * rate * rate) / chain.r
+    return _Motion(carrier.a, carrier.omega + rate, carrier.alpha + growth)
+
+
+def _actuator_motion(carrier: _Motion, chain: Triangle, v: Any, a: Any) -> _Motion:
+    """Motion of the actuator itself, which turns about its fixed pin: L psi' = d gamma'."""
+    boom = _boom_motion(_AT_REST, chain, v, a)
+    rate = boom.omega * chain.d / chain.L
+    growth = (boom.alpha * chain.d + v * (boom.omega - 2.0 * rate)) / chain.L
+    return _Motion(carrier.a, carrier.omega + rate, carrier.alpha + growth)
+
+
+def _carried(carrier: _Motion, place: Vector) -> _Motion:
+    """Motion of a place that a boom carries, in m from the boom's origin."""
+    across = scaled(carrier.alpha, normal(place))
+    inward = scaled(-carrier.omega * carrier.omega, place)
+    return _Motion(added(carrier.a, added(across, inward)), carrier.omega, carrier.alpha)
+
+
+# ---- inwards ----------------------------------------------------------------------------
+
+
+def _moment(masses: Moments, axis: Vector, motion: _Motion) -> Any:
+    """Moment about the origin that the motion of bodies takes which stay where they are on the axis."""
+    return masses.S * cross(axis, motion.a) + masses.J * motion.alpha
+
+
+def _slider_wrench(slider: Slider, axis: Vector, motion: _Motion, v: Any, a: Any) -> tuple[_Wrench, Any]:
+    """Force and moment that the motion of a slider takes, and the force along it on what slides."""
+    coriolis = 2.0 * motion.omega * v
+    squared = motion.omega * motion.omega
+    along = slider.m * a - slider.all.S * squared
+    across = slider.all.S * motion.alpha + slider.m * coriolis
+    force = added(scaled(slider.all.m, motion.a), added(scaled(along, axis), scaled(across, normal(axis))))
+    moment = _moment(slider.all, axis, motion) + slider.S * coriolis
+    return _Wrench(force, moment), slider.m * dot(axis, motion.a) - slider.S * squared + slider.m_own * a
+
+
+def _moment_at_base(wrench: _Wrench, place: Vector) -> Any:
+    """Moment about O1 of a wrench whose origin is at this place."""
+    return wrench.moment + cross(place, wrench.force)
+
+
+def _screw_force(chain: Triangle, boom: Any, actuator: Any, axial: Any) -> Any:
+    """Force of a screw that turns a boom, in N.
+
+    `boom` is the moment about the boom's turning point that the boom and all that it carries take,
+    `actuator` the one about the fixed pin that the actuator takes, `axial` the tube's force along it.
+    """
+    return (boom + chain.d / chain.L * actuator) / chain.r + axial
+
+
+# ---- energy -----------------------------------------------------------------------------
+
+
+def _mass_matrix(at: Posture, masses: Bodies) -> Matrix:
+    """M of `mass_matrix`: the axes' inertias against the angles, times angle per stroke."""
+    g_1, g_2 = 1.0 / at.lift.r, 1.0 / at.tilt.r  # booms' angles per stroke, rad/m
+    k_1, k_2 = at.lift.d / at.lift.L * g_1, at.tilt.d / at.tilt.L * g_2  # actuators'
+    boom, actuator = masses.boom, masses.tilt_actuator
+    boom_lever, actuator_lever = dot(at.boom_axis, at.O_2), dot(at.tilt_actuator, at.A_2)
+    own = masses.lift_boom.J
+    for slider, place, lever in ((boom, at.O_2, boom_lever), (actuator, at.A_2, actuator_lever)):
+        own = own + slider.all.m * dot(place, place) + 2.0 * slider.all.S * lever + slider.all.J
+    M_11 = g_1 * g_1 * own + k_1 * k_1 * masses.lift_actuator.all.J
+    M_21 = g_1 * (
+        g_2 * (boom.all.S * boom_lever + boom.all.J)
+        + k_2 * (actuator.all.S * actuator_lever + actuator.all.J)
+        + actuator.m * cross(at.A_2, at.tilt_actuator)
+    )
+    M_22 = g_2 * g_2 * boom.all.J + k_2 * k_2 * actuator.all.J
+    M_31 = g_1 * boom.m * cross(at.O_2, at.boom_axis)
+    return [[M_11, M_21, M_31], [M_21, M_22, 0.0], [M_31, 0.0, boom.m_own]]
+
+
+def _moment_of_height(at: Posture, masses: Bodies) -> Any:
+    """Sum of mass times height over O1, in kg m."""
+    boom, lift, tilt = masses.boom.all, masses.lift_actuator.all, masses.tilt_actuator.all
+    heights = masses.lift_boom.S * at.lift_axis[1]
+    for part, place, axis in (
+        (boom, at.O_2, at.boom_axis),
+        (lift, at.A_1, at.lift_actuator),
+        (tilt, at.A_2, at.tilt_actuator),
+    ):
+        heights = heights + part.m * place[1] + part.S * axis[1]
+    return heights

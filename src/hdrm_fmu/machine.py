@@ -1,0 +1,193 @@
+"""The manipulator's parameters, as its blocks declare them."""
+
+from fmublock import Block, Parameter
+
+from .parameters import HDRM
+
+
+class Machine(Block):
+    """What the blocks of the manipulator share: the numbers of HdrmParameters, by the same attributes."""
+
+    lift_a = Parameter(
+        HDRM.lift_a,
+        unit="m",
+        minimum=1e-3,
+        name="lift.a",
+        description="Fixed pin of the lift actuator from O1",
+    )
+    lift_b = Parameter(
+        HDRM.lift_b,
+        unit="m",
+        minimum=1e-3,
+        name="lift.b",
+        description="Boom pin of the lift actuator from O1",
+    )
+    lift_L_0 = Parameter(
+        HDRM.lift_L_0,
+        unit="m",
+        minimum=1e-3,
+        name="lift.L_0",
+        description="Distance of the lift actuator's pins at stroke 0",
+    )
+    lift_delta = Parameter(
+        HDRM.lift_delta,
+        unit="rad",
+        name="lift.delta",
+        description="Direction of the lift actuator's fixed pin from O1, against the horizontal",
+    )
+    lift_epsilon = Parameter(
+        HDRM.lift_epsilon,
+        unit="rad",
+        name="lift.epsilon",
+        description="Direction of the lift actuator's boom pin from O1, against the lift boom",
+    )
+    tilt_a = Parameter(
+        HDRM.tilt_a,
+        unit="m",
+        minimum=1e-3,
+        name="tilt.a",
+        description="Fixed pin of the tilt actuator from O2",
+    )
+    tilt_b = Parameter(
+        HDRM.tilt_b,
+        unit="m",
+        minimum=1e-3,
+        name="tilt.b",
+        description="Boom pin of the tilt actuator from O2",
+    )
+    tilt_L_0 = Parameter(
+        HDRM.tilt_L_0,
+        unit="m",
+        minimum=1e-3,
+        name="tilt.L_0",
+        description="Distance of the tilt actuator's pins at stroke 0",
+    )
+    tilt_delta = Parameter(
+        HDRM.tilt_delta,
+        unit="rad",
+        name="tilt.delta",
+        description="Direction of the tilt actuator's fixed pin from O2, against the lift boom",
+    )
+    tilt_epsilon = Parameter(
+        HDRM.tilt_epsilon,
+        unit="rad",
+        name="tilt.epsilon",
+        description="Direction of the tilt actuator's boom pin from O2, against the outer boom",
+    )
+
+    lift_length = Parameter(
+        HDRM.lift_length, unit="m", minimum=1e-3, name="lift_boom.length", description="O1 to O2"
+    )
+    lift_m = Parameter(
+        HDRM.lift_m, unit="kg", minimum=0.0, name="lift_boom.m", description="Mass of the lift boom"
+    )
+    lift_c = Parameter(
+        HDRM.lift_c, unit="m", name="lift_boom.c", description="Centre of mass of the lift boom from O1"
+    )
+    lift_J = Parameter(
+        HDRM.lift_J,
+        unit="kg.m2",
+        minimum=0.0,
+        name="lift_boom.J",
+        description="Inertia of the lift boom about its centre of mass",
+    )
+    outer_m = Parameter(
+        HDRM.outer_m, unit="kg", minimum=0.0, name="outer_boom.m", description="Mass of the outer boom"
+    )
+    outer_c = Parameter(
+        HDRM.outer_c, unit="m", name="outer_boom.c", description="Centre of mass of the outer boom from O2"
+    )
+    outer_J = Parameter(
+        HDRM.outer_J,
+        unit="kg.m2",
+        minimum=0.0,
+        name="outer_boom.J",
+        description="Inertia of the outer boom about its centre of mass",
+    )
+    reach = Parameter(
+        HDRM.reach,
+        unit="m",
+        minimum=1e-3,
+        name="inner_boom.reach",
+        description="O2 to the tip at stroke 0 of the telescope",
+    )
+    inner_m = Parameter(
+        HDRM.inner_m, unit="kg", minimum=0.0, name="inner_boom.m", description="Mass of the inner boom"
+    )
+    inner_c = Parameter(
+        HDRM.inner_c,
+        unit="m",
+        name="inner_boom.c",
+        description="Centre of mass of the inner boom behind the tip",
+    )
+    inner_J = Parameter(
+        HDRM.inner_J,
+        unit="kg.m2",
+        minimum=0.0,
+        name="inner_boom.J",
+        description="Inertia of the inner boom about its centre of mass",
+    )
+    payload_J = Parameter(
+        HDRM.payload_J,
+        unit="m2",
+        minimum=0.0,
+        name="payload.J",
+        description="Inertia of the payload about the tip per mass of it",
+    )
+
+    M_BS = Parameter(
+        HDRM.M_BS,
+        shape=3,
+        unit="kg",
+        minimum=0.0,
+        name="screw.M_BS",
+        description="Mass of an actuator without its motor",
+    )
+    tube_share = Parameter(
+        HDRM.tube_share,
+        minimum=0.0,
+        maximum=1.0,
+        name="tube.share",
+        description="Part of M_BS that is the tube, which moves with the screw",
+    )
+    motor_m = Parameter(
+        HDRM.motor_m,
+        shape=3,
+        unit="kg",
+        minimum=0.0,
+        name="motor.m",
+        description="Mass of a motor, which is fixed to the housing",
+    )
+    housing_c = Parameter(
+        HDRM.housing_c,
+        shape=3,
+        unit="m",
+        name="housing.c",
+        description="Centre of mass of housing and motor from the fixed pin (telescope: from O2)",
+    )
+    housing_J = Parameter(
+        HDRM.housing_J,
+        shape=3,
+        unit="kg.m2",
+        minimum=0.0,
+        name="housing.J",
+        description="Inertia of housing and motor about their centre of mass",
+    )
+    tube_c = Parameter(
+        HDRM.tube_c,
+        shape=3,
+        unit="m",
+        name="tube.c",
+        description="Centre of mass of the tube behind the boom pin (telescope: behind the tip)",
+    )
+    tube_J = Parameter(
+        HDRM.tube_J,
+        shape=3,
+        unit="kg.m2",
+        minimum=0.0,
+        name="tube.J",
+        description="Inertia of the tube about its centre of mass",
+    )
+    q_LB = Parameter(HDRM.q_LB, shape=3, unit="m", name="screw.q_LB", description="Lower end of a stroke")
+    q_UB = Parameter(HDRM.q_UB, shape=3, unit="m", name="screw.q_UB", description="Upper end of a stroke")
+    gravity = Parameter(HDRM.gravity, unit="m/s2", description="Gravitational acceleration")

@@ -1,0 +1,51 @@
+"""The manipulator as a load: motion in, forces out."""
+
+from typing import Any
+
+from fmublock import DefaultExperiment, Input, Output
+
+from . import kinematics
+from .dynamics import inverse_dynamics
+from .machine import Machine
+from .parameters import PAYLOAD
+
+
+class HdrmManipulator(Machine):
+    """Load forces of the 3-DoF manipulator by recursive Newton-Euler inverse dynamics.
+
+    Lift, tilt and telescope are elements 1, 2 and 3, named as the outputs of three actuators.
+    """
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-3)
+
+    x_L = Input((0.244, 0.389, 0.499), shape=3, unit="m", nominal=0.1, description="Stroke", terminal="load")
+    v_L = Input(shape=3, unit="m/s", nominal=0.1, description="Speed of a stroke", terminal="load")
+    a_L = Input(shape=3, unit="m/s2", description="Acceleration of a stroke", terminal="load")
+    payload = Input(
+        PAYLOAD,
+        unit="kg",
+        nominal=100.0,
+        minimum=0.0,
+        name="payload.m",
+        description="Mass that the tip carries",
+        terminal="payload.m",
+    )
+
+    F_L = Output(
+        shape=3,
+        unit="N",
+        nominal=1e4,
+        description="Load force, positive against extension",
+        terminal="load",
+    )
+    tip_x = Output(unit="m", name="tip.x", description="Tip from O1, horizontally")
+    tip_y = Output(unit="m", name="tip.y", description="Tip from O1, upwards")
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        """Forces that the motion takes, and where the tip is."""
+        tip_x, tip_y = kinematics.tip(v, v.x_L)
+        return {
+            "F_L": inverse_dynamics(v, v.x_L, v.v_L, v.a_L, v.payload),
+            "tip_x": tip_x,
+            "tip_y": tip_y,
+        }
