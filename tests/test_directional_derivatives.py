@@ -16,7 +16,7 @@ from tests.support.sessions import Session, continuous_states, refused, set_cont
 from tests.support.toy import Toy
 
 COMPARED = ("FocController", "CacController", "AnatcController")
-WITH_STATES = ("EmlaPlant", "EmlaObserver", "RsbaController", *COMPARED, "Toy")
+WITH_STATES = ("EmlaPlant", "EmlaMotor", "EmlaObserver", "RsbaController", *COMPARED, "Toy")
 STARTS = ("start.x_L", "start.x_hat", "start.eta_hat", "x_0")
 """Parameters that states start from."""
 SAMPLED = {"inverter.u_max": "inverter.u_available"}

@@ -54,6 +54,11 @@ RUNS: dict[str, tuple[dict[str, Any], float, float]] = {
         0.1,
         2e-3,
     ),
+    "EmlaMotor": (
+        {"u_q": 30.0, "u_d": -5.0, "x_L": 0.24, "v_L": 0.02, "d_3": 1.0, "i_q": 5.0, "motor.L_q": 3e-3},
+        0.1,
+        1e-3,
+    ),
     "EmlaObserver": (
         {"y": 0.5, "i_q_ref": 10.0, "v_hat": 0.1, "m_0": 100.0, "H_0": 10.0},
         0.1,

@@ -24,6 +24,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "uncertainty.F_2": 0.1,
         "motor.L_q": 3e-3,
     },
+    "EmlaMotor": {"sensor.sigma": 1e-5, "sensor.current.sigma": 0.1, "inverter.delay": 3e-3},
     "EmlaObserver": {"H_0": 2.0, "start.eta_hat": 3.0},
     "RsbaController": {"limit_acceleration": True, "limit_current": True, "freeze_adaptation": True},
     "FocController": {"omega_d": 500.0},

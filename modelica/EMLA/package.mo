@@ -11,7 +11,8 @@ package EMLA "Electromechanical linear actuators with observer and RSBA controll
       Rectangle(extent = {{0, 12}, {85, -12}}, lineColor = {60, 60, 60}, fillColor = {225, 225, 225}, fillPattern = FillPattern.Solid)}),
     Documentation(info = "<html>
 <p>The equations of the EMLA-Cosim FMUs in continuous time: the PMSM-driven electromechanical linear actuator
-(<a href=\"modelica://EMLA.Plant\">Plant</a>), its adaptive robust observer
+(<a href=\"modelica://EMLA.Plant\">Plant</a>, its electrical half alone
+<a href=\"modelica://EMLA.Motor\">Motor</a>), its adaptive robust observer
 (<a href=\"modelica://EMLA.Observer\">Observer</a>) and the robust subsystem-based adaptive controller
 (<a href=\"modelica://EMLA.RsbaController\">RsbaController</a>), connected to a joint
 (<a href=\"modelica://EMLA.Joint\">Joint</a>) and to the study of three joints

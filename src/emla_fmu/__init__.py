@@ -6,17 +6,20 @@ parentheses are those of its equations as printed, Roman numbers those of its ta
 """
 
 from .disturbance import Disturbance, DisturbanceReading
+from .electrics import TorqueSource
+from .motor import EmlaMotor
 from .observer import EmlaObserver
-from .plant import EmlaPlant, TorqueSource
+from .plant import EmlaPlant
 from .reference import Reference
 from .signal_fault import FaultKind, SignalFault
 
-BLOCKS = (EmlaPlant, EmlaObserver, Reference, Disturbance, SignalFault)
+BLOCKS = (EmlaPlant, EmlaMotor, EmlaObserver, Reference, Disturbance, SignalFault)
 
 __all__ = [
     "BLOCKS",
     "Disturbance",
     "DisturbanceReading",
+    "EmlaMotor",
     "EmlaObserver",
     "EmlaPlant",
     "FaultKind",

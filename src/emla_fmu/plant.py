@@ -1,32 +1,11 @@
 """The PMSM-driven electromechanical linear actuator."""
 
-import math
-from enum import IntEnum
 from typing import Any
 
-from fmublock import (
-    Block,
-    DefaultExperiment,
-    DiscreteState,
-    Input,
-    Output,
-    Parameter,
-    State,
-    cos,
-    sin,
-    where,
-)
+from fmublock import Block, DefaultExperiment, DiscreteState, Input, Output, Parameter, State
 
-from . import end_stops, friction, inverter, motion_law, sensors, thermal
-
-
-class TorqueSource(IntEnum):
-    """Which q-axis current drives the screw."""
-
-    CURRENT = 1
-    """The actual current (3): physics."""
-    COMMAND = 2
-    """The commanded current i_q* (9): the paper's idealisation."""
+from . import electrics, end_stops, friction, inverter, motion_law
+from .electrics import TorqueSource
 
 
 class EmlaPlant(Block):
@@ -347,79 +326,21 @@ class EmlaPlant(Block):
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """(9) with the disturbances of (26) and the uncertainties of (84)."""
-        u_q, u_d, _ = self.terminal_voltage(v)
-        omega_e = v.N_p * motion_law.alpha_RL(v) * v.v_L
-        g_3 = (-v.R_s * v.i_q - omega_e * (v.i_d * v.L_d + v.Phi_PM)) / v.L_q
-        g_4 = (-v.R_s * v.i_d + omega_e * v.i_q * v.L_q) / v.L_d
-        return {
-            "x_L": v.v_L,
-            "v_L": self.acceleration(v),
-            "i_q": u_q / v.L_q + (1.0 + v.F_3) * g_3,
-            "i_d": u_d / v.L_d + (1.0 + v.F_4) * g_4,
-            "temperature_rise": thermal.heating(v),
-        }
+        return {"x_L": v.v_L, "v_L": self.acceleration(v), **electrics.derivatives(v)}
 
     def update(self, v: Any) -> dict[str, Any]:
-        """Sensor noise, the voltage of the next communication step, and what the supply allows.
-
-        The last one is sampled, so that who is told of the supply need not wait for who disturbs it.
-        """
-        return {**sensors.drawn(v), **inverter.delayed(v), "u_measured": inverter.available_voltage(v)}
+        """What is sampled."""
+        return electrics.update(v)
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Sensors, torque, voltages after the inverter, powers, and phase currents."""
-        u_q, u_d, saturated = self.terminal_voltage(v)
-        i_q_measured, i_d_measured = sensors.measured_currents(v)
-        i_a, i_b, i_c = self.phase_currents(v)
-        return {
-            "x_measured": sensors.measured_position(v),
-            "i_q_measured": i_q_measured,
-            "i_d_measured": i_d_measured,
-            "u_available": v.u_measured,
-            "a_L": self.acceleration(v),
-            "tau_m": self.torque(v),
-            "omega_m": motion_law.alpha_RL(v) * v.v_L,
-            "v_q": u_q - v.d_3,
-            "v_d": u_d - v.d_4,
-            "saturated": saturated,
-            "motor_load": thermal.load(v),
-            "P_el": 1.5 * (u_q * v.i_q + u_d * v.i_d),
-            "P_L": v.F_L * v.v_L,
-            "i_a": i_a,
-            "i_b": i_b,
-            "i_c": i_c,
-        }
-
-    def terminal_voltage(self, v: Any) -> tuple[Any, Any, Any]:
-        """Voltage at the motor in V: what the inverter gives, plus disturbance; and if it was limited."""
-        u_q, u_d, saturated = inverter.motor_voltage(v)
-        return u_q + v.d_3, u_d + v.d_4, saturated
-
-    def torque(self, v: Any) -> Any:
-        """tau_m of (3) in N m, with the magnet's current chosen by torque_source."""
-        return self.magnet_torque(v) + self.reluctance_torque(v)
-
-    def magnet_torque(self, v: Any) -> Any:
-        """Part of tau_m in N m that the permanent magnet makes with i_q or i_q*."""
-        return 1.5 * v.N_p * v.Phi_PM * where(v.torque_source == TorqueSource.COMMAND, v.i_q_ref, v.i_q)
-
-    def reluctance_torque(self, v: Any) -> Any:
-        """Part of tau_m in N m that comes of L_d and L_q being different."""
-        return 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
+        """Sensors, torque, voltages after the inverter, powers, phase currents, and acceleration."""
+        return {**electrics.outputs(v), "a_L": self.acceleration(v), "P_L": v.F_L * v.v_L}
 
     def acceleration(self, v: Any) -> Any:
         """Second line of (9) in m/s2, with F_2, d_2, and what friction and end stops add."""
         A_eq = motion_law.A_eq(v)
-        g_2 = (self.reluctance_torque(v) - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
-        a_L = self.magnet_torque(v) / A_eq + (1.0 + v.F_2) * g_2 + v.d_2 - friction.load_torque(v) / A_eq
+        g_2 = (electrics.reluctance_torque(v) - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
+        magnet = electrics.magnet_torque(v) / A_eq
+        a_L = magnet + (1.0 + v.F_2) * g_2 + v.d_2 - friction.load_torque(v) / A_eq
         contact = end_stops.stop_force(v) - friction.friction_force(v)
         return a_L + contact / (motion_law.alpha_RL(v) * A_eq)
-
-    def phase_currents(self, v: Any) -> tuple[Any, Any, Any]:
-        """i_a, i_b, i_c in A: (1) backwards, without zero sequence."""
-        angle = v.N_p * motion_law.alpha_RL(v) * v.x_L
-        a, b, c = (
-            v.i_d * cos(angle + shift) - v.i_q * sin(angle + shift)
-            for shift in (0.0, -2.0 * math.pi / 3.0, 2.0 * math.pi / 3.0)
-        )
-        return a, b, c

@@ -38,6 +38,16 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         {"u_q": 300, "u_d": 200, "i_q_ref": 10, "F_L": 2e4, "d_2": 1, "d_3": 0.4, "d_4": 0.2}
         | {"supply.sag": 0.1},
     ),
+    "EmlaMotor": (
+        start_values(
+            MODELS["EmlaMotor"],
+            TILT,
+            DRIVES["tilt"],
+            {"sigma": 1e-6, "resolution": 1e-7, "L_d": 3e-3, "F_3": 0.002, "F_4": 0.001},
+        ),
+        {"u_q": 300, "u_d": 200, "i_q_ref": 10, "x_L": 1e-3, "v_L": 0.05, "d_3": 0.4, "d_4": 0.2}
+        | {"supply.sag": 0.1},
+    ),
     "EmlaObserver": (
         start_values(MODELS["EmlaObserver"], TILT, observer_gains.ROBUST["tilt"], {"use_model": True}),
         {"y": 1e-4, "i_q_ref": 10, "i_q": 10},

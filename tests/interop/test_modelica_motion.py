@@ -157,6 +157,12 @@ DRIVE = {  # what a drive has beside the paper's plant, smooth enough for the to
 }
 WINDING = frozenset({"motor.load", "motor.temperature_rise"})
 """What rests while no rated current is given."""
+MOTOR = {name: x for name, x in {**PLANT, **DRIVE}.items() if name in SCALARS["EmlaMotor"] and name != "v_L"}
+MOTOR_INPUTS = {
+    **{name: given for name, given in PLANT_INPUTS.items() if name in SCALARS["EmlaMotor"]},
+    "x_L": "0.3 + 1e-3 * sin(30.0 * time)",
+    "v_L": "0.03 * cos(30.0 * time)",
+}
 OBSERVER_INPUTS = {
     "y": "0.245 + 0.004 * sin(6.0 * time) - 0.002 * cos(15.0 * time)",
     "i_q_ref": "4.0 * cos(7.0 * time)",
@@ -280,6 +286,7 @@ MOTIONS = {
         every=1,
         rests=WINDING | {"inverter.u_d", "inverter.u_available", "inverter.saturated", "P_L"},
     ),
+    "motor of a drive": Motion("EmlaMotor", MOTOR, MOTOR_INPUTS),
     "observer": Motion(
         "EmlaObserver", {}, OBSERVER_INPUTS, step=1e-4, count=10000, rests=frozenset({"d_hat"})
     ),

@@ -118,6 +118,14 @@ def plant_points(draw: Draw) -> Point:
 
 
 @st.composite
+def motor_points(draw: Draw) -> Point:
+    """As the plant, its motion among what is given."""
+    plant, known = draw(plant_points()), {s.name for s in MODELS["EmlaMotor"].layout().scalars}
+    values = {name: value for name, value in plant.values.items() if name in known}
+    return Point({**values, "x_L": plant.values["start.x_L"]}, kinks=plant.kinks)
+
+
+@st.composite
 def observer_points(draw: Draw) -> Point:
     x_hat, y_bar = signed(draw, 0.05, 0.5), signed(draw, 0.01, 0.04)
     values = {
@@ -427,6 +435,7 @@ def toy_points(draw: Draw) -> Point:
 
 POINTS: dict[str, Callable[[], st.SearchStrategy[Point]]] = {
     "EmlaPlant": plant_points,
+    "EmlaMotor": motor_points,
     "EmlaObserver": observer_points,
     "RsbaController": controller_points,
     "FocController": foc_points,
