@@ -1,6 +1,7 @@
 """Pictures of results: those that are registered for what a run has, and of any signals."""
 
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +27,18 @@ _TRANSIENT = 0.3
 """Time in s after which errors are small enough to show on a scale of their own."""
 
 
+class Drawing(ABC):
+    """What a picture of a run is drawn by, whatever it shows."""
+
+    @abstractmethod
+    def signals(self, result: "Result") -> Iterable[str]:
+        """The full names of all signals that it would show; a run may lack some, or all."""
+
+    @abstractmethod
+    def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
+        """The picture; None where the signals at hand, `time` among them, are not enough for one."""
+
+
 @dataclass(frozen=True)
 class Curve:
     """One line of a panel: what it shows and how; `less` is subtracted, `scale` multiplied."""
@@ -48,15 +61,30 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Picture:
+class Picture(Drawing):
     """A grid of panels: a column for everything that metrics of the kind `of` were computed for."""
 
     title: str
     panels: tuple[Panel, ...]
     of: str
 
+    def signals(self, result: "Result") -> Iterable[str]:
+        """Those of the curves, of every column."""
+        return {
+            f"{column}.{signal}"
+            for column in result.metrics.get(self.of, ())
+            for panel in self.panels
+            for curve in panel.curves
+            for signal in (curve.signal, curve.less)
+            if signal is not None
+        }
 
-FIGURES: dict[str, Picture] = {}
+    def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
+        """The panels with the curves that there are signals for."""
+        return _drawn(self, list(result.metrics.get(self.of, ())), data)
+
+
+FIGURES: dict[str, Drawing] = {}
 """Pictures that are drawn of every run that has signals for them, by the name of their file."""
 
 
@@ -70,7 +98,7 @@ def draw(result: "Result", folder: Path, done: Callable[[str], None]) -> list[Pa
         return []
     written = []
     for name, picture in FIGURES.items():
-        figure = _drawn(picture, list(result.metrics.get(picture.of, ())), data)
+        figure = picture.drawn(result, data)
         if figure is not None:
             path = folder / f"{name}.png"
             with written_whole(path) as stream:
@@ -82,15 +110,7 @@ def draw(result: "Result", folder: Path, done: Callable[[str], None]) -> list[Pa
 
 def _wanted(result: "Result") -> list[str]:
     """Signals that pictures show, of those that the result has, and time."""
-    wanted = {
-        f"{column}.{signal}"
-        for picture in FIGURES.values()
-        for column in result.metrics.get(picture.of, ())
-        for panel in picture.panels
-        for curve in panel.curves
-        for signal in (curve.signal, curve.less)
-        if signal is not None
-    }
+    wanted = {name for picture in FIGURES.values() for name in picture.signals(result)}
     return ["time", *(name for name in result.names if name in wanted)]
 
 
