@@ -6,12 +6,12 @@ from .errors import CosimError as CosimError
 from .errors import RunError as RunError
 from .loading import load as load
 from .master.algorithms.algorithm import Algorithm as Algorithm
-from .master.algorithms.explicit import Call as Call
 from .master.algorithms.explicit import Explicit as Explicit
-from .master.algorithms.explicit import Operation as Operation
 from .master.algorithms.gauss_seidel import GaussSeidel as GaussSeidel
 from .master.algorithms.jacobi import Jacobi as Jacobi
 from .master.algorithms.registry import ALGORITHMS as ALGORITHMS
+from .master.algorithms.sampling import Call as Call
+from .master.algorithms.sampling import Operation as Operation
 from .master.algorithms.strong import Strong as Strong
 from .option import option as option
 from .options import Options as Options

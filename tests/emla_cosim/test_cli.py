@@ -228,8 +228,8 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
         ),
         (["run", "lift", "--step-multiple", "lift.plant"], ["--step-multiple lift.plant", "NAME=VALUE"]),
         (
-            ["run", "lift", "--step-multiple", "lift.plant=2", "--algorithm", "strong"],
-            ["the algorithm strong has no step multiples"],
+            ["run", "lift", "--step-multiple", "lift.pump=2", "--algorithm", "strong"],
+            ["no component 'lift.pump'"],
         ),
         (
             ["run", "lift", "--step-multiple", "lift.plant=2", "--error-tolerance", "0.1"],

@@ -435,8 +435,8 @@ def test_slaves_must_be_able_to_go_back_and_vary_the_step(name: str, ability: st
         controlled(network, ALGORITHMS[name](), 1.0, 0.1, 1e-3)
 
 
-@pytest.mark.parametrize("name", ["jacobi", "gauss-seidel"])
-def test_step_multiples_need_fixed_steps(name: str) -> None:
+@pytest.mark.parametrize(("name", "multiple"), [("jacobi", 2), ("gauss-seidel", 2), ("strong", 1)])
+def test_step_multiples_need_fixed_steps(name: str, multiple: int) -> None:
     make: Callable[..., Algorithm] = ALGORITHMS[name]
     with pytest.raises(CommandError, match="step multiples need fixed steps"):
-        controlled(ending(0.0, True), make("none", {"clock": 2}), 1.0, 0.1, 1e-3)
+        controlled(ending(0.0, True), make("none", {"clock": multiple}), 1.0, 0.1, 1e-3)

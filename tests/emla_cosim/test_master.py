@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from emla_cosim.errors import CommandError
-from emla_cosim.master.algorithms.explicit import Explicit
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.algorithms.sampling import Sampling
+from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.network import Link, Network, stepping_order
 from emla_cosim.master.slaves.slave import SlaveError
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
@@ -68,9 +69,9 @@ def test_jacobi_uses_old_values_and_gauss_seidel_new_ones() -> None:
         ("sped", 2, "there is no component 'sped' to step more rarely."),
     ],
 )
-@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
+@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel, Strong])
 def test_step_multiples_that_make_no_sense_are_refused(
-    kind: type[Explicit], name: str, multiple: int, message: str
+    kind: type[Sampling], name: str, multiple: int, message: str
 ) -> None:
     with pytest.raises(CommandError, match=f"^{message}$"):
         kind(step_multiples={name: multiple}).setup(oscillator())

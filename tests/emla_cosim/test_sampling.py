@@ -10,7 +10,10 @@ from scipy.linalg import expm
 from emla_cosim.master.algorithms.explicit import Explicit
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.sampling import Sampling
+from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.network import Link, Network
+from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.timing import timing
 from tests.support.linear import LinearSlave
 from tests.support.simulated import simulated
@@ -56,9 +59,9 @@ def by_hand(late: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("compiled", [False, True])
-@pytest.mark.parametrize(("kind", "late"), [(GaussSeidel, 0), (Jacobi, 1)])
+@pytest.mark.parametrize(("kind", "late"), [(GaussSeidel, 0), (Jacobi, 1), (Strong, 0)])
 def test_a_sampled_controller_has_no_delay_of_its_own(
-    kind: type[Explicit], late: int, compiled: bool
+    kind: type[Sampling], late: int, compiled: bool
 ) -> None:
     """At the stop time the controller has been waiting for seven steps."""
     algorithm = kind(step_multiples={"controller": MULTIPLE})
@@ -132,3 +135,147 @@ def test_a_late_line_is_prolonged_by_a_short_step(compiled: bool) -> None:
 def test_held_inputs_are_those_at_the_end_of_a_long_step(compiled: bool) -> None:
     expected = [0.0, *np.cumsum(1.5 * np.array(SIGNAL[3::3]))]
     assert jumping("none", GaussSeidel, compiled) == pytest.approx(expected, abs=1e-12)
+
+
+# ---- sampled in strong coupling ----------------------------------------------------------------
+
+LOAD = 2.5
+"""kg, fixed to an actuator of 1 kg."""
+
+
+def machine(controller: FakeSlave, *more: FakeSlave) -> Network:
+    """A load that is fixed to an actuator; the controller reads position and speed and gives a force."""
+    a, b = np.array([[0.0, 1.0], [-4.0, -0.3]]), np.array([[0.0, 0.0], [1.0, 1.0]])
+    c, d = np.array([[1.0, 0.0], [0.0, 1.0], [-4.0, -0.3]]), np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]])
+    actuator = LinearSlave("actuator", a, b, c, d, START)
+    load = LinearSlave("load", [], [], [], [[-LOAD]], [])
+    slaves = [controller, actuator, load, *more]
+    for slave in (actuator, load):
+        slave.calls = controller.calls
+    links = [
+        Link(1, 2, 2, 0, True, name="a"),
+        Link(2, 0, 1, 0, True, name="F"),
+        Link(1, 0, 0, 0, True, name="x"),
+        Link(1, 1, 0, 1, True, name="v"),
+        Link(0, 0, 1, 1, True, name="u"),
+    ]
+    return Network([compilable(slave) for slave in slaves], links)
+
+
+def pid() -> FakeSlave:
+    """A PID controller whose integral is a backward sum, and that shows its inputs at once."""
+
+    def integrated(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
+        return x + step * u[:1]
+
+    return FakeSlave(
+        "controller", 2, [0.0], integrated, lambda u, x: [-KP * u[0] - KD * u[1] - KI * x[0]], []
+    )
+
+
+def machine_by_hand(multiple: int, steps: int) -> np.ndarray:
+    """Force of the controller, position and speed: the implicit step of the mechanics, in closed form."""
+    joint = np.zeros((3, 3))
+    joint[:2, :2], joint[:2, 2] = A_FREE, [0.0, 1.0]
+    response = expm(joint * STEP)[:2]
+    state, integral = START, 0.0
+    force = -KP * state[0] - KD * state[1]
+    rows = [[force, *state]]
+    for k in range(1, steps + 1):
+        # x+ = R (x, F + u) and F = -m a+, a+ = (-4, -0.3) x+ + F + u
+        free = response @ [*state, force]
+        row, gain = A_FREE[1], response[:, 2]
+        load = -LOAD * (row @ free + force) / (1.0 + LOAD * (row @ gain + 1.0))
+        state = free + gain * load
+        if k % multiple == 0:
+            integral += multiple * STEP * state[0]
+            force = -KP * state[0] - KD * state[1] - KI * integral
+        rows.append([force, *state])
+    return np.array(rows)
+
+
+A_FREE = np.array([[0.0, 1.0], [-4.0, -0.3]])
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("multiple", [1, MULTIPLE])
+def test_a_controller_samples_what_a_loop_agreed_on(multiple: int, compiled: bool) -> None:
+    """At the end of the step, once, and holds its answer; the loop has one value to agree on."""
+    controller = pid()
+    algorithm = Strong(step_multiples={"controller": multiple}, coupling_tolerance=1e-13)
+    rows = simulated(machine(controller), algorithm, timing(STEPS * STEP, STEP), compiled=compiled)
+    expected = machine_by_hand(multiple, STEPS)
+    assert np.abs(rows[:, 1:4] - expected).max() < 1e-10 * np.abs(expected).max()
+    assert np.abs(machine_by_hand(1, STEPS) - machine_by_hand(MULTIPLE, STEPS)).max() > 1e-3
+    assert controller.calls.count("controller.step") == STEPS // multiple
+    assert controller.calls.count("load.step") == algorithm.sweeps > STEPS
+    assert [algorithm.network.slaves[i].name for loop in algorithm.loops for i in loop] == [
+        "actuator",
+        "load",
+    ]
+    assert algorithm.report()["late_connections"] == ["u"]
+    assert algorithm.report()["order"] == ["actuator", "load", "controller"]
+
+
+def test_without_sampling_the_controller_is_in_the_loop() -> None:
+    algorithm = Strong()
+    algorithm.setup(machine(pid()))
+    assert [len(loop) for loop in algorithm.loops] == [3]
+    assert algorithm.late() == []
+
+
+def test_sampled_slaves_follow_each_other_without_delay() -> None:
+    """An observer, whose output is a fault on its way, before the controller that reads it."""
+    calls: list[str] = []
+
+    def passing(name: str) -> FakeSlave:
+        return compilable(FakeSlave(name, 1, [0.0], lambda u, x, t, h: u, None, calls))
+
+    plant = compilable(FakeSlave("plant", 1, [0.0], lambda u, x, t, h: [t + h], None, calls))
+    slaves = [passing("controller"), passing("fault"), passing("observer"), plant]
+    links = [
+        Link(3, 0, 2, 0, False),
+        Link(2, 0, 1, 0, True),
+        Link(1, 0, 0, 0, False),
+        Link(0, 0, 3, 0, False),
+    ]
+    algorithm = Strong(step_multiples={"observer": 1, "controller": 2})
+    rows = simulated(Network(slaves, links, followers=[1]), algorithm, timing(1.0, 0.25))
+    assert [call for call in calls if call.endswith("step")][-4:] == [
+        "plant.step",
+        "observer.step",
+        "fault.step",
+        "controller.step",
+    ]
+    # controller, fault, observer, plant: everybody shows the time, the controller at every other point
+    assert rows[:, 1].tolist() == [0.0, 0.0, 0.5, 0.5, 1.0]
+    assert (rows[:, 2:] == rows[:, :1]).all()
+    assert algorithm.late() == [links[3]]
+
+
+@pytest.mark.parametrize("extrapolation", ["master", "fmu"])
+def test_what_a_sampled_slave_gives_is_held(extrapolation: str) -> None:
+    """However inputs are treated: the integral of what was sampled is a sum of rectangles."""
+    source = FakeSlave("source", 0, SIGNAL[:1], lambda u, x, t, h: [SIGNAL[round((t + h) / 0.5)]])
+    integral = LinearSlave("integral", [[0.0]], [[1.0]], [[1.0]], [[0.0]], [0.0])
+    network = Network([source, integral], [Link(0, 0, 1, 0, False)])
+    algorithm = Strong(extrapolation, {"source": 1})
+    rows = simulated(network, algorithm, timing(0.5 * (len(SIGNAL) - 1), 0.5))
+    assert rows[:, 2].tolist() == pytest.approx([0.0, *np.cumsum(0.5 * np.array(SIGNAL[:-1]))], abs=1e-12)
+
+
+@pytest.mark.parametrize("extrapolation", ["master", "fmu"])
+def test_the_line_of_a_sampled_input_does_not_see_the_halves_of_a_step(extrapolation: str) -> None:
+    """It goes from the value at the beginning of the step to that at its end."""
+
+    def moving(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
+        if step > 0.3:
+            raise StepDiscardedError("source", "doStep", "fmi2Discard", [])
+        return [(time + step) ** 2]
+
+    integral = LinearSlave("integral", [[0.0]], [[1.0]], [[1.0]], [[0.0]], [0.0])
+    network = Network([FakeSlave("source", 0, [0.0], moving), integral], [Link(0, 0, 1, 0, False)])
+    rows = simulated(network, Strong(extrapolation, {"integral": 1}), timing(2.0, 0.5))
+    squares = rows[:, 0] ** 2
+    expected = [0.0, *np.cumsum(0.5 * 0.5 * (squares[1:] + squares[:-1]))]
+    assert rows[:, 2].tolist() == pytest.approx(expected, abs=1e-12)

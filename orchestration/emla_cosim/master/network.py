@@ -133,6 +133,18 @@ class Network:
             )
         self._use_order([position[n] for n in names])
 
+    def hold_back(self, last: Collection[int], keep_order: bool) -> None:
+        """Let these slaves come last, because others see of them only what was before a step.
+
+        Nobody else has to come after them, so the others get the order that is good without these
+        links, unless the present one is to be kept.
+        """
+        order = self.order
+        if not keep_order:
+            seen = [link for link in self.links if link.source not in last or link.target in last]
+            order = order_with_followers(len(self.slaves), seen, self.followers)
+        self._use_order(sorted(order, key=lambda i: i in last))
+
     def feedback(self) -> list[Link]:
         """Links that run against `order`: stepping one after the other, they are late by a step."""
         place = self._place

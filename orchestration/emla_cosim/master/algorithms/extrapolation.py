@@ -18,6 +18,7 @@ order. After `master` an output in which an input shows at once is still that of
 step: exact to first order, and so is what it drives.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -76,13 +77,18 @@ class Exchange:
         taken = len(network.inputs)
         self.history = History(*(np.zeros(n) for n in (size, count, count, taken, taken)))
         self.rare = [False] * count
-        """Which slaves do several steps at once."""
+        """Which slaves take inputs more rarely than others give outputs."""
 
     @property
     def accuracy(self) -> int:
         """Order in the step of what is exchanged, in smooth motion."""
         behind = any(link.direct and self.modes[link.target] == _MIDDLE for link in self.network.links)
         return 1 if behind or _HOLD in self.modes else 2
+
+    def sample(self, slaves: Collection[int]) -> None:
+        """Let these slaves hold their outputs, and know when they took inputs last."""
+        for i in slaves:
+            self.rare[i], self.smooth[self.network.parts[i]] = True, False
 
     def begin(self, time: float) -> None:
         """The present signals are those of `time` in s, and there were none before."""

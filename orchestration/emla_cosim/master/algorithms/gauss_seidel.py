@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 from ..network import Link, Network
-from .explicit import Call, Explicit, Operation
+from .explicit import Explicit
 from .in_order import InOrder
+from .sampling import Call, Operation
 
 
 @dataclass(eq=False)

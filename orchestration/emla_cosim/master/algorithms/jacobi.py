@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from ..network import Link, Network
-from .explicit import Call, Explicit, Operation
+from .explicit import Explicit
+from .sampling import Call, Operation
 
 
 @dataclass(eq=False)

@@ -14,6 +14,7 @@ from ..slaves.slave import StepDiscardedError
 from .algorithm import Span, require
 from .in_order import InOrder
 from .quasi_newton import NoAgreementError, QuasiNewton
+from .sampling import Call, Operation, Sampling
 from .scale import Scale
 from .snapshot import Snapshot
 
@@ -39,13 +40,18 @@ class _Group:
 
 
 @dataclass(eq=False)
-class Strong(InOrder):
+class Strong(InOrder, Sampling):
     """Every slave steps with the values of its sources at the *end* of the step.
 
     Slaves outside loops are stepped once, in the order of the graph. Each loop of slaves goes back
     and repeats its step, with quasi-Newton acceleration, until no value that closes the loop
     changes by more than `coupling_tolerance` of its size. A step that a slave discards, or on which the
     loop finds no agreement, is done in halves.
+
+    A slave that is named in `step_multiples`, also with 1, is sampled, as a digital controller is: it
+    steps once, after all loops have agreed, with the values at the end of the step, which may be one
+    of several steps at once. Others see during a step what it gave at the beginning, so that no loop
+    goes through it.
     """
 
     coupling_tolerance: float = option(
@@ -60,11 +66,26 @@ class Strong(InOrder):
     """Times that a loop was stepped so far."""
 
     def setup(self, network: Network) -> None:
-        """Take the network; CommandError where a slave of a loop cannot go back."""
+        """Take the network; CommandError where a slave of a loop cannot go back, or multiples are wrong."""
         super().setup(network)
         self.sweeps = 0
         self._scale = Scale(network)
-        self._groups = [self._group(members) for members in network.groups()]
+        self._sampled = self._sampled_slaves()
+        if self._sampled:
+            network.hold_back(self._sampled, bool(self.order))
+        self.exchange.sample(self._sampled)
+        self.use([Operation(call, i) for i in network.order if i in self._sampled for call in Call])
+        groups = network.groups(lambda link: link.source not in self._sampled)
+        self._groups = [self._group(group) for group in groups if group[0] not in self._sampled]
+
+    def _sampled_slaves(self) -> set[int]:
+        """Those that are named, and what passes their values on."""
+        network = self.network
+        sampled = {i for i, slave in enumerate(network.slaves) if slave.name in self.step_multiples}
+        for _ in network.followers:  # one may follow another
+            links = [link for link in network.links if link.target in network.followers]
+            sampled |= {link.target for link in links if link.source in sampled}
+        return sampled
 
     def _group(self, members: list[int]) -> _Group:
         slaves = [self.network.slaves[i] for i in members]
@@ -75,8 +96,8 @@ class Strong(InOrder):
         return _Group(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in slaves))
 
     def late(self) -> list[Link]:
-        """None."""
-        return []
+        """Those from sampled slaves to the others, and against the order of the sampled."""
+        return [link for link in self.network.feedback() if link.source in self._sampled]
 
     @property
     def loops(self) -> list[list[int]]:
@@ -116,6 +137,7 @@ class Strong(InOrder):
         self._scale.see()
         for group in self._groups:
             self._advance(group, time, step, HALVINGS)
+        self.operate(time, step, span)
 
     def _advance(self, group: _Group, time: float, step: float, halvings: int) -> None:
         """Bring a group to the end of the step, in halves where it does not work in one."""

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ...arrays import Indices, Vector
 from ...errors import CommandError, RunError
 from ..algorithms.algorithm import Algorithm, require
-from ..algorithms.explicit import Explicit
 from ..algorithms.scale import Scale
 from ..algorithms.snapshot import Snapshot
 from ..slaves.slave import StepDiscardedError
@@ -40,7 +39,7 @@ class ErrorControl(Stepping):
     ) -> None:
         """Take an algorithm that is set up; CommandError where its slaves cannot go back."""
         super().__init__(algorithm, times)
-        if isinstance(algorithm, Explicit) and (algorithm.multiples != 1).any():
+        if any(algorithm.exchange.rare):
             raise CommandError("step multiples need fixed steps; leave out the error tolerance or them.")
         slaves = algorithm.network.slaves
         require(slaves, "rolls_back", "canGetAndSetFMUstate", "error control")

@@ -15,8 +15,9 @@ import numpy as np
 from ... import black_box
 from ...arrays import Vector
 from ...errors import RunError
-from ..algorithms import explicit, extrapolation
-from ..algorithms.explicit import Call, Explicit, Operation
+from ..algorithms import extrapolation, sampling
+from ..algorithms.explicit import Explicit
+from ..algorithms.sampling import Call, Operation
 from ..slaves.calls import code_of
 from ..slaves.slave import EntryPoints
 from . import layout, machine_code
@@ -109,7 +110,7 @@ def _advance() -> Any:
 
         return text()
 
-    modules = (layout, explicit, extrapolation, black_box)
+    modules = (layout, sampling, extrapolation, black_box)
     files = [Path(str(m.__file__)) for m in modules] + [Path(__file__).with_name("loop.py")]
     address = machine_code.load("advance", b"".join(f.read_bytes() for f in files), generate)
     address_type, number = ctypes.c_ssize_t, ctypes.c_int64

@@ -11,8 +11,8 @@ from llvmlite import ir
 from numba import cfunc, from_dtype, njit, types
 from numba.extending import intrinsic
 
-from ..algorithms.explicit import Call
 from ..algorithms.extrapolation import Mode
+from ..algorithms.sampling import Call
 from .layout import INPUT, LOOP, OPERATION, PRESENT, SLAVE, Failure
 
 _SET, _STEP, _GET = int(Call.SET), int(Call.STEP), int(Call.GET)

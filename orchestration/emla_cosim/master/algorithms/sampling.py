@@ -1,0 +1,88 @@
+"""Slaves that step more rarely than others: tables of operations, run here or compiled."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+
+from ...errors import CommandError
+from ...option import option
+from ..network import Network
+from .algorithm import Algorithm, Span
+
+MOST = 2**31
+"""The largest step multiple."""
+
+
+class Call(IntEnum):
+    """What is done with a slave."""
+
+    SET = 0
+    STEP = 1
+    GET = 2
+
+
+_SET, _STEP, _GET = (int(call) for call in Call)  # comparing numbers is cheaper in the loop
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One call on the slave at this position."""
+
+    call: Call
+    slave: int
+
+
+@dataclass(eq=False)
+class Sampling(Algorithm):
+    """Algorithms in which a table of operations says who is called once per step, or more rarely.
+
+    `step_multiples` gives, by name, slaves that step more rarely: one with the multiple m waits
+    until the others come to an m-th communication point, and then does m steps at once in its place
+    of the table, with the inputs that it finds there. It samples at these points: nothing is late
+    that would not be late with short steps, and then by a short step.
+    """
+
+    step_multiples: Mapping[str, int] = option(
+        {},
+        help="Let a component sample at every N-th point and do N steps at once (repeatable).",
+        flag="--step-multiple",
+        metavar="COMPONENT=N",
+        identity="step multiples",
+    )
+
+    operations: list[Operation] = field(init=False, repr=False)
+
+    def setup(self, network: Network) -> None:
+        """Take the network; CommandError where multiples make no sense."""
+        super().setup(network)
+        names = [s.name for s in network.slaves]
+        for name, multiple in self.step_multiples.items():
+            if name not in names:
+                raise CommandError(f"there is no component '{name}' to step more rarely.")
+            if not 1 <= multiple <= MOST:
+                least = multiple < 1
+                right = "at least 1" if least else f"at most {MOST}"
+                raise CommandError(f"the step multiple {multiple} of {name} must be {right}.")
+        self.multiples = np.array([self.step_multiples.get(n, 1) for n in names], dtype=np.int64)
+
+    def use(self, operations: Sequence[Operation]) -> None:
+        """Work through these operations, in order; part of `setup`."""
+        self.operations = list(operations)
+        self._calls = [(int(o.call), o.slave, int(self.multiples[o.slave])) for o in operations]
+
+    def operate(self, time: float, step: float, span: Span) -> None:
+        """Work through the table, at the end of the step from `time` of length `step`, both in s."""
+        exchange, slaves, reached = self.exchange, self.network.slaves, self.steps + 1
+        for call, i, multiple in self._calls:
+            if reached % multiple:
+                continue
+            begin, length = (time, step) if multiple == 1 else span(multiple)
+            if call == _SET:
+                exchange.pass_inputs(i, begin, length)
+            elif call == _STEP:
+                slaves[i].do_step(begin, length)
+            else:
+                exchange.shift(i, time + step)
+                slaves[i].get_outputs()
