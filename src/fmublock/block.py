@@ -89,7 +89,8 @@ class Layout:
         limits = self.scalars[reference].variable.limit_parameters
         if limits is None:
             return None
-        low, high = (self.references((parameter,))[0] for parameter in limits)
+        element = reference - self.references((self.scalars[reference].variable,))[0]
+        low, high = (self.references((p,))[element if p.shape else 0] for p in limits)
         return low, high
 
 
@@ -142,6 +143,14 @@ class Block:
 
     def outputs(self, v: Values) -> dict[str, Any]:
         """Values of the declared `Output` variables (states are outputs by themselves)."""
+        return {}
+
+    def conditions(self, v: Values) -> dict[str, Any]:
+        """What must hold when initialization ends beside the ranges of single values.
+
+        From sentences, without a full stop, to comparisons of values: where one does not hold, the
+        instance refuses to start and says the sentence, which therefore names the variables.
+        """
         return {}
 
     @classmethod

@@ -181,12 +181,14 @@ class Instance:
     def exit_initialization(self) -> None:
         """End initialization.
 
-        Raises BlockError if a value is outside its declared range or an output cannot be computed.
+        Raises BlockError if a value is outside its declared range, one of the block's conditions does
+        not hold, or an output cannot be computed.
         """
         self._require(Phase.INITIALIZATION, "exit initialization mode")
         self._take_start_values()
         for r in (*self._parameters, *self._states):  # before the equations meet what they are not made for
             self._check_range(r)
+        self._check_conditions()
         self._evaluate_first_outputs()
         self.phase = Phase.STEP
 
@@ -353,6 +355,15 @@ class Instance:
             raise BlockError(
                 f"{self.name}: {scalar.name} = {value:.9g} is outside its range, {low:.9g} to {high:.9g}."
             )
+
+    def _check_conditions(self) -> None:
+        try:
+            conditions = self.block.conditions(self._v)
+        except ArithmeticError as error:
+            raise BlockError(f"{self.name}: its conditions cannot be computed: {error}.") from error
+        for sentence, holds in conditions.items():
+            if not holds:
+                raise BlockError(f"{self.name}: {sentence}.")
 
     def _references_of(self, name: str) -> Sequence[int]:
         array = self.layout.arrays.get(name)

@@ -1,5 +1,6 @@
 """Native FMUs: the block's equations as C inside a generic FMI 2.0 shim, compiled by zig."""
 
+import json
 import math
 import os
 import subprocess
@@ -36,7 +37,7 @@ def native_draft(block: Block, producer: Producer, documents: Documents) -> Draf
     symbolic = evaluate_symbolically(block)
     content = {
         "sources/generated.h": _equations(symbolic).encode(),
-        "sources/model.h": _model_header(block).encode(),
+        "sources/model.h": _model_header(block, symbolic.demands).encode(),
         **_shim(),
     }
     offers = Offers(derivatives=True, model_exchange=offers_model_exchange(block), source_files=(_SHIM,))
@@ -98,7 +99,7 @@ def _equations(symbolic: SymbolicBlock) -> str:
     return generator.dump()
 
 
-def _model_header(block: Block) -> str:
+def _model_header(block: Block, demands: Sequence[str]) -> str:
     """Names, types, ranges, start and nominal values as C; everything the shim knows of the block."""
     layout = block.layout()
     name = type(block).__name__
@@ -138,7 +139,14 @@ def _model_header(block: Block) -> str:
         values = ", ".join(_c_number(x) for x in (scalar.start, *variable.range, nominal))
         letter = letters[variable.fmi_type]
         lines.append(f"    {{\"{scalar.name}\", '{letter}', {values}, {start_reference}}},")
-    return "\n".join([*lines, "};", *_limits(block), ""])
+    return "\n".join([*lines, "};", *_limits(block), *_conditions(demands), ""])
+
+
+def _conditions(demands: Sequence[str]) -> list[str]:
+    """The sentences of the block's conditions, in the order of their values."""
+    rows = [f"    {json.dumps(sentence)}," for sentence in demands]
+    table = ["static const char *const demands[] = {", *rows, "};"] if rows else []
+    return ["", f"#define N_CONDITIONS {len(rows)}", *table]
 
 
 def _limits(block: Block) -> list[str]:

@@ -51,7 +51,7 @@ class Results:
             elements = value if vector else variable.flat(value)
         except ValueError as error:
             raise EquationError(f"{self._method}: {variable.attribute} is wrong: {error}.") from None
-        return [x if type(x) is float else self._number(variable.attribute, x) for x in elements]
+        return [x if type(x) is float else _number(self._method, variable.attribute, x) for x in elements]
 
     def _wrong_names(self, values: dict[str, Any]) -> str:
         if unknown := [str(name) for name in values if name not in self._expected]:
@@ -59,9 +59,25 @@ class Results:
         missing = [x.attribute for x in self._variables if x.attribute not in values]
         return f"{self._method} gives no value for {', '.join(missing)}."
 
-    def _number(self, attribute: str, value: Any) -> Any:
-        if isinstance(value, Symbolic):
-            return value
-        if isinstance(value, (float, int)):
-            return float(value)
-        raise EquationError(f"{self._method}: {attribute} is {value!r}, which is no number.")
+
+class Conditions:
+    """The results of a block's `conditions`; `attributes` are then the sentences."""
+
+    def __init__(self, block: Block) -> None:
+        self.attributes: list[str] = []
+        self._method = f"{type(block).__name__}.conditions"
+
+    def flat(self, values: Any) -> list[Any]:
+        """Whether each sentence holds, as numbers or symbols. Raises EquationError for anything else."""
+        if not isinstance(values, dict) or not all(isinstance(sentence, str) for sentence in values):
+            raise EquationError(f"{self._method} returns {values!r} instead of a dict from sentences.")
+        self.attributes = list(values)
+        return [_number(self._method, f"'{sentence}'", value) for sentence, value in values.items()]
+
+
+def _number(method: str, name: str, value: Any) -> Any:
+    if isinstance(value, Symbolic):
+        return value
+    if isinstance(value, (float, int)):
+        return float(value)
+    raise EquationError(f"{method}: {name} is {value!r}, which is no number.")

@@ -9,28 +9,34 @@ import casadi
 from .block import Block, Values
 from .errors import BuildError
 from .faults import equation_fault, result_line
-from .results import METHODS, Results
+from .results import METHODS, Conditions, Results
 from .symbol import RefusedError, Symbol, refusing_sum
 from .tangents import tangent
+
+_METHODS = (*METHODS, "conditions")
 
 
 @dataclass(frozen=True)
 class SymbolicBlock:
-    """The three functions of a block, each (time, values) -> vector.
+    """The functions of a block, each (time, values) -> vector.
 
     `values` holds all scalars in the order of their value references, so that generated code
     can work on an instance's memory directly. `references` are the value references of the
-    results: those of the states for `derivatives`, and so on.
+    results: those of the states for `derivatives`, and so on. `conditions` gives 0 for each of the
+    sentences in `demands` that does not hold.
     """
 
     derivatives: casadi.Function
     update: casadi.Function
     outputs: casadi.Function
+    conditions: casadi.Function
+    demands: tuple[str, ...]
 
     def functions(self) -> tuple[casadi.Function, ...]:
-        """All three, in the order in which a step uses them, and the tangents of the continuous ones."""
+        """Those of a step in its order, the tangents of the continuous ones, and any conditions."""
         tangents = tangent(self.derivatives), tangent(self.outputs)
-        return self.derivatives, self.update, self.outputs, *tangents
+        conditions = (self.conditions,) if self.demands else ()
+        return self.derivatives, self.update, self.outputs, *tangents, *conditions
 
 
 def evaluate_symbolically(block: Block) -> SymbolicBlock:
@@ -47,17 +53,20 @@ def evaluate_symbolically(block: Block) -> SymbolicBlock:
     casadi.GlobalOptions.setSimplificationOnTheFly(False)
     try:
         with refusing_sum():
-            functions, again = ([_function(block, m) for m in METHODS] for _ in range(2))
+            found, again = ([_function(block, m) for m in _METHODS] for _ in range(2))
     finally:
         casadi.GlobalOptions.setSimplificationOnTheFly(simplify)
-    for method, function, other in zip(METHODS, functions, again, strict=True):
+    functions = [function for function, _ in found]
+    for method, function, (other, _) in zip(_METHODS, functions, again, strict=True):
         # a symbol kept from the first time is free in the second
         if other.has_free() or function.serialize() != other.serialize():
             raise BuildError(
                 f"{type(block).__name__}.{method} gives other equations when asked again; "
                 "what evolves must be a declared state, and randomness come from fmublock.noise."
             )
-    return SymbolicBlock(*functions)
+    derivatives, update, outputs, conditions = functions
+    _, demands = found[-1]
+    return SymbolicBlock(derivatives, update, outputs, conditions, tuple(demands))
 
 
 class _SymbolicValues(Values):
@@ -67,8 +76,8 @@ class _SymbolicValues(Values):
         raise RefusedError("changes a value of the block; what evolves must be a declared state")
 
 
-def _function(block: Block, method: str) -> casadi.Function:
-    """One method of the block as a function of time and all values."""
+def _function(block: Block, method: str) -> tuple[casadi.Function, list[str]]:
+    """One method of the block as a function of time and all values, and what its results belong to."""
     name, layout = f"{type(block).__name__}.{method}", block.layout()
     time = casadi.SX.sym("time")
     symbols = [casadi.SX.sym(scalar.name) for scalar in layout.scalars]
@@ -77,7 +86,7 @@ def _function(block: Block, method: str) -> casadi.Function:
     for variable in (*layout.inputs, *layout.parameters, *layout.states, *layout.discrete_states):
         own = [Symbol(symbols[r]) for r in layout.references((variable,))]
         v.__dict__[variable.attribute] = variable.nested(own)
-    given, results = repr(vars(v)), Results(block, method)
+    given, results = repr(vars(v)), Conditions(block) if method == "conditions" else Results(block, method)
     try:
         values = results.flat(getattr(block, method)(v))
     except Exception as error:
@@ -90,7 +99,9 @@ def _function(block: Block, method: str) -> casadi.Function:
             raise BuildError(f"{name}: {attribute}{line} is the constant NaN.")
     expressions = [x.sx if isinstance(x, Symbol) else casadi.SX(x) for x in values]
     arguments = [time, casadi.vertcat(*symbols)]
-    return casadi.Function(method, arguments, [casadi.vertcat(*expressions)], {"allow_free": True})
+    vector = casadi.vertcat(*expressions)
+    function = casadi.Function(method, arguments, [vector], {"allow_free": True})
+    return function, results.attributes
 
 
 def find_dependencies(block: Block, symbolic: SymbolicBlock) -> dict[int, list[int]]:

@@ -22,9 +22,9 @@ class Variable:
     M[1,2], ..., row by row. Its start is one value for all elements, or a list of this shape.
     `terminal` bundles inputs and outputs that are connected together ("drive"); where the partner
     has another name for the variable, that follows after a dot ("sensor.x_measured").
-    `limits` are two scalar parameters of the block, the lowest and the highest value that a state or
-    an output is meant to have, or one for both directions. A value beyond them stops nothing, but an
-    instance reports it, the first time.
+    `limits` are two parameters of the block, the lowest and the highest value that a state or an output
+    is meant to have, or one for both directions; they are scalar, or have the variable's shape. A value
+    beyond them stops nothing, but an instance reports it, the first time.
 
     Raises TypeError for a start value that does not fit.
     """
@@ -66,8 +66,11 @@ class Variable:
             )
         if isinstance(self, (Input, Parameter)) and limits is not None:
             raise TypeError("an input or a parameter has no limits, but a minimum and a maximum")
-        if any(not isinstance(p, Parameter) or p.shape for p in self.limit_parameters or ()):
-            raise TypeError(f"the limits {limits!r} are neither one nor two scalar parameters")
+        shapes = (), self.shape
+        if any(not isinstance(p, Parameter) or p.shape not in shapes for p in self.limit_parameters or ()):
+            raise TypeError(
+                f"the limits {limits!r} are neither one nor two scalar parameters, nor of its shape"
+            )
 
     def __set_name__(self, owner: type, attribute: str) -> None:
         self.attribute = attribute

@@ -37,6 +37,7 @@ class _Wrench(NamedTuple):
     moment: Any
 
 
+_NONE = (0.0, 0.0, 0.0)
 _AT_REST = _Motion((0.0, 0.0), 0.0, 0.0)
 
 
@@ -49,8 +50,12 @@ def inverse_dynamics(p: Any, q: Sequence[Any], v: Sequence[Any], a: Sequence[Any
     and takes part of its own weight and inertia to the boom pin.
     """
     at = posture(p, q)
-    masses = bodies(p, at, q, payload)
-    ground = _Motion((0.0, p.gravity), 0.0, 0.0)
+    return _newton_euler(at, bodies(p, at, q, payload), p.gravity, v, a)
+
+
+def _newton_euler(at: Posture, masses: Bodies, gravity: Any, v: Sequence[Any], a: Sequence[Any]) -> list[Any]:
+    """The recursion of `inverse_dynamics`."""
+    ground = _Motion((0.0, gravity), 0.0, 0.0)
 
     # outwards
     lift_boom = _boom_motion(ground, at.lift, v[0], a[0])
@@ -75,7 +80,7 @@ def inverse_dynamics(p: Any, q: Sequence[Any], v: Sequence[Any], a: Sequence[Any
 
 def bias(p: Any, q: Sequence[Any], v: Sequence[Any], payload: Any) -> list[Any]:
     """Forces in N that weight and speed take: those of the motion without acceleration."""
-    return inverse_dynamics(p, q, v, (0.0, 0.0, 0.0), payload)
+    return inverse_dynamics(p, q, v, _NONE, payload)
 
 
 def mass_matrix(p: Any, q: Sequence[Any], payload: Any) -> Matrix:
@@ -93,16 +98,18 @@ def forward_dynamics(
     v: Sequence[Any],
     force: Sequence[Any],
     payload: Any,
-    reflected: Sequence[Any] = (0.0, 0.0, 0.0),
+    reflected: Sequence[Any] = _NONE,
 ) -> list[Any]:
     """Accelerations in m/s2 under the forces of the screws in N.
 
     `reflected` is the inertia in kg that each stroke has beside the manipulator's, such as A_eq/D_eq of
     its motor: (M + diag(reflected)) a = force - bias.
     """
-    M = mass_matrix(p, q, payload)
+    at = posture(p, q)
+    masses = bodies(p, at, q, payload)
+    M = _mass_matrix(at, masses)
     inertia = [[M[i][j] + reflected[i] if i == j else M[i][j] for j in range(3)] for i in range(3)]
-    h = bias(p, q, v, payload)
+    h = _newton_euler(at, masses, p.gravity, v, _NONE)
     return solve(inertia, [force[i] - h[i] for i in range(3)])
 
 
@@ -111,7 +118,7 @@ def energy(
     q: Sequence[Any],
     v: Sequence[Any],
     payload: Any,
-    reflected: Sequence[Any] = (0.0, 0.0, 0.0),
+    reflected: Sequence[Any] = _NONE,
 ) -> Any:
     """Kinetic and potential energy in J, the latter against all masses at the height of O1.
 

@@ -1,12 +1,24 @@
 """The manipulator's parameters, as its blocks declare them."""
 
-from fmublock import Block, Parameter
+from typing import Any
 
-from .parameters import HDRM
+from fmublock import Block, Input, Parameter
+
+from . import refusals
+from .parameters import HDRM, PAYLOAD
 
 
 class Machine(Block):
     """What the blocks of the manipulator share: the numbers of HdrmParameters, by the same attributes."""
+
+    payload = Input(
+        PAYLOAD,
+        unit="kg",
+        nominal=100.0,
+        minimum=0.0,
+        name="payload.m",
+        description="Mass that the tip carries",
+    )
 
     lift_a = Parameter(
         HDRM.lift_a,
@@ -191,3 +203,20 @@ class Machine(Block):
     q_LB = Parameter(HDRM.q_LB, shape=3, unit="m", name="screw.q_LB", description="Lower end of a stroke")
     q_UB = Parameter(HDRM.q_UB, shape=3, unit="m", name="screw.q_UB", description="Upper end of a stroke")
     gravity = Parameter(HDRM.gravity, unit="m/s2", description="Gravitational acceleration")
+
+    def conditions(self, v: Any) -> dict[str, Any]:
+        """Triangles close over the whole stroke, and the payload is no less than nothing."""
+        mass = {f"{fmi_name('payload')} must not be negative": v.payload >= 0.0}
+        return {**refusals.geometry(v, fmi_name), **mass}
+
+
+def closes_at(v: Any, q: Any, name: str) -> dict[str, Any]:
+    """Whether the triangles of a machine close at the strokes q, which are called `name`."""
+    lift = refusals.closes(v, "lift", q[0], f"{name}[1]", fmi_name)
+    return {**lift, **refusals.closes(v, "tilt", q[1], f"{name}[2]", fmi_name)}
+
+
+def fmi_name(attribute: str, element: int | None = None) -> str:
+    """What FMUs call one of these variables, or an element of it, counted from 0."""
+    name = str(vars(Machine)[attribute].name)
+    return name if element is None else f"{name}[{element + 1}]"

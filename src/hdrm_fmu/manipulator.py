@@ -6,8 +6,7 @@ from fmublock import DefaultExperiment, Input, Output
 
 from . import kinematics
 from .dynamics import inverse_dynamics
-from .machine import Machine
-from .parameters import PAYLOAD
+from .machine import Machine, closes_at
 
 
 class HdrmManipulator(Machine):
@@ -18,28 +17,22 @@ class HdrmManipulator(Machine):
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-3)
 
-    x_L = Input((0.244, 0.389, 0.499), shape=3, unit="m", nominal=0.1, description="Stroke", terminal="load")
-    v_L = Input(shape=3, unit="m/s", nominal=0.1, description="Speed of a stroke", terminal="load")
-    a_L = Input(shape=3, unit="m/s2", description="Acceleration of a stroke", terminal="load")
-    payload = Input(
-        PAYLOAD,
-        unit="kg",
-        nominal=100.0,
-        minimum=0.0,
-        name="payload.m",
-        description="Mass that the tip carries",
-        terminal="payload.m",
-    )
+    x_L = Input((0.244, 0.389, 0.499), shape=3, unit="m", nominal=0.1, description="Stroke")
+    v_L = Input(shape=3, unit="m/s", nominal=0.1, description="Speed of a stroke")
+    a_L = Input(shape=3, unit="m/s2", description="Acceleration of a stroke")
 
     F_L = Output(
         shape=3,
         unit="N",
         nominal=1e4,
         description="Load force, positive against extension",
-        terminal="load",
     )
     tip_x = Output(unit="m", name="tip.x", description="Tip from O1, horizontally")
     tip_y = Output(unit="m", name="tip.y", description="Tip from O1, upwards")
+
+    def conditions(self, v: Any) -> dict[str, Any]:
+        """Those of the machine, also at the strokes that the actuators begin with."""
+        return {**super().conditions(v), **closes_at(v, v.x_L, "x_L")}
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Forces that the motion takes, and where the tip is."""

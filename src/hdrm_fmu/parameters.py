@@ -6,7 +6,9 @@ bounds of Table II over the whole box of strokes.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+from . import refusals
 
 Three = tuple[float, float, float]
 """One value for each actuator: lift, tilt, telescope."""
@@ -90,6 +92,33 @@ class HdrmParameters:
     gravity: float = 9.81
     """Gravitational acceleration, m/s2."""
 
+    def __post_init__(self) -> None:
+        """Raise ValueError, in a sentence that names the parameter, for what makes no machine."""
+        for part in fields(self):
+            value = getattr(self, part.name)
+            for i, x in enumerate(value if isinstance(value, tuple) else (value,)):
+                name = _named(part.name, i) if isinstance(value, tuple) else part.name
+                low, high = RANGES.get(part.name, (-math.inf, math.inf))
+                if not (low <= x <= high and math.isfinite(x)):
+                    raise ValueError(f"{name} = {x:.9g} is outside its range, {low:.9g} to {high:.9g}.")
+        for sentence, holds in refusals.geometry(self, _named).items():
+            if not holds:
+                raise ValueError(f"{sentence}.")
+
+
+def _named(attribute: str, element: int | None = None) -> str:
+    return attribute if element is None else f"{attribute}[{element}]"
+
+
+_SIDES = ("lift_a", "lift_b", "lift_L_0", "tilt_a", "tilt_b", "tilt_L_0", "lift_length", "reach")
+_BODIES = ("lift_m", "lift_J", "outer_m", "outer_J", "inner_m", "inner_J", "payload_J")
+_ACTUATORS = ("M_BS", "motor_m", "housing_J", "tube_J")
+RANGES = {
+    **dict.fromkeys(_SIDES, (0.001, math.inf)),
+    **dict.fromkeys((*_BODIES, *_ACTUATORS), (0.0, math.inf)),
+    "tube_share": (0.0, 1.0),
+}
+"""Lowest and highest values, by attribute; what is not named may be any finite number."""
 
 HDRM = HdrmParameters()
 """The manipulator of the study."""

@@ -7,8 +7,7 @@ from fmublock import DefaultExperiment, Input, Output, Parameter, State
 
 from . import kinematics
 from .dynamics import energy, forward_dynamics, inverse_dynamics
-from .machine import Machine
-from .parameters import PAYLOAD
+from .machine import Machine, closes_at
 
 
 class HdrmPlant(Machine):
@@ -28,20 +27,8 @@ class HdrmPlant(Machine):
         description="Longest internal integration step (classical Runge-Kutta)",
     )
 
-    tau_m = Input(
-        shape=3, unit="N.m", nominal=10.0, description="Motor torque that drives the screw", terminal="drive"
-    )
-    d_2 = Input(shape=3, unit="m/s2", description="Disturbance of the screw's acceleration", terminal="load")
-    payload = Input(
-        PAYLOAD,
-        unit="kg",
-        nominal=100.0,
-        minimum=0.0,
-        name="payload.m",
-        description="Mass that the tip carries",
-        terminal="payload.m",
-    )
-
+    tau_m = Input(shape=3, unit="N.m", nominal=10.0, description="Motor torque that drives the screw")
+    d_2 = Input(shape=3, unit="m/s2", description="Disturbance of the screw's acceleration")
     J_m = Parameter(
         (0.016, 0.0105, 0.00085),
         shape=3,
@@ -114,27 +101,52 @@ class HdrmPlant(Machine):
         name="uncertainty.F_2",
         description="Modelling error of g_2 as a fraction (84)",
     )
+    v_max = Parameter(
+        (0.136, 0.1, 0.21),
+        shape=3,
+        unit="m/s",
+        minimum=0.0,
+        name="screw.v_max",
+        description="Largest speed of the screw",
+    )
     x_L_start = Parameter(
         (0.244, 0.389, 0.499), shape=3, unit="m", name="start.x_L", description="Initial screw position"
     )
     v_L_start = Parameter(0.0, shape=3, unit="m/s", name="start.v_L", description="Initial screw speed")
 
-    x_L = State(x_L_start, shape=3, unit="m", nominal=0.1, description="Screw position", terminal="load")
-    v_L = State(v_L_start, shape=3, unit="m/s", nominal=0.1, description="Screw speed", terminal="load")
+    x_L = State(
+        x_L_start,
+        shape=3,
+        unit="m",
+        nominal=0.1,
+        limits=(Machine.q_LB, Machine.q_UB),
+        description="Screw position",
+    )
+    v_L = State(
+        v_L_start,
+        shape=3,
+        unit="m/s",
+        nominal=0.1,
+        limits=v_max,
+        description="Screw speed",
+    )
 
-    a_L = Output(shape=3, unit="m/s2", description="Screw acceleration", terminal="load")
+    a_L = Output(shape=3, unit="m/s2", description="Screw acceleration")
     F_L = Output(
         shape=3,
         unit="N",
         nominal=1e4,
         description="Load force, positive against extension",
-        terminal="load",
     )
     tip_x = Output(unit="m", name="tip.x", description="Tip from O1, horizontally")
     tip_y = Output(unit="m", name="tip.y", description="Tip from O1, upwards")
     energy = Output(
         unit="J", nominal=1e4, description="Energy of manipulator and actuators; weight against O1"
     )
+
+    def conditions(self, v: Any) -> dict[str, Any]:
+        """Those of the machine, also where the motion starts."""
+        return {**super().conditions(v), **closes_at(v, v.x_L_start, "start.x_L")}
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """Motion of the three screws."""

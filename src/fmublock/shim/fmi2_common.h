@@ -106,6 +106,19 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
     return fmi2OK;
 }
 
+/* What the block demands of its values beside their ranges. */
+static fmi2Status check_conditions(const Instance *instance) {
+#if N_CONDITIONS > 0
+    double holds[N_CONDITIONS];
+    evaluate(conditions, instance->now.time, instance->now.values, holds);
+    for (int i = 0; i < N_CONDITIONS; i++)
+        if (holds[i] == 0.0) return report(instance, fmi2Error, "%s.", demands[i]);
+#else
+    (void)instance;
+#endif
+    return fmi2OK;
+}
+
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     Instance *instance = c;
     State *now = &instance->now;
@@ -113,6 +126,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     take_start_values(now);
     for (int r = N_INPUTS; r < FIRST_DISCRETE_STATE; r++)
         if (check_range(instance, r) != fmi2OK) return fmi2Error;
+    if (check_conditions(instance) != fmi2OK) return fmi2Error;
     evaluate_outputs(now);
     hold_inputs(now, 0.0);
     now->phase = now->type == fmi2ModelExchange ? EVENT : STEP;
