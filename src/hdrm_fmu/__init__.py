@@ -1,13 +1,8 @@
-"""The paper's manipulator of lift, tilt and telescope, which three EMLAs move.
+"""The heavy-duty robotic manipulator of the paper: its motion."""
 
-Closed-chain kinematics, inverse and forward dynamics as functions, and as blocks. The paper is the one
-that `emla_fmu` names; numbers in parentheses are those of its equations as printed.
-"""
+from .spline import Spline, TrajectoryError, trajectory_parameters
+from .trajectory import Trajectory
 
-from .manipulator import HdrmManipulator
-from .parameters import HDRM, HdrmParameters
-from .plant import HdrmPlant
+BLOCKS = (Trajectory,)
 
-BLOCKS = (HdrmManipulator, HdrmPlant)
-
-__all__ = ["BLOCKS", "HDRM", "HdrmManipulator", "HdrmParameters", "HdrmPlant"]
+__all__ = ["BLOCKS", "Spline", "Trajectory", "TrajectoryError", "trajectory_parameters"]

@@ -1,0 +1,134 @@
+"""A B-spline of the three strokes, and how it becomes the parameters of the block Trajectory."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from .spline_window import COEFFICIENTS, DEGREE, KNOTS
+from .trajectory import JOINTS
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+_LARGEST = 1e9
+"""No knot in s and no coefficient in m is larger."""
+
+
+class TrajectoryError(ValueError):
+    """What is wrong with a trajectory or its problem, as one sentence."""
+
+
+@dataclass(frozen=True)
+class Spline:
+    """Strokes over time as a clamped B-spline: its first and last degree + 1 knots are the same.
+
+    `knots` are in s, none before the one in front of it; `coefficients` (control points) by joint in m,
+    as many for each joint: knots less degree less one. scipy's BSpline(knots, coefficients, degree) is
+    the same curve.
+
+    Raises TrajectoryError for anything else.
+    """
+
+    degree: int
+    knots: Sequence[float]
+    coefficients: Mapping[str, Sequence[float]]
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.degree <= DEGREE:
+            raise TrajectoryError(f"the degree {self.degree} must be one of 1 to {DEGREE}.")
+        _check_numbers("the knots", self.knots)
+        self._check_knots()
+        if set(self.coefficients) != set(JOINTS):
+            names = ", ".join(map(repr, self.coefficients)) or "nothing"
+            raise TrajectoryError(f"the coefficients are of {names}; they must be of {', '.join(JOINTS)}.")
+        for joint, values in self.coefficients.items():
+            _check_numbers(f"the coefficients of {joint}", values)
+            if len(values) != self.size:
+                raise TrajectoryError(
+                    f"there are {len(values)} coefficients of {joint}; {len(self.knots)} knots "
+                    f"and degree {self.degree} take {self.size}."
+                )
+
+    @property
+    def size(self) -> int:
+        """How many coefficients a joint has."""
+        return len(self.knots) - self.degree - 1
+
+    @property
+    def start(self) -> float:
+        """Time of the first knot in s."""
+        return self.knots[0]
+
+    @property
+    def end(self) -> float:
+        """Time of the last knot in s."""
+        return self.knots[-1]
+
+    def evaluated(self, times: "Iterable[float] | np.ndarray", derivative: int = 0) -> "np.ndarray":
+        """Strokes (m), or their derivative of this order, at times within the knots: one row per time."""
+        import numpy as np
+        from scipy.interpolate import BSpline
+
+        values = np.column_stack([self.coefficients[joint] for joint in JOINTS])
+        given = np.asarray(times, dtype=float)
+        if derivative > self.degree:
+            return np.zeros((len(given), len(JOINTS)))
+        return BSpline(np.asarray(self.knots, dtype=float), values, self.degree)(given, nu=derivative)
+
+    def _check_knots(self) -> None:
+        ends = self.degree + 1
+        if len(self.knots) < 2 * ends:
+            raise TrajectoryError(
+                f"there are {len(self.knots)} knots; degree {self.degree} takes {2 * ends} at least."
+            )
+        for i, (a, b) in enumerate(zip(self.knots, self.knots[1:], strict=False), 2):
+            if b < a:
+                raise TrajectoryError(
+                    f"knot {i}, {b:.9g} s, comes before the knot in front of it, {a:.9g} s."
+                )
+        if self.knots[0] == self.knots[-1]:
+            raise TrajectoryError(f"all knots are at {self.knots[0]:.9g} s; the last one must come later.")
+        for which, some in (("first", self.knots[:ends]), ("last", self.knots[-ends:])):
+            if some[0] != some[-1]:
+                raise TrajectoryError(
+                    f"the {which} {ends} knots are not the same; a spline of degree {self.degree} begins and "
+                    f"ends with {ends} equal knots here."
+                )
+
+
+def _check_numbers(what: str, values: Any) -> None:
+    """Raise TrajectoryError unless these are finite numbers that squares of cannot overflow."""
+    if isinstance(values, (str, bytes, Mapping)) or not hasattr(values, "__len__"):
+        raise TrajectoryError(f"{what} are {values!r}; they must be a list of numbers.")
+    for i, x in enumerate(values, 1):
+        is_number = isinstance(x, (int, float)) and not isinstance(x, bool)
+        if not is_number or not math.isfinite(x) or abs(x) > _LARGEST:
+            raise TrajectoryError(
+                f"number {i} of {what} is {x!r}; it must be a finite number of at most {_LARGEST:g}."
+            )
+
+
+def trajectory_parameters(spline: Spline) -> dict[str, float | int]:
+    """Parameters of the block Trajectory by FMI name for a spline, all of its arrays filled up.
+
+    Knots and coefficients that the block has room for beyond the spline's repeat the last one.
+
+    Raises TrajectoryError for a spline that the block has no room for.
+    """
+    if spline.size > COEFFICIENTS:
+        raise TrajectoryError(
+            f"the spline has {spline.size} coefficients per joint; the block Trajectory has room for "
+            f"{COEFFICIENTS}: take fewer knots."
+        )
+    found: dict[str, float | int] = {"degree": spline.degree}
+    found |= _filled("knot", spline.knots, KNOTS)
+    for joint in JOINTS:
+        found |= _filled(f"coefficient.{joint}", spline.coefficients[joint], COEFFICIENTS)
+    return found
+
+
+def _filled(name: str, values: Sequence[float], length: int) -> dict[str, float]:
+    filled = [*values, *[values[-1]] * (length - len(values))]
+    return {f"{name}[{i}]": float(x) for i, x in enumerate(filled, 1)}
