@@ -152,6 +152,7 @@ class Options:
         parse=read_tolerances,
     )
     plots: bool = _output(True, help="Draw plots.", recorded=False)
+    animate: bool = _output(False, help="Draw an animation of the machine.", recorded=False, commands=(RUN,))
     checkpoint: Path | None = _output(
         help="Write checkpoints to this file: every minute, and at the end.",
         in_file=False,

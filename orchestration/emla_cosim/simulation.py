@@ -55,7 +55,7 @@ PREPARED = (
 )
 """Options that decide what is prepared: a run of a prepared simulation cannot change them."""
 
-OF_THE_COMMAND = ("output", "plots")
+OF_THE_COMMAND = ("output", "plots", "animate")
 """Options that say what the command line does with a result."""
 
 
@@ -431,6 +431,7 @@ class Simulation:
             problem=run.problem,
             interrupted=run.interrupted,
             record=record,
+            parameters=self._assembly.parameters(),
         )
 
 

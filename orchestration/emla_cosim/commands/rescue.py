@@ -55,6 +55,7 @@ class _Told:
     folder: Path
     form: str
     plots: bool
+    animate: bool
     notes: Sequence[str]
     process: int
     stepping: bool = False
@@ -76,6 +77,7 @@ class Remembered(Recorder):
             output.path,
             output.form,
             scenario.options.plots,
+            scenario.options.animate,
             scenario.notes,
             os.getpid(),
         )
@@ -187,8 +189,9 @@ def _kept(told: _Told, output: OutputFolder, cause: str, ended: float) -> str:
         output.change_record(scenario=told.name, status=problem)
         return problem
     result = _finished(told.begun, output, cause, ended, told.rows_written)
-    with BarProgress() if told.plots else contextlib.nullcontext(Progress()) as progress:
-        result, pictures = output.keep(result, told.plots, progress)
+    drawing = told.plots or told.animate
+    with BarProgress() if drawing else contextlib.nullcontext(Progress()) as progress:
+        result, pictures = output.keep(result, told.plots, progress, told.animate)
     show_result(result, told.notes, output, pictures)
     return str(result.problem)
 

@@ -7,13 +7,14 @@ import typer
 
 from ..bars import BarProgress
 from ..errors import CosimError
-from ..experiment import check_run
+from ..experiment import check_run, selected
 from ..files import check_places
 from ..interruption import interruption
 from ..loading import load
 from ..option import RUN
 from ..options import Options
 from ..recorders.progress import ProgressRecorder
+from ..results.animation import check_animated
 from ..results.output_folder import OutputFolder, results_folder
 from ..terminal import show_result
 from .options import SOURCE
@@ -34,13 +35,18 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
         with output.alone():
             remembered = Remembered(chosen, output)
             with chosen.prepare(progress) as simulation:
+                if options.animate:
+                    kept = [simulation.names[i] for i in selected(options.signals, simulation.names)]
+                    check_animated(chosen.name, simulation.names, kept)
                 remembered.watch(simulation)
                 writing = output.recorders(continued=options.resume is not None)
                 recorders = [*writing, ProgressRecorder(progress), remembered]
                 with interruption() as asked:  # from the first row to the last file
                     result = simulation.attempt(recorders=recorders)
                     # before FMUs are terminated, which is their last occasion to fail
-                    result, pictures = output.keep(result, options.plots and not asked(), progress)
+                    result, pictures = output.keep(
+                        result, options.plots and not asked(), progress, options.animate and not asked()
+                    )
                     remembered.keep()
     show_result(result, chosen.notes, output, pictures)
     if result.problem is not None:

@@ -20,6 +20,7 @@ from ..progress import Progress
 from ..recorders.recorder import Outline, Recorder, recording
 from ..recorders.registry import TABLES
 from ..recorders.table import Table
+from .animation import ANIMATIONS, animate
 from .plotting import FIGURES, draw
 from .result import Result
 
@@ -99,23 +100,35 @@ class OutputFolder:
             finally:
                 table.end()
 
-    def keep(self, result: Result, plots: bool, progress: Progress) -> tuple[Result, list[Path]]:
+    def keep(
+        self, result: Result, plots: bool, progress: Progress, animated: bool = False
+    ) -> tuple[Result, list[Path]]:
         """`write`, with a failure among the problems of the result."""
         try:
-            return result, self.write(result, plots, progress)
+            return result, self.write(result, plots, progress, animated)
         except RunError as error:
             return replace(result, problem=" ".join(filter(None, (result.problem, str(error))))), []
 
-    def write(self, result: Result, plots: bool, progress: Progress | None = None) -> list[Path]:
-        """Write metrics.json, run.json and, if wanted, pictures, which are returned. Raises RunError."""
+    def write(
+        self, result: Result, plots: bool, progress: Progress | None = None, animated: bool = False
+    ) -> list[Path]:
+        """Write metrics.json, run.json and, if wanted, pictures and animations, which are returned.
+
+        Raises RunError, also where Ctrl-C ends an animation.
+        """
         told = progress or Progress()
         with writing_to(self.path):
             self._write_json(METRICS, {**_without_nan(result.metrics), "run": _run_metrics(result)})
             self._write_json(RECORD, result.record)
-            if not plots or result.steps == 0 or result.table is None:
+            if result.steps == 0 or result.table is None:
                 return []
-            told.begin("drawing plots", len(FIGURES))
-            return draw(result, self._place, lambda _: told.advance(1))
+            written = list[Path]()
+            if plots:
+                told.begin("drawing plots", len(FIGURES))
+                written += draw(result, self._place, lambda _: told.advance(1))
+            if animated:
+                written += animate(result, self._place, told)
+            return written
 
     def change_record(self, **entries: Any) -> None:
         """Write run.json with these entries, and those that it has. Raises RunError."""
@@ -143,7 +156,8 @@ class OutputFolder:
 
 def _names() -> list[str]:
     """Names of all files but the table of results."""
-    return [METRICS, RECORD, *(f"{figure}.png" for figure in FIGURES)]
+    pictures = *(f"{figure}.png" for figure in FIGURES), *(f"{name}.gif" for name in ANIMATIONS)
+    return [METRICS, RECORD, *pictures]
 
 
 class _Clearing(Recorder):

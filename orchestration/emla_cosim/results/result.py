@@ -2,7 +2,7 @@
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,8 @@ class Result:
     `interrupted` says whether somebody wanted it so. `steps`, `simulated_s` and
     `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
     `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
-    `comparisons` are signals beside those of the run that the option `reference` names.
+    `comparisons` are signals beside those of the run that the option `reference` names; `parameters` are
+    the Real parameters of all components, by full name.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Result:
     interrupted: bool
     record: Mapping[str, Any]
     comparisons: Sequence[Comparison] = ()
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Vector:
         """A signal at the times of `time`, in its unit; CommandError names the choices if there is none."""
@@ -123,17 +125,21 @@ class Result:
         given = converted(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
         return agreement(self, stored_run(converted(reference, Path, "the reference")), given)
 
-    def save(self, folder: str | Path, plots: bool = True) -> list[Path]:
+    def save(self, folder: str | Path, plots: bool = True, animate: bool = False) -> list[Path]:
         """Write results.csv, metrics.json, run.json and pictures to a folder; returns the pictures.
 
-        Raises CommandError where the folder cannot be written, RunError where the disk is full.
+        `animate` adds an animation, as a GIF. Raises CommandError where the folder cannot be written, or
+        nothing can be animated; RunError where the disk is full.
         """
+        from .animation import check_animated
         from .output_folder import OutputFolder
 
+        if animate:
+            check_animated(self.name, self.names, self.names)
         output = OutputFolder(converted(folder, Path, "the folder"), self.record["settings"]["output_format"])
         with output.alone():
             output.write_table(self)
-            return output.write(self, plots)
+            return output.write(self, plots, animated=animate)
 
     @property
     def _table(self) -> Table:

@@ -1,0 +1,110 @@
+"""Animations of results: those that are registered for what a run has, as GIF."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import CommandError, RunError, listed
+from ..files import written_whole
+from ..interruption import interruption
+from ..progress import Progress
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+    from .result import Result
+
+Pixels = npt.NDArray[np.uint8]
+"""A frame: rows, columns, and red, green and blue."""
+
+
+class Film(ABC):
+    """The frames of an animation, each drawn when it is asked for; all have one size.
+
+    `period` is how long each is seen, in s. The colours of the last one are those of all.
+    """
+
+    period: float
+
+    @abstractmethod
+    def __len__(self) -> int:
+        """How many frames there are."""
+
+    @abstractmethod
+    def __getitem__(self, index: int) -> Pixels:
+        """The frame at this position, from 0."""
+
+
+class Animation(ABC):
+    """What makes a film of a run, whatever it shows; `takes` says in words which runs it is for."""
+
+    takes: str
+
+    @abstractmethod
+    def missing(self, names: Collection[str]) -> Sequence[str]:
+        """Patterns of signals that it needs and that are not among these."""
+
+    @abstractmethod
+    def film(self, result: "Result") -> Film:
+        """The film of a run that lacks nothing. Raises RunError where there is nothing to see."""
+
+
+ANIMATIONS: dict[str, Animation] = {}
+"""Animations that are drawn, where one is wanted, of a run that has signals for them, by file name."""
+
+
+def check_animated(name: str, all_names: Collection[str], kept: Collection[str]) -> None:
+    """Raise CommandError unless the signals that are kept of the run of this name can be animated."""
+    possible = [a for a in ANIMATIONS.values() if not a.missing(all_names)]
+    if not possible:
+        takes = listed(a.takes for a in ANIMATIONS.values())
+        raise CommandError(f"'{name}' has nothing to animate: that takes {takes}.", name=name)
+    missing = [a.missing(kept) for a in possible]
+    if all(missing):
+        raise CommandError(
+            f"the animation needs signals that are not kept: {listed(missing[0])}.", missing=missing[0]
+        )
+
+
+def animate(result: "Result", folder: Path, progress: Progress) -> list[Path]:
+    """Draw all animations that the result has signals for; returns the files written.
+
+    Raises OSError, and RunError where Ctrl-C ends it: there is no file then.
+    """
+    written = []
+    for name, animation in ANIMATIONS.items():
+        if not animation.missing(result.names):
+            film = animation.film(result)
+            progress.begin("animating", len(film))
+            path = folder / f"{name}.gif"
+            with written_whole(path) as stream:
+                write_gif(film, stream, progress)
+            written.append(path)
+    return written
+
+
+def write_gif(film: Film, stream: IO[bytes], progress: Progress) -> None:
+    """Write a film that is shown again and again. Raises RunError where Ctrl-C ends it."""
+    from PIL import Image
+
+    colors = Image.fromarray(film[len(film) - 1]).quantize(256, dither=Image.Dither.NONE)
+
+    def image(index: int) -> "Image":
+        if asked():
+            raise RunError("the animation was interrupted.")
+        progress.advance(1)
+        return Image.fromarray(film[index]).quantize(palette=colors, dither=Image.Dither.NONE)
+
+    with interruption() as asked:
+        image(0).save(
+            stream,
+            format="GIF",
+            save_all=True,
+            append_images=(image(i) for i in range(1, len(film))),
+            duration=round(1000 * film.period),
+            loop=0,
+        )
