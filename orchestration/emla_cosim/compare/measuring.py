@@ -1,20 +1,25 @@
 """What is kept of each run that is compared: all figures of its joints, and how their errors go over time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import polars
 
+from ..patterns import fits
 from ..results.result import Result
 from ..study.registration import JOINTS
+from ..study.roles import patterns, variable
 from ..sweep.measures import Measures
-
-POSITION, REFERENCE = "plant.x_L", "reference.x_d"
 
 
 @dataclass(frozen=True)
 class JointMeasures(Measures):
     """The figures of joints as metrics.json has them, by joint, instead of numbers by name."""
+
+    def reading(self, names: Sequence[str]) -> Sequence[str]:
+        """Those of the patterns, which not every system has signals for."""
+        return [name for name in names if any(fits(name, pattern) for pattern in self.read)]
 
     def of(self, result: Result) -> dict[str, Any]:
         """Figures by joint."""
@@ -22,13 +27,14 @@ class JointMeasures(Measures):
 
     def series(self, result: Result) -> polars.DataFrame:
         """The position error of each joint in m over time in s, in columns of their names."""
-        joints = list(result.metrics.get(JOINTS, {}))
-        table = polars.DataFrame(
-            result.read(["time", *(f"{joint}.{end}" for joint in joints for end in (POSITION, REFERENCE))])
-        )
+        ends = {
+            joint: [str(variable(joint, role, result.names)) for role in ("x_L", "x_d")]
+            for joint in result.metrics.get(JOINTS, {})
+        }
+        table = polars.DataFrame(result.read(["time", *(name for pair in ends.values() for name in pair)]))
         errors = [
-            (polars.col(f"{joint}.{POSITION}") - polars.col(f"{joint}.{REFERENCE}")).alias(joint)
-            for joint in joints
+            (polars.col(position) - polars.col(reference)).alias(joint)
+            for joint, (position, reference) in ends.items()
         ]
         return table.select("time", *errors)
 
@@ -36,5 +42,5 @@ class JointMeasures(Measures):
 FIGURES_ALONE = JointMeasures()
 """Without anything over time."""
 
-WITH_ERRORS = JointMeasures(signals=["errors"], read=[f"*.{POSITION}", f"*.{REFERENCE}"])
+WITH_ERRORS = JointMeasures(signals=["errors"], read=patterns("x_L", "x_d"))
 """With the errors over time."""

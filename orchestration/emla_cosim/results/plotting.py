@@ -1,8 +1,8 @@
 """Pictures of results: those that are registered for what a run has, and of any signals."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,21 +27,17 @@ _TRANSIENT = 0.3
 """Time in s after which errors are small enough to show on a scale of their own."""
 
 
-class Drawing(ABC):
-    """What a picture of a run is drawn by, whatever it shows."""
-
-    @abstractmethod
-    def signals(self, result: "Result") -> Iterable[str]:
-        """The full names of all signals that it would show; a run may lack some, or all."""
-
-    @abstractmethod
-    def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
-        """The picture; None where the signals at hand, `time` among them, are not enough for one."""
+def _inside(column: str, signal: str, names: Collection[str]) -> str | None:
+    name = f"{column}.{signal}"
+    return name if name in names else None
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a panel: what it shows and how; `less` is subtracted, `scale` multiplied."""
+    """One line of a panel: what it shows and how; `less` is subtracted, `scale` multiplied.
+
+    What `signal` and `less` name depends on the picture.
+    """
 
     label: str
     signal: str
@@ -61,12 +57,17 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Picture(Drawing):
-    """A grid of panels: a column for everything that metrics of the kind `of` were computed for."""
+class Picture:
+    """A grid of panels: a column for everything that metrics of the kind `of` were computed for.
+
+    `find` gives the full name of a column's signal, of those that there are, or None: it takes the column,
+    what a curve calls the signal, and all names. Usually the signal has the column's name before a dot.
+    """
 
     title: str
     panels: tuple[Panel, ...]
     of: str
+    find: Callable[[str, str, Collection[str]], str | None] = _inside
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Those of the curves, of every column."""
@@ -110,7 +111,16 @@ def draw(result: "Result", folder: Path, done: Callable[[str], None]) -> list[Pa
 
 def _wanted(result: "Result") -> list[str]:
     """Signals that pictures show, of those that the result has, and time."""
-    wanted = {name for picture in FIGURES.values() for name in picture.signals(result)}
+    names = set(result.names)
+    wanted = {
+        picture.find(column, signal, names)
+        for picture in FIGURES.values()
+        for column in result.metrics.get(picture.of, ())
+        for panel in picture.panels
+        for curve in panel.curves
+        for signal in (curve.signal, curve.less)
+        if signal is not None
+    }
     return ["time", *(name for name in result.names if name in wanted)]
 
 
@@ -141,7 +151,9 @@ def _matching(pattern: str, names: Sequence[str]) -> list[str]:
 
 def _drawn(picture: Picture, columns: Sequence[str], data: Mapping[str, Vector]) -> "Figure | None":
     panels = picture.panels
-    shown = [c for c in columns if any(f"{c}.{curve.signal}" in data for p in panels for curve in p.curves)]
+    shown = [
+        c for c in columns if any(picture.find(c, curve.signal, data) for p in panels for curve in p.curves)
+    ]
     if not shown:
         return None
     figure, grid = new_figure(len(panels), len(shown), 3.9)
@@ -149,7 +161,7 @@ def _drawn(picture: Picture, columns: Sequence[str], data: Mapping[str, Vector])
         grid[0, j].set_title(column, fontsize=11, parse_math=False)
         grid[-1, j].set_xlabel("time / s")
         for i, panel in enumerate(panels):
-            _draw_panel(grid[i, j], panel, column, data)
+            _draw_panel(grid[i, j], panel, partial(_values, picture, column, data), data["time"])
             if j == 0:
                 grid[i, 0].set_ylabel(panel.label)
     figure.align_ylabels()
@@ -157,14 +169,18 @@ def _drawn(picture: Picture, columns: Sequence[str], data: Mapping[str, Vector])
     return figure
 
 
-def _draw_panel(axes: "Axes", panel: Panel, column: str, data: Mapping[str, Vector]) -> None:
-    time = data["time"]
+def _values(picture: Picture, column: str, data: Mapping[str, Vector], signal: str) -> Vector | None:
+    name = picture.find(column, signal, data)
+    return None if name is None else data[name]
+
+
+def _draw_panel(axes: "Axes", panel: Panel, values_of: Callable[[str], Vector | None], time: Vector) -> None:
     late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
     part = time >= time[0] + (_TRANSIENT if late else 0.0)
     shown = []
     for curve in panel.curves:
-        values = data.get(f"{column}.{curve.signal}")
-        minus = data.get(f"{column}.{curve.less}") if curve.less else np.zeros_like(time)
+        values = values_of(curve.signal)
+        minus = values_of(curve.less) if curve.less else np.zeros_like(time)
         if values is None or minus is None:
             continue
         axes.plot(

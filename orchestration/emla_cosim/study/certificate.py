@@ -19,6 +19,7 @@ from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
 from ..simulation import Simulation
 from .metrics import SETTLED_AFTER
+from .roles import variable
 
 _SUBSYSTEMS = (1, 2, 3, 4)
 
@@ -72,22 +73,25 @@ def certify(simulation: Simulation) -> list[JointCertificate]:
         for name in simulation.names
         if name.endswith(".controller.P[4]")
     ]
-    joints = [joint for joint in joints if f"{joint}.observer.x_hat" in names]
+    joints = [j for j in joints if f"{j}.observer.x_hat" in names and f"{j}.plant.x_L" in names]
     if not joints:
-        raise CommandError(f"'{simulation.name}' has no joint with an RSBA controller and our observer.")
-    signals = [
-        f"{joint}.{part}"
-        for joint in joints
-        for part in ("controller.*", "plant.*", "observer.*", "reference.*")
-    ]
+        raise CommandError(
+            f"'{simulation.name}' has no joint with our plant, an RSBA controller and our observer."
+        )
+    references = [name for joint in joints if (name := variable(joint, "x_d", names)) is not None]
+    own = [f"{joint}.{part}" for joint in joints for part in ("controller.*", "plant.*", "observer.*")]
     chosen = [f"{joint}.{name}" for joint in joints for name in _CHOICES]
     choices = {name: float(simulation[name]) for name in chosen}
     started, step = _Started(), simulation.options.step_size
-    result = simulation.run(recorders=[started, TimeSeries()], signals=signals, output_interval=step)
+    result = simulation.run(
+        recorders=[started, TimeSeries()], signals=[*own, *references], output_interval=step
+    )
     wanted = [
-        name for name in simulation.names if name.partition(".")[0] in joints and ".disturbance." not in name
+        name
+        for name in simulation.names
+        if name.partition(".")[0] in joints and name.split(".")[1] in ("controller", "plant", "observer")
     ]
-    columns = result.read(["time", *wanted])
+    columns = result.read(["time", *wanted, *references])
     parameters = {**started.parameters, **choices}
     return [_certified(joint, columns, parameters) for joint in joints]
 
@@ -123,7 +127,7 @@ def _certified(
         joint,
         found,
         bounds,
-        float(np.abs(signal("plant.x_L") - signal("reference.x_d"))[late].max()),
+        float(np.abs(signal("plant.x_L") - columns[str(variable(joint, "x_d", columns))])[late].max()),
         float(np.linalg.norm(P[:, late], axis=0).max()),
         float(np.abs(P[2, late]).max()),
         float(np.abs(signal("observer.x_hat") - signal("plant.x_L"))[late].max()),

@@ -2,6 +2,7 @@
 
 from ..results.plotting import Curve, Panel, Picture
 from ..results.style import GREY, ORANGE
+from .roles import variable
 
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": Picture(
@@ -9,25 +10,25 @@ JOINT_FIGURES: dict[str, Picture] = {
         (
             Panel(
                 "position / m",
-                (Curve("reference", "reference.x_d", ORANGE, dashed=True), Curve("screw", "plant.x_L")),
+                (Curve("reference", "x_d", ORANGE, dashed=True), Curve("screw", "x_L")),
             ),
             Panel(
                 "speed / (m/s)",
-                (Curve("screw", "plant.v_L"), Curve("reference", "reference.v_d", ORANGE, dashed=True)),
+                (Curve("screw", "v_L"), Curve("reference", "v_d", ORANGE, dashed=True)),
             ),
         ),
         of="joints",
+        find=variable,
     ),
     "errors": Picture(
         "Tracking errors",
         (
-            Panel("position / mm", (Curve("", "plant.x_L", less="reference.x_d", scale=1e3),)),
-            Panel("position / µm, settled", (Curve("", "plant.x_L", less="reference.x_d", scale=1e6),), True),
-            Panel(
-                "speed / (mm/s), settled", (Curve("", "plant.v_L", less="reference.v_d", scale=1e3),), True
-            ),
+            Panel("position / mm", (Curve("", "x_L", less="x_d", scale=1e3),)),
+            Panel("position / µm, settled", (Curve("", "x_L", less="x_d", scale=1e6),), True),
+            Panel("speed / (mm/s), settled", (Curve("", "v_L", less="v_d", scale=1e3),), True),
         ),
         of="joints",
+        find=variable,
     ),
     "currents": Picture(
         "Motor currents",
@@ -35,37 +36,41 @@ JOINT_FIGURES: dict[str, Picture] = {
             Panel(
                 "q axis / A",
                 (
-                    Curve("actual", "plant.i_q"),
-                    Curve("commanded", "controller.i_q_ref", ORANGE, dashed=True),
+                    Curve("actual", "i_q"),
+                    Curve("commanded", "i_q_ref", ORANGE, dashed=True),
                 ),
             ),
-            Panel("d axis / A", (Curve("actual", "plant.i_d"),)),
+            Panel("d axis / A", (Curve("actual", "i_d"),)),
         ),
         of="joints",
+        find=variable,
     ),
     "voltages": Picture(
         "Motor voltages after the inverter's limit",
         (
-            Panel("q axis / V", (Curve("", "plant.inverter.u_q"),)),
-            Panel("d axis / V", (Curve("", "plant.inverter.u_d"),)),
+            Panel("q axis / V", (Curve("", "u_q"),)),
+            Panel("d axis / V", (Curve("", "u_d"),)),
         ),
         of="joints",
+        find=variable,
     ),
     "torque": Picture(
         "Motor torque and load",
         (
-            Panel("motor torque / (N m)", (Curve("", "plant.tau_m"),)),
-            Panel("load force / kN", (Curve("", "disturbance.F_L", GREY, scale=1e-3),)),
+            Panel("motor torque / (N m)", (Curve("", "tau_m"),)),
+            Panel("load force / kN", (Curve("", "F_L", GREY, scale=1e-3),)),
         ),
         of="joints",
+        find=variable,
     ),
     "observer": Picture(
         "Observer errors",
         (
-            Panel("position / µm", (Curve("", "observer.x_hat", less="plant.x_L", scale=1e6),)),
-            Panel("speed / (mm/s)", (Curve("", "observer.v_hat", less="plant.v_L", scale=1e3),)),
+            Panel("position / µm", (Curve("", "x_hat", less="x_L", scale=1e6),)),
+            Panel("speed / (mm/s)", (Curve("", "v_hat", less="v_L", scale=1e3),)),
         ),
         of="joints",
+        find=variable,
     ),
 }
-"""The pictures of a joint by file name."""
+"""The pictures of a joint by file name; their signals are roles."""

@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import Vector
+from .roles import variable
 
 
 class Range(NamedTuple):
-    """A signal of a joint and the parameters that bound it; without a lower one, plus and minus the upper."""
+    """The role of a signal and of what bounds it; without a lower bound, plus and minus the upper."""
 
-    signal: str
+    role: str
     what: str
     unit: str
     low: str | None
@@ -20,15 +21,13 @@ class Range(NamedTuple):
 
 
 RANGES = (
-    Range("plant.x_L", "stroke", "m", "plant.screw.q_LB", "plant.screw.q_UB"),
-    Range("plant.v_L", "speed", "m/s", None, "plant.screw.v_max"),
-    Range("plant.i_q", "current", "A", None, "plant.motor.i_max"),
-    Range("plant.i_d", "current", "A", None, "plant.motor.i_max"),
-    Range("plant.motor.temperature_rise", "winding temperature", "K", None, "plant.motor.permitted_rise"),
+    Range("x_L", "stroke", "m", "q_LB", "q_UB"),
+    Range("v_L", "speed", "m/s", None, "v_max"),
+    Range("i_q", "current", "A", None, "i_max"),
+    Range("i_d", "current", "A", None, "i_max"),
+    Range("temperature_rise", "winding temperature", "K", None, "permitted_rise"),
 )
 """What a joint should stay within; a plant without these parameters has no ranges."""
-
-_RANGE_OF = {range_.signal: range_ for range_ in RANGES}
 
 
 @dataclass(frozen=True)
@@ -45,6 +44,7 @@ class LeftLimits:
 class _Watched(NamedTuple):
     joint: str
     range: Range
+    signal: str
     column: int
     minimum: float
     maximum: float
@@ -63,6 +63,7 @@ class LimitWatch:
             for range_ in RANGES
             if (watched := _watched(joint, range_, columns, parameters)) is not None
         ]
+        self._ranges = {watched.signal: watched.range for watched in self._watched}
         self._left: dict[str, LeftLimits] = {}
         self._prepare()
 
@@ -75,7 +76,7 @@ class LimitWatch:
         left = self._left.get(joint)
         if left is None:
             return None
-        range_ = _RANGE_OF[left.signal.removeprefix(f"{joint}.")]
+        range_ = self._ranges[left.signal]
         value = _told_apart(left.value, left.minimum if left.value < left.minimum else left.maximum)
         return (
             f"{joint} left its {range_.what} range at t = {left.time_s:.6g} s: {left.signal} = {value} "
@@ -88,9 +89,9 @@ class LimitWatch:
         outside = ~((self._minima <= values) & (values <= self._maxima))  # NaN is outside
         while outside.any():
             row, place = divmod(int(np.argmax(outside)), outside.shape[1])
-            joint, range_, _, low, high = self._watched[place]
+            joint, _, signal, _, low, high = self._watched[place]
             time, value = float(rows[row, 0]), float(values[row, place])
-            self._left[joint] = LeftLimits(f"{joint}.{range_.signal}", time, value, low, high)
+            self._left[joint] = LeftLimits(signal, time, value, low, high)
             outside[:, [w.joint == joint for w in self._watched]] = False
         self._prepare()
 
@@ -100,8 +101,15 @@ class LimitWatch:
 
     def remember(self, memory: Mapping[str, Any]) -> None:
         """Go on from what `memory` gave."""
-        self._left = {joint: _remembered(joint, left) for joint, left in memory.items()}
+        self._left = {joint: self._remembered(left) for joint, left in memory.items()}
         self._prepare()
+
+    def _remembered(self, left: Mapping[str, Any]) -> LeftLimits:
+        """What a memory holds, which may come from a file that somebody made; KeyError, ValueError if so."""
+        signal = left["signal"]
+        if signal not in self._ranges:
+            raise KeyError(signal)
+        return LeftLimits(signal, *(float(left[n]) for n in ("time_s", "value", "minimum", "maximum")))
 
     def _prepare(self) -> None:
         """Leave out the joints that were outside already: only the first time counts."""
@@ -114,18 +122,14 @@ class LimitWatch:
 def _watched(
     joint: str, range_: Range, columns: Mapping[str, int], parameters: Mapping[str, float]
 ) -> _Watched | None:
-    column = columns.get(f"{joint}.{range_.signal}")
-    high = parameters.get(f"{joint}.{range_.high}")
-    if column is None or high is None:
+    signal = variable(joint, range_.role, columns)
+    highest = variable(joint, range_.high, parameters)
+    if signal is None or highest is None:
         return None
-    low = -high if range_.low is None else parameters.get(f"{joint}.{range_.low}", -np.inf)
-    return _Watched(joint, range_, column, low, high)
-
-
-def _remembered(joint: str, left: Mapping[str, Any]) -> LeftLimits:
-    """What a memory holds, which may come from a file that somebody made; KeyError and ValueError if so."""
-    signal = f"{joint}.{_RANGE_OF[left['signal'].removeprefix(f'{joint}.')].signal}"
-    return LeftLimits(signal, *(float(left[n]) for n in ("time_s", "value", "minimum", "maximum")))
+    high = parameters[highest]
+    lowest = None if range_.low is None else variable(joint, range_.low, parameters)
+    low = -high if range_.low is None else -np.inf if lowest is None else parameters[lowest]
+    return _Watched(joint, range_, signal, columns[signal], low, high)
 
 
 def _told_apart(value: float, limit: float) -> str:

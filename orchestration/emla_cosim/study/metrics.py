@@ -10,6 +10,7 @@ from ..arrays import Vector
 from ..recorders.metrics import Figures, Metrics, Shown
 from ..recorders.recorder import Outline
 from .limits import LimitWatch
+from .roles import variable
 
 SETTLED_AFTER = 0.3
 """Errors and torque count from this time on in s, or from convergence if that is later."""
@@ -46,16 +47,7 @@ class JointFigures:
     saturated_after_convergence: float = 0.0
 
 
-_CHANNELS = {
-    "x_L": "plant.x_L",
-    "v_L": "plant.v_L",
-    "tau_m": "plant.tau_m",
-    "x_d": "reference.x_d",
-    "v_d": "reference.v_d",
-    "x_hat": "observer.x_hat",
-    "limited_control": "controller.saturated",
-    "limited_inverter": "plant.inverter.saturated",
-}
+_NEEDED = ("x_L", "v_L", "tau_m", "x_d", "v_d")
 _OPTIONAL = ("x_hat", "limited_control", "limited_inverter")
 
 _SHOWN = (
@@ -93,8 +85,9 @@ class JointMetrics(Metrics):
         column = {name: i + 1 for i, name in enumerate(names)}
         self._joints: dict[str, _JointAccumulator] = {}
         for joint in dict.fromkeys(name.partition(".")[0] for name in names):
-            channels = {c: column.get(f"{joint}.{path}", -1) for c, path in _CHANNELS.items()}
-            if all(i >= 0 for c, i in channels.items() if c not in _OPTIONAL):
+            found = {role: variable(joint, role, column) for role in (*_NEEDED, *_OPTIONAL)}
+            if all(found[role] is not None for role in _NEEDED):
+                channels = {role: -1 if name is None else column[name] for role, name in found.items()}
                 self._joints[joint] = _JointAccumulator(channels)
         self._limits = LimitWatch(self._joints, column, parameters or {})
 

@@ -114,6 +114,10 @@ class Measures:
         """The columns that come of it."""
         return [*self.figures, *self.expressions, *self.functions]
 
+    def reading(self, names: Sequence[str]) -> Sequence[str]:
+        """The signals that a table needs, of all that there are."""
+        return self.read
+
     def of(self, result: Result) -> dict[str, Any]:
         """The figures of a result: numbers, truths or None by name.
 

@@ -184,7 +184,9 @@ def _run(
     try:
         try:
             simulation = plugin.simulation(group)
-            result = simulation.run(recorders=recorders, signals=measures.read, **variant.options)
+            result = simulation.run(
+                recorders=recorders, signals=measures.reading(simulation.names), **variant.options
+            )
         except RunError as error:
             if "result" not in error.fields:
                 raise

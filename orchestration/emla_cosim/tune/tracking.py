@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays import Vector
 from ..recorders.metrics import METRICS, Figures, Metrics
 from ..recorders.recorder import Outline
+from ..study.roles import variable
 
 MISS = "miss"
 """Mean of log10(1 + |x_L - x_d| / 1 µm) over all rows: 1 for 9 µm, 6 for a metre."""
@@ -53,9 +54,9 @@ def misses(outline: Outline) -> Metrics | None:
     column = {name: i + 1 for i, name in enumerate(outline.names)}
     found = {}
     for joint in dict.fromkeys(name.partition(".")[0] for name in outline.names):
-        ends = column.get(f"{joint}.plant.x_L"), column.get(f"{joint}.reference.x_d")
-        if ends[0] is not None and ends[1] is not None:
-            found[joint] = (ends[0], ends[1])
+        position, reference = (variable(joint, role, column) for role in ("x_L", "x_d"))
+        if position is not None and reference is not None:
+            found[joint] = (column[position], column[reference])
     return _Misses(found) if found else None
 
 
