@@ -12,8 +12,8 @@ then; the first row is the state after initialization with the first row's input
 
 import json
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ import numpy as np
 from tests.support import reference_controllers as compared
 from tests.support import reference_model as paper
 from tests.support.reference_drive import DeadTime, Drive, EndStops, Friction, Winding
+from tests.support.reference_manipulator import Lagrangian, Merged
 from tests.support.reference_model import Vector
 
 FMUS = Path(__file__).parent
@@ -351,6 +352,85 @@ def signal_fault() -> Solution:
     return Solution(step, inputs, outputs)
 
 
+# ---- the manipulator: motions of all three strokes, and a payload that becomes lighter ----------
+
+JOINTS = ("lift", "tilt", "telescope")
+MIDDLE, SWING, RATE = np.array([0.25, 0.35, 0.5]), np.array([0.2, 0.2, 0.35]), np.array([2.0, 2.6, 1.7])
+MANIPULATOR = Lagrangian()
+
+
+def payload(t: float) -> float:
+    """In kg."""
+    return 470.0 if t < 0.5 else 320.0
+
+
+def elements(**arrays: Vector) -> Row:
+    """Elements of arrays by FMI name."""
+    return {n: float(x) for name, values in arrays.items() for n, x in indexed(name, values).items()}
+
+
+def place(tip: Vector) -> Row:
+    """Where the tip is, by FMI name."""
+    return {"tip.x": float(tip[0]), "tip.y": float(tip[1])}
+
+
+def manipulator() -> Solution:
+    """1.5 s with speeds of up to 0.6 m/s and the most part of the strokes."""
+    step, count = 1e-2, 151
+
+    def given(k: int) -> Row:
+        t = k * step
+        x_L, v_L = MIDDLE + SWING * np.sin(RATE * t), SWING * RATE * np.cos(RATE * t)
+        motion = elements(x_L=x_L, v_L=v_L, a_L=-SWING * RATE**2 * np.sin(RATE * t))
+        return rounded({**motion, "payload.m": payload(t)})
+
+    def shown(u: Row) -> Row:
+        x_L, v_L, a_L = ([u[name] for name in indexed(n, JOINTS)] for n in ("x_L", "v_L", "a_L"))
+        tip = MANIPULATOR.at(x_L, v_L, u["payload.m"])[3]
+        F_L = MANIPULATOR.forces(x_L, v_L, a_L, u["payload.m"])
+        return {**elements(F_L=F_L), **place(tip)}
+
+    inputs = [given(k) for k in range(count)]
+    return Solution(step, inputs, [shown(u) for u in [inputs[0], *inputs[:-1]]])
+
+
+MERGED = Merged(
+    J=(0.018, 0.013, 0.00110),
+    B_BS=(50.0, 40.0, 30.0),
+    C_eq=(2.0, 1.0, 0.5),
+    eta_GB=(0.85, 0.9, 0.95),
+    F_2=(0.1, 0.2, 0.3),
+)
+START = ((0.244, 0.389, 0.499), (0.01, -0.02, 0.03))
+
+
+def merged_plant() -> Solution:
+    """1 s: torques that shake what they carry."""
+    step, count = 5e-3, 201
+    bearing, shaking = np.array([35.0, 10.0, -6.0]), np.array([60.0, 40.0, 5.0])
+
+    def given(k: int) -> Row:
+        t = k * step
+        tau_m = bearing + shaking * np.sin(np.array([9.0, 12.0, 7.0]) * t)
+        d_2 = np.array([0.8, 0.5, 1.5]) * np.cos(np.array([8.0, 20.0, 30.0]) * t)
+        return rounded({**elements(tau_m=tau_m, d_2=d_2), "payload.m": payload(t)})
+
+    def moved(x: Vector, u: Row) -> tuple[Vector, Vector]:
+        tau_m, d_2 = (np.array([u[name] for name in indexed(n, JOINTS)]) for n in ("tau_m", "d_2"))
+        return MERGED.acceleration(x, tau_m, d_2, u["payload.m"])
+
+    def outputs(t: float, x: Vector, u: Row) -> Row:
+        a_L, F_L = moved(x, u)
+        tip = MERGED.lagrangian.at(x[:3], x[3:], u["payload.m"])[3]
+        arrays = elements(x_L=x[:3], v_L=x[3:], a_L=a_L, F_L=F_L)
+        return {**arrays, **place(tip), "energy": MERGED.energy(x, u["payload.m"])}
+
+    def rates(t: float, x: Vector, u: Row) -> Vector:
+        return np.array([*x[3:], *moved(x, u)[0]])
+
+    return solved(step, [given(k) for k in range(count)], [*START[0], *START[1]], rates, outputs)
+
+
 # ---- files --------------------------------------------------------------------------------------
 
 SOLUTIONS: dict[str, Callable[[], Solution]] = {
@@ -364,11 +444,13 @@ SOLUTIONS: dict[str, Callable[[], Solution]] = {
     "CacController": lambda: compared_with(compared.Cac(omega_n=(500.0, 1000.0)), 11),
     "AnatcController": lambda: compared_with(compared.Anatc(), 6),
     "SignalFault": signal_fault,
+    "HdrmManipulator": manipulator,
+    "HdrmPlant": merged_plant,
 }
 """What makes the files of each model."""
 
 
-def indexed(name: str, values: Sequence[float], first: int = 1) -> dict[str, float]:
+def indexed(name: str, values: Iterable[Any], first: int = 1) -> dict[str, Any]:
     """Elements of an array variable by FMI name."""
     return {f"{name}[{i}]": value for i, value in enumerate(values, first)}
 
@@ -431,6 +513,17 @@ START_VALUES: dict[str, dict[str, Any]] = {
     "CacController": indexed("omega_n", (500.0, 1000.0)),  # the usual ones are too fast for RK4 to be exact
     "AnatcController": {},
     "SignalFault": {"kind": 2, "start": FREEZE[0], "duration": FREEZE[1]},
+    "HdrmManipulator": {},
+    "HdrmPlant": {
+        **indexed("coupling.J_c", (1.2e-3, 1.5e-3, 1e-4)),
+        **indexed("gearbox.J_GB", (0.8e-3, 1e-3, 1.5e-4)),
+        **indexed("gearbox.eta_GB", MERGED.eta_GB),
+        **indexed("screw.B_BS", MERGED.B_BS),
+        **indexed("screw.C_eq", MERGED.C_eq),
+        **indexed("uncertainty.F_2", MERGED.F_2),
+        **indexed("start.x_L", START[0]),
+        **indexed("start.v_L", START[1]),
+    },
 }
 """Start values that differ from the FMU's, by model and FMI name."""
 
@@ -450,6 +543,8 @@ RELATIVE = {
     "Reference": 1e-12,
     "Disturbance": 1e-12,
     "SignalFault": 1e-12,
+    "HdrmManipulator": 1e-12,
+    "HdrmPlant": 1e-9,
 }
 """Tolerances of comparisons, by model: relative to the range of an output, and without any in time."""
 
