@@ -61,6 +61,10 @@ class Options:
     gains: str | None = _system(
         help="Gains of controller and observer; `emla list` shows which.", commands=(RUN, EXPORT, SWEEP)
     )
+    trajectory: Path | None = _system(
+        help="Trajectory of the manipulator, as `emla trajectory` writes it.",
+        metavar="FILE.json",
+    )
     flavour: str = _system("native", help="Flavour of our FMUs.", choices=lambda: FLAVOURS)
     fmus: Path | None = _system(
         help="Folder of our FMUs, where missing ones are built. Without: fmus/, or your cache.",
@@ -219,6 +223,8 @@ class Options:
             found[replacement.fmu] = "the FMU"
             if replacement.mapping is not None:
                 found[replacement.mapping] = "the mapping"
+        if self.trajectory is not None:
+            found[self.trajectory] = "the trajectory"
         if isinstance(self.controller, str) and self.controller.lower().endswith(".fmu"):
             found[Path(self.controller)] = "the FMU"
         if self.reference is not None:

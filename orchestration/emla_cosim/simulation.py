@@ -48,6 +48,7 @@ PREPARED = (
     "fault",
     "controller",
     "gains",
+    "trajectory",
     "flavour",
     "fmus",
     "platform",

@@ -7,8 +7,11 @@ from pathlib import Path
 from ..system.model import System
 from .scenario_file import ScenarioFile, parse_scenario
 
-SYSTEMS: dict[str, Callable[[str | type | None, str | type | None], System]] = {}
+SYSTEMS: dict[str, Callable[..., System]] = {}
 """What makes a system of a controller and a set of gains, by name; None is the usual one."""
+
+FOLLOWING: set[str] = set()
+"""Systems that are made of the file of a trajectory too, if there is one: `trajectory`."""
 
 SCENARIOS: dict[str, Callable[[], str]] = {}
 """What reads the text of a scenario file, by the name of the scenario."""

@@ -11,12 +11,12 @@ from ..files import read_text
 from ..options import Options
 from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
-from .built_in import SCENARIOS, SYSTEMS, built_in
+from .built_in import FOLLOWING, SCENARIOS, SYSTEMS, built_in
 from .scenario import Scenario
 from .scenario_file import ScenarioFile, parse_scenario
 
 _SSP = (".ssp", ".ssd")
-_OF_BUILT_IN = ("controller", "gains")
+_OF_BUILT_IN = ("controller", "gains", "trajectory")
 """Options that decide how a built-in system is made."""
 
 
@@ -60,7 +60,14 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenari
     for layer in (built_in(read.system), read):
         options = options.updated(_with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
     options = options.updated(_with_gains(given))
-    system = SYSTEMS[read.system](options.controller, options.gains)
+    led = {}
+    if options.trajectory is not None:
+        if read.system not in FOLLOWING:
+            raise CommandError(
+                f"'{read.where}' follows no trajectory from a file; --trajectory is for {listed(sorted(FOLLOWING))}."
+            )
+        led = {"trajectory": options.trajectory}
+    system = SYSTEMS[read.system](options.controller, options.gains, **led)
     return Scenario(name, read.description, system, options)
 
 
@@ -73,7 +80,8 @@ def _of_ssp(path: Path, name: str | None, read: ScenarioFile, given: Mapping[str
     """The scenario of an SSP, with what a scenario file says about it."""
     for option in _OF_BUILT_IN:
         if option in given or option in read.options:
-            raise CommandError(f"'{read.where}' has its own gains; --{option} is for built-in systems.")
+            has = "reference" if option == "trajectory" else "gains"
+            raise CommandError(f"'{read.where}' has its own {has}; --{option} is for built-in systems.")
     held = Held()
     document = held.stack.enter_context(read_ssp(path))
     options = Options().updated(_times(document))

@@ -88,7 +88,7 @@ def _prototype(experiment: Experiment, measured: bool, controller: Choice, gains
         },
         plant=plant | (_drive(emla.i_range) if measured else {}),
         estimate=start,
-    )
+    ).alone()
 
 
 def _drive(i_range: float) -> dict[str, Any]:

@@ -1,10 +1,12 @@
 """One joint: reference, plant, disturbance, observer and controller, connected."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
-from emla_fmu import Disturbance, EmlaObserver, EmlaPlant, Reference
+from emla_fmu import Disturbance, EmlaMotor, EmlaObserver, EmlaPlant, Reference
 from fmublock import Block
 from fmublock.variables import Variable
 
@@ -36,6 +38,18 @@ _ESTIMATED = ("observer.x_hat -> controller.x_hat", "observer.v_hat -> controlle
 _TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
 
 
+@dataclass(frozen=True)
+class Joint:
+    """Components of a joint, and its connections by full names, which may lead out of it."""
+
+    components: tuple[Component, ...]
+    wires: tuple[str, ...]
+
+    def alone(self) -> System:
+        """The system that it is by itself."""
+        return System(self.components, ()).with_connections(*self.wires)
+
+
 def joint(
     name: str,
     *,
@@ -43,36 +57,55 @@ def joint(
     controller: type[Block] | Path,
     gains: Any,
     observer_gains: Any,
-    reference: Mapping[str, Any],
+    reference: Mapping[str, Any] | None,
     disturbance: Mapping[str, Any],
     plant: Mapping[str, Any],
     estimate: float,
     true_feedback: bool = False,
-) -> System:
+    electrical: bool = False,
+    elsewhere: Mapping[str, str | None] = MappingProxyType({}),
+) -> Joint:
     """A joint from its parameter sets, closed by a controller: a block, or the file of an FMU.
 
     The controller gives u_q and u_d, and takes what it has inputs for: x_d, v_d, a_d, x_hat, v_hat,
     d_hat, i_q, i_d, u_available; its i_q_ref goes to plant and observer. `emla`, `gains` and
     `observer_gains` are parameter sets; `reference`, `disturbance` and `plant` are values by attribute of
     the block. `estimate` is the observer's start in m. With `true_feedback` the controller gets the
-    plant's true position and speed and the observer only watches. Raises CommandError for a controller
-    without u_q or u_d.
+    plant's true position and speed and the observer only watches. `electrical` leaves the plant its
+    electrical half, `motor`. `elsewhere` has full names of what other components have in the place of ends
+    such as reference.x_d, or None where such an end is left open; without a reference all of its are there.
+    Raises CommandError for a controller without u_q or u_d.
     """
+    driven = EmlaMotor if electrical else EmlaPlant
     blocks: dict[type[Block], tuple[str, Sequence[Any]]] = {
-        Reference: ("reference", [reference]),
-        EmlaPlant: ("plant", [emla, plant]),
+        driven: ("motor" if electrical else "plant", [emla, plant]),
         Disturbance: ("disturbance", [disturbance]),
         EmlaObserver: ("observer", [emla, observer_gains, {"x_hat_start": estimate}]),
     }
+    if reference is not None:
+        blocks = {Reference: ("reference", [reference]), **blocks}
     components = [
         Component(f"{name}.{role}", block.__name__, start_values(block, *sources))
         for block, (role, sources) in blocks.items()
     ]
     components.append(_controller(f"{name}.controller", controller, emla, gains))
     wires = (*_WIRES, *(_TRUE if true_feedback else _ESTIMATED))
-    return System(tuple(components), ()).with_connections(
-        *(_of_joint(name, wire) for wire in wires if _has_port(_ports(controller), wire))
-    )
+    roles = {"plant": "motor"} if electrical else {}
+    ends = [
+        [_full_name(name, end, roles, elsewhere) for end in wire.split(" -> ")]
+        for wire in wires
+        if _has_port(_ports(controller), wire)
+    ]
+    return Joint(tuple(components), tuple(f"{a} -> {b}" for a, b in ends if a is not None and b is not None))
+
+
+def _full_name(
+    joint: str, end: str, roles: Mapping[str, str], elsewhere: Mapping[str, str | None]
+) -> str | None:
+    if end in elsewhere:
+        return elsewhere[end]
+    role, _, port = end.partition(".")
+    return f"{joint}.{roles.get(role, role)}.{port}"
 
 
 def _controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any) -> Component:
@@ -102,10 +135,6 @@ def _has_port(ports: set[str], wire: str) -> bool:
     """Whether the controller's end of a connection, if it has one, is there."""
     ends = (end.partition(".") for end in wire.split(" -> "))
     return all(port in ports for role, _, port in ends if role == "controller")
-
-
-def _of_joint(joint: str, wire: str) -> str:
-    return " -> ".join(f"{joint}.{end}" for end in wire.split(" -> "))
 
 
 def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:

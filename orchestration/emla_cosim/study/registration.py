@@ -6,8 +6,8 @@ from importlib.resources import files
 
 from ..recorders.metrics import METRICS
 from ..results.plotting import FIGURES
-from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS, TUNINGS
-from . import experiments, systems
+from ..scenarios.built_in import FOLLOWING, PLANS, SCENARIOS, SYSTEMS, TUNINGS
+from . import experiments, machine, systems
 from .figures import JOINT_FIGURES
 from .metrics import joint_metrics
 from .tuning_plans import tuning_plans
@@ -18,8 +18,9 @@ JOINTS = "joints"
 
 def register() -> None:
     """Make all of it known under its names; again makes no difference."""
-    own = systems.SYSTEMS | experiments.SYSTEMS
+    own = systems.SYSTEMS | experiments.SYSTEMS | machine.SYSTEMS
     SYSTEMS.update(own)
+    FOLLOWING.update(machine.SYSTEMS)
     for name in own:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):

@@ -40,7 +40,7 @@ _PLACES: dict[str, tuple[str, ...]] = {
     },
     "q_LB": ("{joint}.plant.screw.q_LB", "machine.plant.screw.q_LB[{element}]"),
     "q_UB": ("{joint}.plant.screw.q_UB", "machine.plant.screw.q_UB[{element}]"),
-    "v_max": ("{joint}.plant.screw.v_max",),
+    "v_max": ("{joint}.plant.screw.v_max", "machine.plant.screw.v_max[{element}]"),
 }
 """Where the variable of a role may be, the first that there is."""
 

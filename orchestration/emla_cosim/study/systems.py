@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 from emla_fmu import TorqueSource
@@ -15,7 +16,7 @@ from fmublock.noise import MODULUS
 
 from ..system.model import System
 from .controllers import chosen
-from .joint import joint
+from .joint import Joint, joint
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,9 @@ VOLTAGE_DISTURBANCES = {
 }
 """(83) as parameters of the disturbance; sin(5 t) is cos(5 t - pi/2)."""
 
+MECHANICAL = ("x_L_start", "F_2")
+"""What of the values below and beside them belongs to the mechanical half of the plant."""
+
 UNCERTAINTIES = {"F_2": 0.01, "F_3": 0.002, "F_4": 0.001}
 """(84) as parameters of the plant."""
 
@@ -90,45 +94,59 @@ Choice = str | type | None
 """A controller, or a set of gains: by name, the controller also as a block; None for the usual one."""
 
 
-def _study_joint(
+def _study_joint(name: str, controller: Choice, gains: Choice, **variant: bool) -> System:
+    """One joint of the study."""
+    study = STUDY[name]
+    reference = rest_to_rest(study.q_S, study.q_E, study.v_peak)
+    load = {"level": (study.load,) * LEVELS}
+    return study_joint(name, controller, gains, reference=reference, load=load, **variant).alone()
+
+
+def study_joint(
     name: str,
     controller: Choice,
     gains: Choice,
     *,
+    reference: Mapping[str, Any] | None,
+    load: Mapping[str, Any],
+    ahead: float = 0.0,
     as_printed: bool = False,
     true_feedback: bool = False,
     drive: bool = False,
-) -> System:
-    """One joint of the study.
+    electrical: bool = False,
+    elsewhere: Mapping[str, str | None] = MappingProxyType({}),
+) -> Joint:
+    """One joint of the study, which starts where the study has it, or by `ahead` m farther out.
 
-    `as_printed` is the paper's plant: driven by the commanded current, with an ideal sensor. `drive`
-    is a drive as it is (`emla_fmu.drive`).
+    `load` is the load force as parameters of the disturbance, `reference` the motion as those of the
+    reference; see `joint` for `electrical` and `elsewhere`. `as_printed` is the paper's plant: driven by the
+    commanded current, with an ideal sensor. `drive` is a drive as it is (`emla_fmu.drive`).
     """
     study, emla = STUDY[name], EMLAS[name]
-    plant: dict[str, Any] = {"x_L_start": study.x_start, "seed": study.seed, **UNCERTAINTIES}
+    plant: dict[str, Any] = {"x_L_start": study.x_start + ahead, "seed": study.seed, **UNCERTAINTIES}
     if as_printed:
         plant["torque_source"] = int(TorqueSource.COMMAND)
     elif drive:
         plant |= {**asdict(DRIVES[name]), "seed_i": current_seed(study.seed)}
     else:
         plant["resolution"] = emla.rho * emla.lead / ENCODER_STEPS
+    if electrical:
+        plant = {name: value for name, value in plant.items() if name not in MECHANICAL}
     closing, gain_set = chosen(controller, gains if gains is None else str(gains))
+    estimate = study.estimate if gain_set.printed_estimate else study.x_start
     return joint(
         name,
         emla=emla,
         controller=closing.model,
         gains=gain_set.controller.get(name, {}),
         observer_gains=gain_set.observer[name],
-        reference=rest_to_rest(study.q_S, study.q_E, study.v_peak),
-        disturbance={
-            "level": (study.load,) * LEVELS,
-            "seed": study.seed,
-            **study.d_2,
-            **VOLTAGE_DISTURBANCES,
-        },
+        reference=reference,
+        disturbance={**load, "seed": study.seed, **study.d_2, **VOLTAGE_DISTURBANCES},
         plant=plant,
-        estimate=study.estimate if gain_set.printed_estimate else study.x_start,
+        estimate=estimate + ahead,
         true_feedback=true_feedback,
+        electrical=electrical,
+        elsewhere=elsewhere,
     )
 
 
