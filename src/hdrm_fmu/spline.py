@@ -1,5 +1,6 @@
 """A B-spline of the three strokes, and how it becomes the parameters of the block Trajectory."""
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +12,9 @@ from .trajectory import JOINTS
 if TYPE_CHECKING:
     import numpy as np
 
+
+DEFAULT_FILE = Path(__file__).parent / "default_trajectory.json"
+"""The file of `default_spline`."""
 
 _LARGEST = 1e9
 """No knot in s and no coefficient in m is larger."""
@@ -132,3 +136,26 @@ def trajectory_parameters(spline: Spline) -> dict[str, float | int]:
 def _filled(name: str, values: Sequence[float], length: int) -> dict[str, float]:
     filled = [*values, *[values[-1]] * (length - len(values))]
     return {f"{name}[{i}]": float(x) for i, x in enumerate(filled, 1)}
+
+
+def spline_of(document: object) -> Spline:
+    """The spline of a trajectory file's content; what else is in it does not matter.
+
+    Raises TrajectoryError for what is no trajectory.
+    """
+    if not isinstance(document, Mapping):
+        raise TrajectoryError("it must be a JSON object with degree, knots and coefficients.")
+    for name in ("degree", "knots", "coefficients"):
+        if name not in document:
+            raise TrajectoryError(f"it lacks '{name}'; a trajectory has degree, knots and coefficients.")
+    degree, knots, coefficients = (document[name] for name in ("degree", "knots", "coefficients"))
+    if not isinstance(degree, int) or isinstance(degree, bool):
+        raise TrajectoryError(f"the degree {degree!r} must be a whole number of 1 to {DEGREE}.")
+    if not isinstance(coefficients, Mapping):
+        raise TrajectoryError(f"the coefficients must be lists by joint: {', '.join(JOINTS)}.")
+    return Spline(degree, knots, coefficients)
+
+
+def default_spline() -> Spline:
+    """The optimised motion that lies in this package, which is that of `emla trajectory`."""
+    return spline_of(json.loads(DEFAULT_FILE.read_text(encoding="utf-8")))

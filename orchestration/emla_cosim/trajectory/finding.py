@@ -1,0 +1,77 @@
+"""The one way to find the motion of least cost."""
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdrm_fmu.optimisation.assessment import assessed
+from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
+from hdrm_fmu.optimisation.solving import (
+    MOST_ITERATIONS,
+    NoMotionError,
+    Solution,
+    detour,
+    solved,
+)
+from hdrm_fmu.optimisation.transcription import Discretisation
+from hdrm_fmu.spline import TrajectoryError
+
+from ..errors import CommandError, CosimError, RunError, check_choice
+from ..progress import Progress
+from ..values import converted
+from .given import problem_of
+from .pictures import picture_places, save_pictures
+from .result import TrajectoryResult
+
+_RANGES = {"degree": (3, 5), "knots": (2, 48), "points": (3, 50), "starts": (1, 100)}
+"""Least and largest of what may be chosen; the spline must have an acceleration without jumps."""
+
+
+def trajectory(
+    problem: MotionProblem | Mapping[str, Any] | str | Path | None = None,
+    *,
+    end_speed: str = EndSpeed.CLIP.value,
+    tie_break: float = 1e-3,
+    degree: int = 5,
+    knots: int = 20,
+    points: int = 10,
+    starts: int = 1,
+    output: str | Path | None = None,
+    plots: bool = True,
+    progress: Progress | None = None,
+) -> TrajectoryResult:
+    """Find the motion between two postures that costs least actuator power: (14) within the bounds of (15).
+
+    `problem` is the paper's (Table II) unless given: a `MotionProblem`, the path of a TOML file with its
+    fields, or a mapping with some of them, of which `machine` is a mapping with fields of HdrmParameters.
+    `end_speed` says how a v_E beyond its own bound is read: clip, exempt, decimal or rest. `tie_break` is
+    the weight of the joints' own powers beside the square of their sum; 0 is as printed. The motion is a
+    spline of a `degree` with so many different `knots`, and is looked at in `points` points between two of
+    them. Of several `starts` the first is a line, the others wander off; the best motion counts.
+
+    With `output` it is written to that file, and with `plots` pictures beside it.
+
+    Raises CommandError for whatever is wrong with the problem, before anything is solved; RunError where no
+    motion keeps all bounds, with those that are to blame.
+    """
+    told, reading = progress or Progress(), _reading(end_speed)
+    given = problem_of(problem)
+    how = Discretisation(*_sizes(degree, knots, points), _weight(tie_break))
+    place = None if output is None else converted(output, Path, "the output file")
+    picture_places(place, plots)
+    read = _without_contradiction(given, reading)
+    best = _best(read, how, _size("starts", starts), told)
+    spline = best.spline(how)
+    figures = assessed(spline, read, how.tie_break)
+    result = TrajectoryResult(
+        spline, figures, given, read, reading, given.contradictions(), how, best, starts
+    )
+    if place is not None:
+        result.save(place)
+        if plots:
+            save_pictures(result, place)
+    return result

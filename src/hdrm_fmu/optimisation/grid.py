@@ -1,0 +1,66 @@
+"""Where a spline's knots lie, and where the motion along it is looked at."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.polynomial.legendre import Legendre
+from scipy.interpolate import BSpline
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Clamped B-splines of a degree on [0, 1]; the time of a motion is this by its duration."""
+
+    degree: int
+    knots: np.ndarray
+
+    @classmethod
+    def cosine(cls, degree: int, count: int) -> "Basis":
+        """With so many different knots, closer together towards both ends, as cosines are."""
+        places = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, count))
+        places[[0, -1]] = 0.0, 1.0
+        return cls(degree, np.concatenate([np.zeros(degree), places, np.ones(degree)]))
+
+    @property
+    def size(self) -> int:
+        """How many coefficients a curve has."""
+        return len(self.knots) - self.degree - 1
+
+    @property
+    def places(self) -> np.ndarray:
+        """The different knots."""
+        return self.knots[self.degree : -self.degree]
+
+    @property
+    def means(self) -> np.ndarray:
+        """Greville's abscissae: coefficients that lie there make a curve that is the time itself."""
+        return np.array([self.knots[i + 1 : i + self.degree + 1].mean() for i in range(self.size)])
+
+    @property
+    def speed_spans(self) -> np.ndarray:
+        """What differences of neighbouring coefficients are divided by in those of the derivative."""
+        p, n = self.degree, self.size
+        return (self.knots[p + 1 : p + n] - self.knots[1:n]) / p
+
+    def at(self, places: np.ndarray, derivative: int = 0) -> np.ndarray:
+        """A derivative of all basis functions: one row per place, one column per coefficient."""
+        return BSpline(self.knots, np.eye(self.size), self.degree)(places, nu=derivative)
+
+
+def lobatto(places: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Lobatto's points and weights, so many in each interval, ends included and shared.
+
+    The sum of weight times value is the integral, exactly so for polynomials up to degree 2 count - 3.
+    """
+    legendre = Legendre.basis(count - 1)
+    x = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
+    w = 2.0 / (count * (count - 1) * legendre(x) ** 2)
+    points, weights = [places[:1]], [np.zeros(1)]
+    for a, b in pairwise(places):
+        weights[-1][-1] += 0.5 * (b - a) * w[0]
+        points.append(0.5 * (a + b) + 0.5 * (b - a) * x[1:])
+        weights.append(0.5 * (b - a) * w[1:])
+    found = np.concatenate(points)
+    found[-1] = places[-1]  # not beyond it by rounding
+    return found, np.concatenate(weights)

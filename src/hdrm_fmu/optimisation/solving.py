@@ -1,0 +1,156 @@
+"""The optimisation solved with IPOPT, and what is to blame where there is no solution."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi
+import numpy as np
+
+from ..spline import Spline, TrajectoryError
+from ..trajectory import JOINTS
+from .problem import MotionProblem
+from .transcription import SLACKS, Discretisation, Programme
+
+MOST_ITERATIONS = 300
+"""After so many IPOPT gives up; problems that can be solved take 20 to 60."""
+
+_NEGLIGIBLE = 1e-5
+"""Part of a bound that an elastic solution may be beyond it by rounding."""
+
+_OPTIONS = {
+    "print_time": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.max_iter": MOST_ITERATIONS,
+    "ipopt.bound_relax_factor": 0.0,
+}
+
+
+class NoMotionError(TrajectoryError):
+    """No motion satisfies all bounds; the sentence says which are to blame."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A motion that IPOPT found: the coefficients have a column for each joint, the duration is in s."""
+
+    coefficients: np.ndarray
+    duration: float
+    iterations: int
+    wall_s: float
+    cpu_s: float
+
+    def spline(self, how: Discretisation) -> Spline:
+        """The motion over time."""
+        knots = (how.basis.knots * self.duration).tolist()
+        columns = zip(JOINTS, self.coefficients.T.tolist(), strict=True)
+        return Spline(how.degree, knots, dict(columns))
+
+
+def solved(
+    problem: MotionProblem,
+    how: Discretisation,
+    start: np.ndarray | None = None,
+    heard: Callable[[], None] = lambda: None,
+) -> Solution:
+    """The motion of least cost near a start, which is a line unless given as `Solution.coefficients` are.
+
+    `heard` is called after every iteration; what it raises ends the search.
+
+    Raises NoMotionError where none is found.
+    """
+    programme = Programme(problem, how)
+    begin = straight(problem, how) if start is None else start
+    before = time.perf_counter(), time.process_time()
+    unknowns, iterations, status = _run(programme, begin, heard)
+    if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
+        raise NoMotionError(_blame(problem, how, begin, heard, status))
+    coefficients, duration = programme.found(unknowns)
+    wall, cpu = time.perf_counter() - before[0], time.process_time() - before[1]
+    return Solution(coefficients, duration, iterations, wall, cpu)
+
+
+def straight(problem: MotionProblem, how: Discretisation) -> np.ndarray:
+    """Coefficients of the straight line from start to end."""
+    start, end = np.array(problem.q_S), np.array(problem.q_E)
+    return start + (end - start) * how.basis.means[:, None]
+
+
+def detour(problem: MotionProblem, how: Discretisation, seed: int) -> np.ndarray:
+    """Coefficients of a line that wanders off within the strokes, as the seed has it."""
+    low, high = np.array(problem.machine.q_LB), np.array(problem.machine.q_UB)
+    line, draw = straight(problem, how), np.random.default_rng(seed)
+    off = draw.normal(scale=0.1, size=line.shape) * (high - low)
+    off *= np.sin(np.pi * how.basis.means)[:, None]
+    return np.clip(line + off, low, high)
+
+
+class _Heard(casadi.Callback):
+    """Tells after every iteration of IPOPT; an exception there ends it, and is kept."""
+
+    def __init__(self, sizes: tuple[int, int], heard: Callable[[], None]) -> None:
+        casadi.Callback.__init__(self)
+        self.sizes, self.heard = sizes, heard
+        self.error: BaseException | None = None
+        self.construct("heard", {})
+
+    def get_n_in(self) -> int:
+        """What a solver has for results."""
+        return casadi.nlpsol_n_out()
+
+    def get_n_out(self) -> int:
+        """Whether to stop."""
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        """Names of the results."""
+        return casadi.nlpsol_out(i)
+
+    def get_sparsity_in(self, i: int) -> casadi.Sparsity:
+        """Sizes of the results."""
+        unknowns, constraints = self.sizes
+        sizes = {"f": 1, "x": unknowns, "lam_x": unknowns, "g": constraints, "lam_g": constraints}
+        return casadi.Sparsity.dense(sizes.get(casadi.nlpsol_out(i), 0), 1)
+
+    def eval(self, arguments: Sequence[casadi.DM]) -> list[int]:
+        """1 ends the search."""
+        try:
+            self.heard()
+        except BaseException as error:
+            self.error = error
+        return [int(self.error is not None)]
+
+
+def _run(programme: Programme, start: np.ndarray, heard: Callable[[], None]) -> tuple[np.ndarray, int, str]:
+    """Unknowns, iterations and status."""
+    functions, (low_g, high_g) = programme.built()
+    listener = _Heard((functions["x"].shape[0], functions["g"].shape[0]), heard)
+    solver = casadi.nlpsol("motion", "ipopt", functions, {**_OPTIONS, "iteration_callback": listener})
+    low, high = programme.bounds()
+    found = solver(x0=programme.start(start), lbx=low, ubx=high, lbg=low_g, ubg=high_g)
+    if listener.error is not None:
+        raise listener.error
+    stats = solver.stats()
+    return found["x"].full().ravel(), int(stats["iter_count"]), str(stats["return_status"])
+
+
+def _blame(
+    problem: MotionProblem, how: Discretisation, start: np.ndarray, heard: Callable[[], None], status: str
+) -> str:
+    """Which bounds would have to give way, in a sentence."""
+    programme = Programme(problem, how, elastic=True)
+    unknowns, _, how_well = _run(programme, start, heard)
+    if how_well not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
+        return f"no motion was found: IPOPT ended with {status}, and with {how_well} where bounds give way."
+    slacks = dict(zip(SLACKS, unknowns[-len(SLACKS) :], strict=True))
+    guilty = sorted((x, name) for name, x in slacks.items() if x > _NEGLIGIBLE)
+    if not guilty:
+        return f"no motion was found: IPOPT ended with {status}, though no bound is in the way."
+    named = " and ".join(f"{name} by {100.0 * x:.2g} % of {_WIDTHS[name]}" for x, name in reversed(guilty))
+    return f"no motion keeps all bounds; the least that would have to give way: {named}."
+
+
+_WIDTHS = {name: "their width" if "bounds" in name else "the speed bounds' width" for name in SLACKS} | {
+    "the longest time t_M": "it"
+}

@@ -1,0 +1,187 @@
+"""The optimisation of a motion as a nonlinear programme: direct collocation with B-splines.
+
+Unknown are the coefficients c and the duration t_M, and at every collocation point q, q' and q'' ("lifted":
+they could be computed of c and t_M, but this way one function of a point is mapped over all, and its exact
+second derivatives stay small and sparse).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi
+import numpy as np
+
+from ..dynamics import energy, inverse_dynamics
+from ..trajectory import JOINTS
+from .constraints import Constraints
+from .grid import Basis, lobatto
+from .problem import MotionProblem
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """How finely a motion is described, and what it minimises beside the paper's cost.
+
+    `degree` and `knots` are those of the spline, `points` the collocation points in each span between
+    knots; `tie_break` is the weight of the joints' own powers, without which many motions cost the same.
+    """
+
+    degree: int = 5
+    knots: int = 20
+    points: int = 10
+    tie_break: float = 1e-3
+
+    @property
+    def basis(self) -> Basis:
+        """The spline's basis on [0, 1]."""
+        return Basis.cosine(self.degree, self.knots)
+
+
+SLACKS = (
+    *(f"the force bounds of the {joint}" for joint in JOINTS),
+    *(f"the speed bounds of the {joint}" for joint in JOINTS),
+    "the longest time t_M",
+    "the start speeds v_S",
+    "the end speeds v_E",
+)
+"""Groups of constraints that an elastic programme lets give way."""
+
+_FORCE, _SPEED, _TIME, _START, _END = 0, 3, 6, 7, 8
+
+
+@dataclass(frozen=True)
+class Programme:
+    """A nonlinear programme, its unknowns in this order: coefficients by joint, t_M, q, q', q'', slacks."""
+
+    problem: MotionProblem
+    how: Discretisation
+    elastic: bool = False
+    """Whether the groups of SLACKS give way, and that they need to is what is minimised."""
+
+    @cached_property
+    def basis(self) -> Basis:
+        """The spline's basis."""
+        return self.how.basis
+
+    @cached_property
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Collocation points on [0, 1], and their weights."""
+        return lobatto(self.basis.places, self.how.points)
+
+    @property
+    def slacks(self) -> int:
+        """How many slacks there are."""
+        return len(SLACKS) if self.elastic else 0
+
+    @cached_property
+    def symbols(self) -> tuple[casadi.MX, ...]:
+        """Coefficients, t_M, q, q', q'' and slacks."""
+        count = len(self.points[0])
+        lifted = [casadi.MX.sym(name, 3, count) for name in ("q", "v", "a")]
+        c, t_M = casadi.MX.sym("c", self.basis.size, 3), casadi.MX.sym("t_M")
+        return c, t_M, *lifted, casadi.MX.sym("slack", self.slacks)
+
+    def built(self) -> tuple[dict[str, casadi.MX], tuple[np.ndarray, np.ndarray]]:
+        """The programme as CasADi takes it, and the bounds of its constraints."""
+        _, t_M, q, v, a, slack = self.symbols
+        forces, cost = stage(self.problem, self.how.tie_break).map(len(self.points[0]))(q, v, a)
+        constraints = Constraints()
+        self._on_spline(constraints)
+        self._speeds(constraints)
+        for i, (low, high) in enumerate(zip(self.problem.f_LB, self.problem.f_UB, strict=True)):
+            scale = max(high - low, 1.0)
+            constraints.giving_way(forces[i, :] / scale, low / scale, high / scale, self._slack(_FORCE + i))
+        total = 0.5 * t_M * casadi.mtimes(cost, casadi.DM(self.points[1])) / self.cost_scale
+        if self.elastic:
+            total = casadi.sum1(slack) + 1e-4 * total
+            constraints.between(t_M / self.problem.t_M - slack[_TIME], -np.inf, 1.0)
+        unknowns = casadi.vertcat(*(casadi.vec(x) for x in self.symbols))
+        return {"x": unknowns, "f": total, "g": constraints.expression}, constraints.bounds
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the unknowns. A spline is within its coefficients, so these keep to the strokes."""
+        inner, problem = self.basis.size - 2, self.problem
+        columns = zip(problem.q_S, problem.machine.q_LB, problem.machine.q_UB, problem.q_E, strict=True)
+        ends = [(s, [low] * inner, [high] * inner, e) for s, low, high, e in columns]
+        low = [x for s, lows, _, e in ends for x in (s, *lows, e)]
+        high = [x for s, _, highs, e in ends for x in (s, *highs, e)]
+        free = np.full(9 * len(self.points[0]), np.inf)
+        longest = np.inf if self.elastic else problem.t_M
+        return (
+            np.concatenate([low, [1e-3 * problem.t_M], -free, np.zeros(self.slacks)]),
+            np.concatenate([high, [longest], free, np.full(self.slacks, np.inf)]),
+        )
+
+    def start(self, coefficients: np.ndarray) -> np.ndarray:
+        """Unknowns to begin with: a curve with these coefficients, one column per joint, that takes t_M."""
+        duration, places = self.problem.t_M, self.points[0]
+        curve = [self.basis.at(places, d) @ coefficients / duration**d for d in range(3)]
+        slacks = np.ones(self.slacks)
+        return np.concatenate([coefficients.T.ravel(), [duration], *(x.ravel() for x in curve), slacks])
+
+    def found(self, unknowns: np.ndarray) -> tuple[np.ndarray, float]:
+        """Coefficients, one column per joint, and duration in s of a solution."""
+        count = 3 * self.basis.size
+        return unknowns[:count].reshape(3, -1).T, float(unknowns[count])
+
+    @cached_property
+    def cost_scale(self) -> float:
+        """A cost in W2 s of the usual size."""
+        powers = zip(self.problem.f_UB, self.problem.v_UB, strict=True)
+        usual = 0.01 * max(max(abs(f * v) for f, v in powers), 1.0)
+        return max(least_cost(self.problem, self.problem.t_M), 0.5 * self.problem.t_M * usual * usual)
+
+    def _on_spline(self, constraints: Constraints) -> None:
+        """What is lifted is that of the spline, all in the scale of positions."""
+        c, t_M, *lifted, _ = self.symbols
+        relative = t_M / self.problem.t_M
+        for order, x in enumerate(lifted):
+            rows = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(self.points[0], order)), 1e-14))
+            scale = self.problem.t_M**order
+            constraints.equal(x.T * relative**order - casadi.mtimes(rows, c) / scale)
+
+    def _speeds(self, constraints: Constraints) -> None:
+        """Speeds at both ends, and bounds of the control points between, which the speed is within.
+
+        A speed at an end that is beyond its own bound is so there alone, and on the way to the next point.
+        """
+        c, t_M, *_ = self.symbols
+        steps = (c[1:, :] - c[:-1, :]) / casadi.repmat(casadi.DM(self.basis.speed_spans), 1, 3)
+        speeds = steps / self.problem.t_M  # those of a motion that takes the longest time
+        relative = t_M / self.problem.t_M
+        for i in range(3):
+            low, high = self.problem.v_LB[i], self.problem.v_UB[i]
+            scale = max(high - low, 1e-3)
+            for row, ends, group in ((0, self.problem.v_S, _START), (-1, self.problem.v_E, _END)):
+                off = (speeds[row, i] - ends[i] * relative) / scale
+                constraints.giving_way(off, 0.0, 0.0, self._slack(group))
+            slack = self._slack(_SPEED + i)
+            inner = speeds[1:-1, i]
+            extra = 0.0 if slack is None else slack
+            constraints.between((inner - high * relative) / scale - extra, -np.inf, 0.0)
+            constraints.between((inner - low * relative) / scale + extra, 0.0, np.inf)
+
+    def _slack(self, group: int) -> casadi.MX | None:
+        return self.symbols[-1][group] if self.elastic else None
+
+
+def stage(problem: MotionProblem, tie_break: float) -> casadi.Function:
+    """Of q, q', q'' at one point the forces in N, and what the cost is the integral of, in W2."""
+    q, v, a = (casadi.SX.sym(name, 3) for name in "qva")
+    parts: Sequence[list[casadi.SX]] = [casadi.vertsplit(x) for x in (q, v, a)]
+    force = casadi.vertcat(*inverse_dynamics(problem.machine, *parts, problem.payload))
+    power = casadi.dot(v, force) ** 2 + tie_break * casadi.sumsqr(v * force)
+    return casadi.Function("stage", [q, v, a], [force, power])
+
+
+def least_cost(problem: MotionProblem, duration: float) -> float:
+    """What no motion of this duration in s can cost less than, in W2 s: dE^2 / (2 t_M).
+
+    All power goes into energy, and power that does not change has the least square.
+    """
+    start, end = (
+        energy(problem.machine, q, v, problem.payload)
+        for q, v in ((problem.q_S, problem.v_S), (problem.q_E, problem.v_E))
+    )
+    return (end - start) ** 2 / (2.0 * duration)
