@@ -12,9 +12,12 @@ from emla_cosim.models import MODELS, build, fmu_path
 from fmublock.cache import VARIABLE
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.memory_disk import use_memory_disk
 from tests.support.paths import FOREIGN_PLANT
 from tests.support.sessions import Session, opened
 from tests.support.toy_fmu import build_toy
+
+use_memory_disk()
 
 # a slow machine is no failure; CI tries the same examples every time, people new ones
 settings.register_profile("here", deadline=None)
