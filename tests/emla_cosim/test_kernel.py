@@ -19,7 +19,6 @@ from emla_cosim.master.algorithms.explicit import Explicit
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.slaves.slave import SlaveError
@@ -244,12 +243,6 @@ def test_a_slave_without_entry_points_is_stepped_in_python() -> None:
     stepping = FixedSteps(begun(Network([slave], [Link(0, 0, 0, 0, False)]), GaussSeidel(), times), times)
     assert not stepping.compiled
     assert recorded(stepping)[-1, 1] == 2.0**10
-
-
-def test_strong_coupling_is_stepped_in_python(faulty_fmu: Path) -> None:
-    times = timing(1.0, 0.1)
-    with open_system(wired([faulty("j.a", faulty_fmu)])) as assembly:
-        assert not FixedSteps(begun(assembly.network, Strong(), times), times).compiled
 
 
 # ---- the machine code is kept ------------------------------------------------------------------

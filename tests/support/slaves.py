@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from emla_cosim.fmu.file import open_fmu
 from emla_cosim.fmu.variables import typed_values
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.master.slaves.fmu_slave import FmuSlave
-from emla_cosim.master.slaves.slave import EntryPoints, Slave
+from emla_cosim.master.slaves.slave import EntryPoints, Slave, SlaveError, StepDiscardedError
 from fmublock import Block
 from fmublock.instance import Instance
 from fmublock.variables import Output, State
@@ -86,6 +86,8 @@ class FakeSlave(Slave):
     """
 
     rolls_back = True
+    states: dict[int, Any]
+    """Those that compiled code saved; see `compilable`."""
 
     def __init__(
         self,
@@ -138,19 +140,40 @@ class FakeSlave(Slave):
         self.calls.append(f"{self.name}.close")
 
 
+Fake = TypeVar("Fake", bound=FakeSlave)
 _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
 _SET_OR_GET = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER, _SIZE, _POINTER)
 _DERIVE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER, _SIZE, _POINTER, ctypes.POINTER(ctypes.c_double))
 _STEP = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+_SAVE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, ctypes.POINTER(_SIZE))
+_RESTORE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _SIZE)
+_DISCARD, _ERROR = 2, 3
 
 
-def compilable(slave: FakeSlave) -> FakeSlave:
-    """The same slave, which compiled code can call as well: its methods as functions of C."""
+def compilable(slave: Fake) -> Fake:
+    """The same slave, which compiled code can call as well: its methods as functions of C.
 
-    def done(method: Callable[..., None], *arguments: Any) -> int:
-        method(*arguments)
+    The states that compiled code saved and has not freed are in `slave.states`, by number.
+    """
+    states: dict[int, Any] = {}
+
+    def done(method: Callable[..., Any], *arguments: Any) -> int:
+        try:
+            method(*arguments)
+        except SlaveError as error:
+            return _DISCARD if isinstance(error, StepDiscardedError) else _ERROR
         return 0
 
+    def save(component: int, place: Any) -> int:
+        place[0] = place[0] or len(states) + 1
+        states[place[0]] = slave.save()
+        return 0
+
+    def forget(state: Any) -> None:
+        if isinstance(state, ctypes.c_void_p):
+            del states[state.value or 0]
+
+    slave.states, slave.forget = states, forget
     functions = [
         _SET_OR_GET(lambda component, references, count, values: done(slave.set_inputs)),
         _SET_OR_GET(lambda component, references, count, values: done(slave.get_outputs)),
@@ -160,6 +183,8 @@ def compilable(slave: FakeSlave) -> FakeSlave:
                 slave.set_input_derivatives, np.array(values[:count])
             )
         ),
+        _SAVE(save),
+        _RESTORE(lambda component, number: done(slave.restore, states[number])),
     ]
     addresses = [ctypes.cast(function, _POINTER).value or 0 for function in functions]
     inputs, outputs = (np.arange(len(x), dtype=np.uint32) for x in (slave.inputs, slave.outputs))

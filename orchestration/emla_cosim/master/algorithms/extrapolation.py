@@ -116,6 +116,14 @@ class Exchange:
         if mode == _LINE:
             slave.set_input_derivatives(slopes)
 
+    def shares(self, i: int) -> Vector:
+        """How far slave i's inputs at the end of a step follow a change of the signals there."""
+        follows = self.network.factors[i].copy()
+        if self.modes[i] == _MIDDLE:
+            moves = self.smooth[self.network.sources[i]] & self.network.slaves[i].continuous_inputs
+            follows[moves] *= 0.5
+        return follows
+
     def predict(self, which: Indices, time: float) -> Vector:
         """Where these signals would be at `time` in s if they went on along their lines."""
         ahead = time - self.history.at[self.owners[which]]

@@ -8,7 +8,8 @@ from the differences V of residuals r = F(x) - x and W of answers F(x) seen so f
 
 and keeps J from one step to the next, so that a loop that changes little needs two sweeps. Newer
 differences count first; one that says little besides them is left out (QR2 filter), because an old
-one is no secant of where a nonlinear loop is now.
+one is no secant of where a nonlinear loop is now. The pseudoinverse comes from the orthogonal basis that
+the filter makes of V, one secant after the other.
 
 Bogaers, Kok, Reddy, Franz: Quasi-Newton methods for implicit black-box FSI coupling, Comput.
 Methods Appl. Mech. Engrg. 279 (2014), doi:10.1016/j.cma.2014.06.033. Haelterman, Bogaers, Scheufele,
@@ -17,6 +18,7 @@ interaction problems: filtering, Comput. Struct. 171 (2016).
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -42,10 +44,28 @@ class NoAgreementError(Exception):
 
 
 class QuasiNewton:
-    """Solves x = F(x) for `count` values, better and better from call to call."""
+    """Solves x = F(x) for `count` values, better and better from call to call.
+
+    `jacobian` is J, changed in place.
+    """
 
     def __init__(self, count: int) -> None:
-        self.jacobian = _unknown(count)
+        self.jacobian: Vector = np.empty((count, count))
+        self.forget()
+
+    def forget(self, derivatives: Vector | None = None) -> None:
+        """Begin anew, with the derivatives dF/dx if they are known: J = F' (F' - 1)^-1."""
+        count = len(self.jacobian)
+        self.jacobian[:] = np.eye(count) * (1.0 - RELAXATION)
+        if derivatives is None:
+            return
+        try:
+            with np.errstate(all="ignore"):
+                found = np.linalg.solve((derivatives - np.eye(count)).T, derivatives.T).T
+        except np.linalg.LinAlgError:
+            return
+        if np.isfinite(found).all():
+            self.jacobian[:] = found
 
     def solve(
         self,
@@ -61,45 +81,87 @@ class QuasiNewton:
         `answer` was last called with the solution. Raises NoAgreementError after `sweeps` calls of
         `answer`, or when one of them is not finite.
         """
-        x, earlier = guess.copy(), self.jacobian
-        residuals: list[Vector] = []
-        answers: list[Vector] = []
+        n, x, residual = len(guess), guess.copy(), guess
+        earlier, jacobian = self.jacobian.ravel().tolist(), self.jacobian.ravel().tolist()
+        room, scales = [[0.0] * n * n, [0.0] * n, [0.0] * n], sizes.tolist()
+        residuals: list[float] = []
+        answers: list[float] = []
         for sweep in range(sweeps):
-            answers.append(answer(x).copy())
-            residuals.append(answers[-1] - x)
-            if agreed(residuals[-1]):
+            found = answer(x).copy()
+            residual = found - x
+            if agreed(residual):
                 return sweep + 1
-            if not np.isfinite(residuals[-1]).all():
+            answers += found.tolist()
+            residuals += residual.tolist()
+            if not np.isfinite(residual).all():
                 break
-            self.jacobian = _learned(earlier, residuals, answers, sizes)
-            x = answers[-1] - self.jacobian @ residuals[-1]
-        self.jacobian = _unknown(len(guess))
-        raise NoAgreementError(residuals[-1], len(residuals))
+            improve(n, sweep + 1, residuals, answers, scales, earlier, jacobian, *room)
+            self.jacobian.reshape(-1)[:] = jacobian
+            x = np.array(room[-1])
+        self.forget()
+        raise NoAgreementError(residual, len(residuals) // n)
 
 
-def _unknown(count: int) -> Vector:
-    return np.eye(count) * (1.0 - RELAXATION)
+def improve(
+    n: int,
+    sweeps: int,
+    residuals: Any,
+    answers: Any,
+    sizes: Any,
+    earlier: Any,
+    jacobian: Any,
+    basis: Any,
+    direction: Any,
+    guess: Any,
+) -> None:
+    """Learn J from all sweeps of this step, and make the next guess of it.
 
-
-def _learned(jacobian: Vector, residuals: list[Vector], answers: list[Vector], sizes: Vector) -> Vector:
-    if len(residuals) < 2:
-        return jacobian
-    relative = np.array(residuals) / sizes
-    V = np.diff(relative, axis=0).T
-    W = np.diff(np.array(answers), axis=0).T
-    lengths = np.linalg.norm(V, axis=0)
-    useful = lengths > NOISE * np.linalg.norm(relative, axis=1).max()
-    V, W = V[:, useful] / lengths[useful], W[:, useful] / lengths[useful]
-    chosen = _independent(V)
-    V, W = V[:, chosen], W[:, chosen]
-    return jacobian + (W - jacobian @ (sizes[:, None] * V)) @ np.linalg.pinv(V) / sizes
-
-
-def _independent(V: Vector) -> list[int]:
-    """Columns of length 1 that are not nearly made up of later ones, the last first."""
-    basis, chosen = np.empty((len(V), 0)), []
-    for i in reversed(range(V.shape[1])):
-        rest = V[:, i] - basis @ (basis.T @ V[:, i])
-        if (length := np.linalg.norm(rest)) > FILTER:
-            basis, chosen = np.column_stack([basis, rest / length]), [*chosen, i]
-    return chosen
+    `earlier` is J before this step, `residuals` and `answers` have n numbers per sweep; all but the
+    first two arguments are numbers in a row, matrices row by row. `jacobian` and `guess` are written to,
+    `basis` and `direction` are room for n^2 and n numbers. In Python and compiled this text gives the
+    same bits.
+    """
+    for e in range(n * n):
+        jacobian[e] = earlier[e]
+    largest = 0.0
+    for k in range(sweeps):
+        square = 0.0
+        for i in range(n):
+            relative = residuals[k * n + i] / sizes[i]
+            square += relative * relative
+        largest = max(largest, square)
+    used = 0
+    for k in range(sweeps - 1, 0, -1):
+        new, old = k * n, (k - 1) * n
+        square = 0.0
+        for i in range(n):
+            direction[i] = residuals[new + i] / sizes[i] - residuals[old + i] / sizes[i]
+            square += direction[i] * direction[i]
+        if used == n or not square > NOISE * NOISE * largest:
+            continue
+        for b in range(used):
+            along, norm = 0.0, 0.0
+            for i in range(n):
+                along += basis[b * n + i] * direction[i]
+                norm += basis[b * n + i] * basis[b * n + i]
+            for i in range(n):
+                direction[i] -= along / norm * basis[b * n + i]
+        rest = 0.0
+        for i in range(n):
+            rest += direction[i] * direction[i]
+        if not rest > FILTER * FILTER * square:
+            continue
+        for i in range(n):  # what J does not yet make of this difference
+            basis[used * n + i] = direction[i]
+            guess[i] = answers[new + i] - answers[old + i]
+            for j in range(n):
+                guess[i] -= jacobian[i * n + j] * (residuals[new + j] - residuals[old + j])
+        for i in range(n):
+            for j in range(n):
+                jacobian[i * n + j] += guess[i] / rest * direction[j] / sizes[j]
+        used += 1
+    last = (sweeps - 1) * n
+    for i in range(n):
+        guess[i] = answers[last + i]
+        for j in range(n):
+            guess[i] -= jacobian[i * n + j] * residuals[last + j]

@@ -8,6 +8,9 @@ from ..network import Network
 NOMINAL_SHARE = 0.01
 """Part of a variable's nominal value that counts where the signal itself is smaller."""
 
+TINY = np.finfo(float).tiny
+"""No size is smaller, so that one can divide by it."""
+
 
 class Scale:
     """The size of every signal: the largest value seen so far, plus a hundredth of its nominal.
@@ -18,7 +21,7 @@ class Scale:
     def __init__(self, network: Network) -> None:
         self._signals = network.signals
         nominals = [slave.nominals for slave in network.slaves]
-        self._floor: Vector = NOMINAL_SHARE * np.concatenate([np.empty(0), *nominals])
+        self.floor: Vector = np.fmax(NOMINAL_SHARE * np.concatenate([np.empty(0), *nominals]), TINY)
         self.largest: Vector = np.zeros(len(network.signals))
 
     def see(self) -> None:
@@ -28,7 +31,7 @@ class Scale:
 
     def sizes(self, which: Indices) -> Vector:
         """The sizes of these signals."""
-        return self.largest[which] + self._floor[which]
+        return self.largest[which] + self.floor[which]
 
     def relative(self, difference: Vector, which: Indices) -> Vector:
         """Absolute differences of these signals, relative to the signals' sizes."""

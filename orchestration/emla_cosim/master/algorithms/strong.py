@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Indices, Vector
+from ...arrays import Vector
 from ...errors import RunError
 from ...option import option
 from ..network import Link, Network
 from ..slaves.slave import StepDiscardedError
 from .algorithm import Span, require
+from .group import Group, loop_derivatives
 from .in_order import InOrder
 from .quasi_newton import NoAgreementError, QuasiNewton
 from .sampling import Call, Operation, Sampling
@@ -23,20 +24,6 @@ SWEEPS = 30
 
 HALVINGS = 10
 """A step that cannot be done is halved so many times before the run is given up."""
-
-
-@dataclass
-class _Group:
-    """Slaves that depend on each other, the signals to agree on, and what was learned about them.
-
-    `start` is where the present step began; None where a slave of the group cannot go back.
-    """
-
-    members: list[int]
-    cut: Indices
-    newton: QuasiNewton
-    start: Snapshot | None
-    halves: bool
 
 
 @dataclass(eq=False)
@@ -64,19 +51,21 @@ class Strong(InOrder, Sampling):
 
     sweeps: int = field(init=False, repr=False)
     """Times that a loop was stepped so far."""
+    begun: int = field(init=False, repr=False)
+    """Groups, the first ones, that have done the present step already."""
 
     def setup(self, network: Network) -> None:
         """Take the network; CommandError where a slave of a loop cannot go back, or multiples are wrong."""
         super().setup(network)
-        self.sweeps = 0
-        self._scale = Scale(network)
+        self.sweeps = self.begun = 0
+        self.scale = Scale(network)
         self._sampled = self._sampled_slaves()
         if self._sampled:
             network.hold_back(self._sampled, bool(self.order))
         self.exchange.sample(self._sampled)
         self.use([Operation(call, i) for i in network.order if i in self._sampled for call in Call])
         groups = network.groups(lambda link: link.source not in self._sampled)
-        self._groups = [self._group(group) for group in groups if group[0] not in self._sampled]
+        self.groups = [self._group(group) for group in groups if group[0] not in self._sampled]
 
     def _sampled_slaves(self) -> set[int]:
         """Those that are named, and what passes their values on."""
@@ -87,13 +76,20 @@ class Strong(InOrder, Sampling):
             sampled |= {link.target for link in links if link.source in sampled}
         return sampled
 
-    def _group(self, members: list[int]) -> _Group:
+    def _group(self, members: list[int]) -> Group:
         slaves = [self.network.slaves[i] for i in members]
         cut = self.network.cut(members)
         if len(cut):
             require(slaves, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
         start = Snapshot(self, members) if all(s.rolls_back for s in slaves) else None
-        return _Group(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in slaves))
+        return Group(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in slaves))
+
+    def initialize(self, start_time: float, stop_time: float | None) -> None:
+        """Also learn of the loops what their slaves can say."""
+        super().initialize(start_time, stop_time)
+        for group in self.groups:
+            if len(group.cut):
+                group.newton.forget(loop_derivatives(self.exchange, group))
 
     def late(self) -> list[Link]:
         """Those from sampled slaves to the others, and against the order of the sampled."""
@@ -102,7 +98,7 @@ class Strong(InOrder, Sampling):
     @property
     def loops(self) -> list[list[int]]:
         """The loops found, each as the positions of its slaves."""
-        return [group.members for group in self._groups if len(group.cut)]
+        return [group.members for group in self.groups if len(group.cut)]
 
     def report(self) -> dict[str, Any]:
         """Also the loops, and how often they were stepped."""
@@ -112,34 +108,36 @@ class Strong(InOrder, Sampling):
     @property
     def kept(self) -> dict[str, Vector]:
         """Also the sizes of the signals."""
-        return super().kept | {"strong/largest": self._scale.largest}
+        return super().kept | {"strong/largest": self.scale.largest}
 
     def memory(self) -> dict[str, Vector]:
         """Also what was learned about the loops."""
-        learned = {f"jacobian/{i}": group.newton.jacobian for i, group in enumerate(self._groups)}
+        learned = {f"jacobian/{i}": group.newton.jacobian for i, group in enumerate(self.groups)}
         sweeps = np.array([float(self.sweeps)])
         return super().memory() | learned | {"sweeps": sweeps}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
         """Take over what a strong coupling of the same network remembered."""
         super().remember(memory)
-        for i, group in enumerate(self._groups):
-            group.newton.jacobian = memory[f"jacobian/{i}"].copy()
+        for i, group in enumerate(self.groups):
+            group.newton.jacobian[:] = memory[f"jacobian/{i}"]
         self.sweeps = int(memory["sweeps"][0])
 
     def close(self) -> None:
         """Free the saved states."""
-        for group in self._groups:
+        for group in self.groups:
             if group.start is not None:
                 group.start.close()
 
     def _step(self, time: float, step: float, span: Span) -> None:
-        self._scale.see()
-        for group in self._groups:
+        if not self.begun:
+            self.scale.see()
+        rest, self.begun = self.groups[self.begun :], 0
+        for group in rest:
             self._advance(group, time, step, HALVINGS)
         self.operate(time, step, span)
 
-    def _advance(self, group: _Group, time: float, step: float, halvings: int) -> None:
+    def _advance(self, group: Group, time: float, step: float, halvings: int) -> None:
         """Bring a group to the end of the step, in halves where it does not work in one."""
         if group.start is not None:
             group.start.take()
@@ -153,7 +151,7 @@ class Strong(InOrder, Sampling):
             self._advance(group, time, middle - time, halvings - 1)
             self._advance(group, middle, end - middle, halvings - 1)
 
-    def _solve(self, group: _Group, time: float, step: float) -> None:
+    def _solve(self, group: Group, time: float, step: float) -> None:
         guess = self.exchange.predict(group.cut, time + step)
         for i in group.members:
             self.exchange.shift(i, time + step)
@@ -173,21 +171,21 @@ class Strong(InOrder, Sampling):
             return self.network.signals[group.cut]
 
         def agreed(difference: Vector) -> bool:
-            return bool((self._scale.relative(difference, group.cut) <= self.coupling_tolerance).all())
+            return bool((self.scale.relative(difference, group.cut) <= self.coupling_tolerance).all())
 
-        group.newton.solve(guess, answer, agreed, SWEEPS, self._scale.sizes(group.cut))
+        group.newton.solve(guess, answer, agreed, SWEEPS, self.scale.sizes(group.cut))
 
-    def _sweep(self, group: _Group, time: float, step: float) -> None:
+    def _sweep(self, group: Group, time: float, step: float) -> None:
         for i in group.members:
             self.exchange.pass_inputs(i, time, step)
             self.network.slaves[i].do_step(time, step)
             self.network.slaves[i].get_outputs()
 
-    def _given_up(self, group: _Group, time: float, step: float, failure: Exception) -> Exception:
+    def _given_up(self, group: Group, time: float, step: float, failure: Exception) -> Exception:
         if not isinstance(failure, NoAgreementError):
             return failure
         names = self.network.loop_name(group.members)
-        gaps = self._scale.relative(failure.gap, group.cut)
+        gaps = self.scale.relative(failure.gap, group.cut)
         worst = self.network.names[group.cut[gaps.argmax()]]
         if not np.isfinite(gaps).all():
             return RunError(

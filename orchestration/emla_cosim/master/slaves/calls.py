@@ -5,7 +5,7 @@ from ...black_box import Present
 CALLS = (
     "",
     "setReal",
-    "setRealInputDerivatives",  # follows setReal, also in compiled code
+    "setRealInputDerivatives",
     "doStep",
     "getReal",
     "loading its library",
@@ -28,6 +28,7 @@ CALLS = (
     "reset",
     "terminate",
     "freeInstance",
+    "getDirectionalDerivative",
 )
 """What a slave may be busy with; the first is nothing."""
 

@@ -30,6 +30,7 @@ class DescribedSlave(Slave):
         self.rolls_back = file.can("canGetAndSetFMUstate")
         self.serializes = self.rolls_back and file.can("canSerializeFMUstate")
         self.interpolates = file.can("canInterpolateInputs") and not self.typed
+        self.differentiates = file.can("providesDirectionalDerivative") and not self.typed
         self.continuous_inputs = np.array([v.variability == "continuous" for v in self.read], dtype=bool)
         self.continuous_outputs = np.array([v.variability == "continuous" for v in self.written], dtype=bool)
         self.nominals = np.array([_nominal(v) for v in self.written])

@@ -47,6 +47,10 @@ _PROTOTYPES = {
     "fmi2SerializeFMUstate": (_POINTER, _POINTER, _POINTER, _SIZE),
     "fmi2DeSerializeFMUstate": (_POINTER, _POINTER, _SIZE, _POINTER),
 }
+_DERIVATIVE = {
+    "fmi2GetDirectionalDerivative": (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER, _POINTER)
+}
+"""Needed only of FMUs that say that they have it."""
 _DEAD_LIBRARIES: set[Path] = set()
 
 LARGEST_STATE = 2**32
@@ -88,7 +92,8 @@ class FmuSlave(DescribedSlave):
                 )
             with self._doing("instantiate"):
                 self._fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
-            raw = {n: self._function(n, types) for n, types in _PROTOTYPES.items()}
+            prototypes = _PROTOTYPES | (_DERIVATIVE if self.differentiates else {})
+            raw = {n: self._function(n, types) for n, types in prototypes.items()}
         except Exception as error:  # fmpy raises bare Exception
             reasons = " ".join([str(error), *log.lines(name)])
             raise CommandError(f"the FMU '{file.path}' of {name} cannot be started: {reasons}") from error
@@ -203,6 +208,20 @@ class FmuSlave(DescribedSlave):
         if status not in _FINE:
             raise self.error(f"doStep at t = {time:.9g} s", status)
 
+    def directional_derivative(self, direction: Vector) -> Vector | None:
+        """How fast the outputs change at once when the inputs move in a direction."""
+        found = np.zeros(len(self.outputs))
+        if len(found) and len(direction):
+            sizes = ((r.ctypes.data, len(r)) for r in (self._output_references, self._input_references))
+            (unknown, n), (known, m) = sizes
+            name, vectors = "fmi2GetDirectionalDerivative", (direction.ctypes.data, found.ctypes.data)
+            status = self._functions[name](self._component, unknown, n, known, m, *vectors)
+            if status == _DISCARD:
+                return None
+            if status not in _FINE:
+                raise self.error(_plain(name), status)
+        return found
+
     def save(self, state: Any = None) -> Any:
         """A copy of the FMU's state, in the memory of an earlier one if given."""
         self._no_way_back = 0
@@ -262,6 +281,8 @@ class FmuSlave(DescribedSlave):
             get_real=address["fmi2GetReal"],
             do_step=address["fmi2DoStep"],
             set_real_input_derivatives=address["fmi2SetRealInputDerivatives"],
+            get_state=address["fmi2GetFMUstate"],
+            set_state=address["fmi2SetFMUstate"],
             input_references=self._input_references,
             output_references=self._output_references,
             derivative_orders=self._derivative_orders,

@@ -106,6 +106,10 @@ class IsolatedSlave(DescribedSlave):
         """Advance from `time` by `step`, both in s."""
         self._outputs_of_step = self._ask("do_step", time, step)
 
+    def directional_derivative(self, direction: Vector) -> Vector | None:
+        """How fast the outputs change at once when the inputs move in a direction."""
+        return self._ask("directional_derivative", direction)
+
     def save(self, state: Any = None) -> Any:
         """A copy of the FMU's state, in the memory of an earlier one if given."""
         return self._ask("save", state)

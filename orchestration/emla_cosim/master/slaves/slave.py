@@ -45,6 +45,8 @@ class EntryPoints:
     get_real: int
     do_step: int
     set_real_input_derivatives: int
+    get_state: int
+    set_state: int
     input_references: NDArray[np.uint32]
     output_references: NDArray[np.uint32]
     derivative_orders: NDArray[np.int32]
@@ -59,8 +61,8 @@ class Slave(ABC):
 
     `continuous_inputs` and `continuous_outputs` say which elements change smoothly, and
     `nominals` gives the usual size of each output. The flags say what the slave is able to do:
-    steps of any length, going back to a saved state, writing a state as bytes, and taking
-    derivatives of its inputs.
+    steps of any length, going back to a saved state, writing a state as bytes, taking
+    derivatives of its inputs, and giving those of its outputs.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Slave(ABC):
     rolls_back = False
     serializes = False
     interpolates = False
+    differentiates = False
 
     def reset(self) -> None:
         """Become as it was when it was new; needs nothing to be set or stepped before."""
@@ -109,6 +112,13 @@ class Slave(ABC):
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
         """Say how fast the inputs change during the next step, per s; needs `interpolates`."""
+        raise NotImplementedError
+
+    def directional_derivative(self, direction: Vector) -> Vector | None:
+        """How fast the outputs change at once when the inputs move in a direction; needs `differentiates`.
+
+        None where the slave cannot say it here.
+        """
         raise NotImplementedError
 
     def save(self, state: Any = None) -> Any:

@@ -4,9 +4,13 @@ from typing import TYPE_CHECKING
 
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.explicit import Explicit
+from ..algorithms.strong import Strong
 
 if TYPE_CHECKING:
     from .kernel import Kernel
+
+COMPILED = (Explicit, Strong)
+"""Kinds of algorithms whose steps can be compiled."""
 
 
 def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
@@ -14,7 +18,7 @@ def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
 
     A host that has compiled the loop before needs no numba.
     """
-    if not isinstance(algorithm, Explicit):
+    if not isinstance(algorithm, COMPILED):
         return None
     points = [slave.entry_points() for slave in algorithm.network.slaves]
     known = [p for p in points if p is not None]

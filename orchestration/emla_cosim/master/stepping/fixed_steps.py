@@ -5,8 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ..algorithms.algorithm import Algorithm
-from ..algorithms.explicit import Explicit
-from .compilation import compile_kernel
+from .compilation import COMPILED, compile_kernel
 from .stepping import ROUNDING, Rows, Stepping
 from .timing import Timing
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 class FixedSteps(Stepping):
     """Steps from one communication point to the next.
 
-    Compiled where `compiled` is wanted and possible: an explicit algorithm on FMUs, with numba.
+    Compiled where `compiled` is wanted and possible: FMUs in this process that exchange Reals, and numba.
     """
 
     def __init__(self, algorithm: Algorithm, times: Timing, compiled: bool = True) -> None:
@@ -60,11 +59,16 @@ class FixedSteps(Stepping):
     def report(self) -> dict[str, Any]:
         """Also whether compiled code did the steps, where that can be."""
         found = super().report()
-        if isinstance(self.algorithm, Explicit):
+        if isinstance(self.algorithm, COMPILED):
             found["compiled"] = self.compiled
         if self._kernel is not None and (reason := self._kernel.why_not_kept()):
             found["compiled_code_not_kept"] = reason
         return found
+
+    def close(self) -> None:
+        """Free the saved states."""
+        if self._kernel is not None:
+            self._kernel.close()
 
     def _last(self, until: float) -> int:
         """The last communication point that is not beyond a time in s, but for rounding."""
@@ -91,3 +95,5 @@ class FixedSteps(Stepping):
             rows.commit(recorded)
         if failure is not None:
             raise failure
+        if self.algorithm.steps < first + count:  # a step that compiled code leaves to Python
+            self._advance_here(rows, self.algorithm.steps + 1)

@@ -1,4 +1,4 @@
-"""The compiled stepping loop: many steps of an explicit algorithm per call.
+"""The compiled stepping loop: many steps of an algorithm per call.
 
 It works on the memory of the algorithm and its network, and calls the FMI functions of the slaves by
 address. `loop.py` says what it does.
@@ -15,40 +15,42 @@ import numpy as np
 from ... import black_box
 from ...arrays import Vector
 from ...errors import RunError
-from ..algorithms import extrapolation, sampling
+from ..algorithms import extrapolation, quasi_newton, sampling, strong
 from ..algorithms.explicit import Explicit
-from ..algorithms.sampling import Call, Operation
-from ..slaves.calls import code_of
+from ..algorithms.strong import Strong
+from ..slaves import calls
 from ..slaves.slave import EntryPoints
 from . import layout, machine_code
-from .layout import INPUT, LOOP, OPERATION, SLAVE, Failure
+from .layout import LOOP, Failure
+from .records import add_undo, group_records, input_records, operation_records, slave_records
 from .timing import Clock
 
 _CALL_NAMES = {
     Failure.SET_REAL: "setReal",
     Failure.SET_DERIVATIVES: "setRealInputDerivatives",
     Failure.GET_REAL: "getReal",
+    Failure.GET_STATE: "getFMUstate",
+    Failure.SET_STATE: "setFMUstate",
 }
+_TEXTS = ("loop.py", "by_address.py", "compiled_calls.py", "compiled_groups.py")
+"""Modules that are compiled, and imported only then."""
 
 
 class Kernel:
     """The compiled loop for one algorithm, set up and initialized or not."""
 
-    def __init__(self, algorithm: Explicit, entry_points: Sequence[EntryPoints]) -> None:
+    def __init__(self, algorithm: Explicit | Strong, entry_points: Sequence[EntryPoints]) -> None:
         """Collect the records; compiles the loop, or loads what an earlier process compiled.
 
         Raises ImportError where the loop has to be compiled and numba is not there.
         """
         self._advance = _advance()
         self._algorithm = algorithm
-        self._entry_points = entry_points  # owns arrays whose addresses are in the records
         self._present = black_box.present()
-        self._operations = np.array(
-            [(o.call, o.slave, _code(o)) for o in algorithm.operations], dtype=OPERATION
-        )
-        self._inputs = _inputs(algorithm)
-        self._slaves = _slaves(algorithm, entry_points, self._inputs)
-        self._loop = self._whole()
+        self._held: list[Any] = [entry_points]  # owners of memory whose addresses are in the records
+        self._states = np.zeros(len(entry_points), dtype=np.uintp)
+        """Addresses of the saved states of slaves."""
+        self._loop = self._whole(entry_points)
 
     def run(
         self, first: int, count: int, clock: Clock, every: int, rows: Vector
@@ -57,7 +59,8 @@ class Kernel:
 
         The step k begins at the point k of the clock; each `every`-th point fills the next of
         `rows`, time first. Returns how many rows were recorded, and what ended the run in step
-        `algorithm.steps`, if anything did.
+        `algorithm.steps`, if anything did. Where nothing did, and less than all steps are done, the
+        algorithm in Python is to do the next one: it knows how much of it is done.
         """
         self._check_room(rows, (first + count) // every - first // every)
         loop = self._loop
@@ -65,6 +68,10 @@ class Kernel:
         failure = Failure(self._advance(loop.ctypes.data, first, count, every, rows.ctypes.data))
         reached = int(loop["reached"])
         self._algorithm.steps += reached - first
+        if isinstance(self._algorithm, Strong):
+            self._algorithm.sweeps += int(loop["sweeps"])
+            if failure == Failure.NOT_IN_ONE:
+                self._algorithm.begun = int(loop["group"])
         error = self._error(failure, reached, clock)
         return int(loop["recorded"]), error
 
@@ -80,10 +87,36 @@ class Kernel:
         if not fits or rows.dtype != np.float64 or not rows.flags.c_contiguous:
             raise ValueError(f"the rows have to be {needed} times {width} doubles without gaps")
 
-    def _whole(self) -> Any:
-        network, loop = self._algorithm.network, np.zeros((), LOOP)
-        loop["operations"], loop["operation_count"] = self._operations.ctypes.data, len(self._operations)
-        loop["slaves"] = self._slaves.ctypes.data
+    def close(self) -> None:
+        """Free the saved states; never raises."""
+        for slave, state in zip(self._algorithm.network.slaves, self._states, strict=True):
+            if state:
+                slave.forget(ctypes.c_void_p(int(state)))
+        self._states[:] = 0
+
+    def _keep(self, values: Any) -> Any:
+        self._held.append(values)
+        return values
+
+    def _whole(self, points: Sequence[EntryPoints]) -> Any:
+        algorithm, network, loop, keep = (
+            self._algorithm,
+            self._algorithm.network,
+            np.zeros((), LOOP),
+            self._keep,
+        )
+        operations, inputs = keep(operation_records(algorithm)), keep(input_records(algorithm))
+        groups, scale = [], None
+        if isinstance(algorithm, Strong):
+            groups, scale = algorithm.groups, algorithm.scale
+            loop["tolerance"], loop["largest"] = algorithm.coupling_tolerance, scale.largest.ctypes.data
+        saved = {i for group in groups if group.start is not None for i in group.members}
+        slaves = keep(slave_records(algorithm, points, inputs, self._states, saved))
+        add_undo(slaves, keep)
+        loop["groups"] = keep(group_records(algorithm, groups, scale, keep)).ctypes.data
+        loop["group_count"] = len(groups)
+        loop["operations"], loop["operation_count"] = operations.ctypes.data, len(operations)
+        loop["slaves"] = slaves.ctypes.data
         loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
         loop["read"], loop["read_count"] = network.read.ctypes.data, len(network.read)
         loop["present"] = ctypes.addressof(self._present)
@@ -91,7 +124,7 @@ class Kernel:
 
     def _error(self, failure: Failure, reached: int, clock: Clock) -> RunError | None:
         network, i = self._algorithm.network, int(self._loop["slave"])
-        if failure == Failure.NONE:
+        if failure in (Failure.NONE, Failure.NOT_IN_ONE):
             return None
         if failure == Failure.NOT_FINITE:
             return network.not_finite(clock.point(reached + 1))
@@ -110,63 +143,8 @@ def _advance() -> Any:
 
         return text()
 
-    modules = (layout, sampling, extrapolation, black_box)
-    files = [Path(str(m.__file__)) for m in modules] + [Path(__file__).with_name("loop.py")]
+    modules = (layout, calls, sampling, strong, quasi_newton, extrapolation, black_box)
+    files = [Path(str(m.__file__)) for m in modules] + [Path(__file__).with_name(name) for name in _TEXTS]
     address = machine_code.load("advance", b"".join(f.read_bytes() for f in files), generate)
     address_type, number = ctypes.c_ssize_t, ctypes.c_int64
     return ctypes.CFUNCTYPE(number, address_type, number, number, number, address_type)(address)
-
-
-def _code(operation: Operation) -> int:
-    call = {Call.SET: "setReal", Call.STEP: "doStep", Call.GET: "getReal"}[operation.call]
-    return code_of(operation.slave, call)
-
-
-def _inputs(algorithm: Explicit) -> Any:
-    """INPUT records of all inputs, slave by slave."""
-    network, exchange, history = algorithm.network, algorithm.exchange, algorithm.exchange.history
-    sources = np.concatenate([np.empty(0, dtype=np.intp), *network.sources])
-    movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.slaves)])
-    owners = exchange.owners[sources]
-    records = np.zeros(len(sources), INPUT)
-    records["signal"] = _addresses(network.signals, sources)
-    records["previous"] = _addresses(history.previous, sources)
-    records["at"] = _addresses(history.at, owners)
-    records["before"] = _addresses(history.before, owners)
-    every = np.arange(len(sources))
-    records["taken"], records["taken_at"] = (
-        _addresses(history.taken, every),
-        _addresses(history.taken_at, every),
-    )
-    records["factor"] = np.concatenate([np.empty(0), *network.factors])
-    records["offset"] = np.concatenate([np.empty(0), *network.offsets])
-    records["moves"] = movable & exchange.smooth[sources]
-    return records
-
-
-def _slaves(algorithm: Explicit, points: Sequence[EntryPoints], sources: Any) -> Any:
-    """SLAVE records; `sources` are the records of their inputs."""
-    network, exchange, history = algorithm.network, algorithm.exchange, algorithm.exchange.history
-    every = np.arange(len(points))
-    first_inputs = np.array([part.start for part in network.input_parts], dtype=np.intp)
-    first_outputs = np.array([part.start for part in network.parts], dtype=np.intp)
-    records = np.zeros(len(points), SLAVE)
-    for name in ("component", "set_real", "set_real_input_derivatives", "do_step", "get_real"):
-        records[name] = [getattr(p, name) for p in points]
-    for name in ("input_references", "derivative_orders", "output_references"):
-        records[name] = [getattr(p, name).ctypes.data for p in points]
-    records["input_count"] = [len(s.inputs) for s in network.slaves]
-    records["output_count"] = [len(s.outputs) for s in network.slaves]
-    records["sources"] = _addresses(sources, first_inputs)
-    records["inputs"] = _addresses(network.inputs, first_inputs)
-    records["derivatives"] = _addresses(exchange.derivatives, first_inputs)
-    records["outputs"] = _addresses(network.signals, first_outputs)
-    records["previous"] = _addresses(history.previous, first_outputs)
-    records["at"], records["before"] = _addresses(history.at, every), _addresses(history.before, every)
-    records["multiple"], records["mode"] = algorithm.multiples, exchange.modes
-    return records
-
-
-def _addresses(values: Any, positions: Any) -> Any:
-    """Where the elements at these positions are in memory."""
-    return values.ctypes.data + values.itemsize * positions

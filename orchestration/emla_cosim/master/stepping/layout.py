@@ -1,6 +1,6 @@
-"""What the compiled loop works on: records in memory, one per operation, slave and connected input.
+"""What the compiled loop works on: records in memory, one per operation, slave, connected input and group.
 
-Addresses point to doubles unless said otherwise. `loop.py` reads these records, `kernel.py` fills them.
+Addresses point to doubles unless said otherwise. `loop.py` reads these records, `records.py` fills them.
 """
 
 from enum import IntEnum
@@ -11,7 +11,11 @@ from ...black_box import Present
 
 
 class Failure(IntEnum):
-    """What ended the loop before its last step; an FMI function, or a signal that is not finite."""
+    """What ended the loop before its last step.
+
+    An FMI function, a signal that is not finite, or a group of slaves that does not come through the
+    step in one: it is then where the step began, and those before it have done the step.
+    """
 
     NONE = 0
     SET_REAL = 1
@@ -19,6 +23,9 @@ class Failure(IntEnum):
     DO_STEP = 3
     GET_REAL = 4
     NOT_FINITE = 5
+    GET_STATE = 6
+    SET_STATE = 7
+    NOT_IN_ONE = 8
 
 
 _ADDRESS, _NUMBER = "intp", "int64"
@@ -34,8 +41,8 @@ CLOCK = _record(first="float64", per_step="float64", denominator="float64")
 PRESENT = np.dtype(Present)
 """See `Present`."""
 
-OPERATION = _record(call=_NUMBER, slave=_NUMBER, code=_NUMBER)
-"""A `Call`, the position of the slave, and what `Present` says meanwhile."""
+OPERATION = _record(call=_NUMBER, slave=_NUMBER)
+"""A `Call`, and the position of the slave."""
 
 INPUT = _record(
     signal=_ADDRESS,  # that drives the input
@@ -50,11 +57,14 @@ INPUT = _record(
 )
 
 SLAVE = _record(
+    code=_NUMBER,  # by which `Present` knows it, without a call
     component=_ADDRESS,  # of the instance
-    set_real=_ADDRESS,  # of this FMI function, as the next three
+    set_real=_ADDRESS,  # of this FMI function, as the next five
     set_real_input_derivatives=_ADDRESS,
     do_step=_ADDRESS,
     get_real=_ADDRESS,
+    get_state=_ADDRESS,
+    set_state=_ADDRESS,
     input_references=_ADDRESS,  # of value references, as FMI functions take them
     derivative_orders=_ADDRESS,  # of C ints
     output_references=_ADDRESS,
@@ -69,12 +79,39 @@ SLAVE = _record(
     before=_ADDRESS,  # when the previous ones were
     multiple=_NUMBER,
     mode=_NUMBER,  # a `Mode`
+    rare="bool",  # whether it takes inputs more rarely than others give outputs
+    no_way_back="int32",  # whether it will not be set to an earlier state
+    state=_ADDRESS,  # of the address of its saved state
+    undo=_ADDRESS,  # room for what is behind `previous` and `before`
 )
+
+GROUP = _record(
+    members=_ADDRESS,  # of the positions of its slaves, in order
+    member_count=_NUMBER,
+    saved="bool",  # whether they are brought back to where a step began
+    cut_count=_NUMBER,  # values that the group has to agree on
+    cut=_ADDRESS,  # of their INPUT records, as if somebody read them untransformed
+    positions=_ADDRESS,  # of their positions among the signals
+    floors=_ADDRESS,  # of what their sizes are at least
+    jacobian=_ADDRESS,  # this and what follows: see `quasi_newton.improve`
+    earlier=_ADDRESS,
+    residuals=_ADDRESS,
+    answers=_ADDRESS,
+    sizes=_ADDRESS,
+    basis=_ADDRESS,
+    direction=_ADDRESS,
+    guess=_ADDRESS,
+)
+"""See `algorithms.group.Group`."""
 
 LOOP = _record(
     operations=_ADDRESS,  # of OPERATION records
     operation_count=_NUMBER,
     slaves=_ADDRESS,  # of SLAVE records
+    groups=_ADDRESS,  # of GROUP records, which come before the operations
+    group_count=_NUMBER,
+    tolerance="float64",  # to which groups agree
+    largest=_ADDRESS,  # of the largest absolute values that signals had so far
     signals=_ADDRESS,
     signal_count=_NUMBER,
     read=_ADDRESS,  # of positions of the signals that have to be finite
@@ -83,6 +120,8 @@ LOOP = _record(
     clock=CLOCK,
     reached=_NUMBER,  # answer: the step that failed, or the one after the last
     recorded=_NUMBER,  # answer: how many rows were filled; others may write to the PRESENT record
+    sweeps=_NUMBER,  # answer: how often groups were stepped to agree
+    group=_NUMBER,  # answer: the group that did not come through the step
     slave=_NUMBER,  # answer: the slave that failed
     status=_NUMBER,  # answer: what its FMI function returned
 )

@@ -1,0 +1,185 @@
+"""A group of slaves brought to the end of a step, for compiled code; `Strong` does the same in Python.
+
+A loop goes back and repeats its step until it agrees. Where it does not, or where a slave discards the
+step, the group is brought back to the beginning, and Python does this one step of it.
+"""
+
+import numpy as np
+
+from ..algorithms import quasi_newton
+from ..algorithms.strong import SWEEPS
+from .by_address import doubles, group_at, input_at, part, positions, slave_at
+from .compiled_calls import (
+    get_outputs,
+    keep_history,
+    prediction,
+    restore,
+    save,
+    set_inputs,
+    shift,
+    shift_back,
+    step,
+)
+from .layout import Failure
+
+_NONE, _DO_STEP, _NOT_IN_ONE = int(Failure.NONE), int(Failure.DO_STEP), int(Failure.NOT_IN_ONE)
+_DISCARD = 2
+
+_improve = part(quasi_newton.improve)
+
+
+@part
+def _member(loop, group, m):
+    return slave_at(loop.slaves, positions(group.members)[m])
+
+
+@part
+def _failed(loop, group, m, failure, status):
+    """Whether a call failed; notes which."""
+    if failure == _NONE:
+        return False
+    loop.slave, loop.status = positions(group.members)[m], status
+    return True
+
+
+@part
+def _begin(loop, group, present, end):
+    """Save the slaves, predict what they agree on, and make room for new outputs; the failure."""
+    if group.saved:
+        for m in range(group.member_count):
+            slave = _member(loop, group, m)
+            failure, status = save(slave, present)
+            if _failed(loop, group, m, failure, status):
+                return failure
+            keep_history(slave)
+    guess = doubles(group.guess)
+    for c in range(group.cut_count):
+        guess[c] = prediction(input_at(group.cut, c), end)
+    for m in range(group.member_count):
+        shift(_member(loop, group, m), end)
+    return _NONE
+
+
+@part
+def _restore(loop, group, present):
+    """Bring the slaves back to where the step began; the failure."""
+    for m in range(group.member_count):
+        failure, status = restore(_member(loop, group, m), present)
+        if _failed(loop, group, m, failure, status):
+            return failure
+    return _NONE
+
+
+@part
+def _sweep(loop, group, present, time, length):
+    """Every slave of the group does the step with the newest values; the failure."""
+    for m in range(group.member_count):
+        slave = _member(loop, group, m)
+        failure, status = set_inputs(slave, present, time, length)
+        if failure == _NONE:
+            failure, status = step(slave, present, time, length)
+        if failure == _NONE:
+            failure, status = get_outputs(slave, present)
+        if _failed(loop, group, m, failure, status):
+            return failure
+    return _NONE
+
+
+@part
+def _compare(loop, group, sweep):
+    """Note answer and residual; whether the group agrees, and whether the residual is finite."""
+    n, signals, places = group.cut_count, doubles(loop.signals), positions(group.positions)
+    guess, sizes = doubles(group.guess), doubles(group.sizes)
+    answers, residuals = doubles(group.answers), doubles(group.residuals)
+    agreed, finite = True, True
+    for c in range(n):
+        answer = signals[places[c]]
+        residual = answer - guess[c]
+        answers[sweep * n + c], residuals[sweep * n + c] = answer, residual
+        agreed = agreed and abs(residual) / sizes[c] <= loop.tolerance
+        finite = finite and np.isfinite(residual)
+    return agreed, finite
+
+
+@part
+def _agree(loop, group, present, time, length):
+    """See `Strong.agree` and `QuasiNewton.solve`; the failure."""
+    n, signals, places = group.cut_count, doubles(loop.signals), positions(group.positions)
+    guess, sizes, floors = doubles(group.guess), doubles(group.sizes), doubles(group.floors)
+    jacobian, earlier, largest = doubles(group.jacobian), doubles(group.earlier), doubles(loop.largest)
+    for c in range(n):
+        sizes[c] = largest[places[c]] + floors[c]
+    for e in range(n * n):
+        earlier[e] = jacobian[e]
+    for sweep in range(SWEEPS):
+        failure = _NONE
+        if sweep > 0:
+            failure = _restore(loop, group, present)
+        if failure == _NONE:
+            for c in range(n):
+                signals[places[c]] = guess[c]
+            failure = _sweep(loop, group, present, time, length)
+        if failure != _NONE:
+            return failure, sweep
+        agreed, finite = _compare(loop, group, sweep)
+        if agreed:
+            return _NONE, sweep + 1
+        if not finite:
+            return _NOT_IN_ONE, sweep + 1
+        _improve(
+            n,
+            sweep + 1,
+            doubles(group.residuals),
+            doubles(group.answers),
+            sizes,
+            earlier,
+            jacobian,
+            doubles(group.basis),
+            doubles(group.direction),
+            guess,
+        )
+    return _NOT_IN_ONE, SWEEPS
+
+
+@part
+def _give_up(loop, group, g, present):
+    """Bring everything back to where the step began; the failure."""
+    failure = _restore(loop, group, present)
+    if failure != _NONE:
+        return failure
+    for m in range(group.member_count):
+        shift_back(_member(loop, group, m))
+    jacobian, earlier = doubles(group.jacobian), doubles(group.earlier)
+    for e in range(group.cut_count * group.cut_count):
+        jacobian[e] = earlier[e]
+    loop.group = g
+    return _NOT_IN_ONE
+
+
+@part
+def advance_group(loop, g, present, time, length):
+    """Bring the group with this number to the end of the step; the failure."""
+    group = group_at(loop.groups, g)
+    failure = _begin(loop, group, present, time + length)
+    if failure != _NONE:
+        return failure
+    sweeps = 0
+    if group.cut_count > 0:
+        failure, sweeps = _agree(loop, group, present, time, length)
+    else:
+        failure = _sweep(loop, group, present, time, length)
+    discarded = failure == _DO_STEP and loop.status == _DISCARD
+    if group.saved and (discarded or failure == _NOT_IN_ONE):
+        return _give_up(loop, group, g, present)
+    loop.sweeps += sweeps
+    return failure
+
+
+@part
+def see(loop):
+    """See `Scale.see`."""
+    signals, largest = doubles(loop.signals), doubles(loop.largest)
+    for s in range(loop.signal_count):
+        size = abs(signals[s])
+        if size > largest[s] and np.isfinite(size):
+            largest[s] = size

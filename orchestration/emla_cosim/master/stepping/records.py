@@ -1,0 +1,119 @@
+"""Fills the records that compiled code works on, from an algorithm and its network; see `layout`."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Indices
+from ..algorithms.group import Group
+from ..algorithms.sampling import Sampling
+from ..algorithms.scale import Scale
+from ..algorithms.strong import SWEEPS
+from ..slaves.calls import code_of
+from ..slaves.slave import EntryPoints
+from .layout import GROUP, INPUT, OPERATION, SLAVE
+
+Kept = Callable[[Any], Any]
+"""Takes an array whose address is in a record, so that it lives as long; gives it back."""
+
+
+def operation_records(algorithm: Sampling) -> Any:
+    """OPERATION records, in order."""
+    return np.array([(o.call, o.slave) for o in algorithm.operations], dtype=OPERATION)
+
+
+def input_records(algorithm: Sampling) -> Any:
+    """INPUT records of all inputs, slave by slave."""
+    network, history = algorithm.network, algorithm.exchange.history
+    sources = np.concatenate([np.empty(0, dtype=np.intp), *network.sources])
+    movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.slaves)])
+    records = _source_records(algorithm, sources)
+    every = np.arange(len(sources))
+    records["taken"], records["taken_at"] = (
+        addresses(history.taken, every),
+        addresses(history.taken_at, every),
+    )
+    records["factor"] = np.concatenate([np.empty(0), *network.factors])
+    records["offset"] = np.concatenate([np.empty(0), *network.offsets])
+    records["moves"] &= movable
+    return records
+
+
+def _source_records(algorithm: Sampling, signals: Indices) -> Any:
+    """INPUT records of what is known of these signals."""
+    exchange, history = algorithm.exchange, algorithm.exchange.history
+    owners, records = exchange.owners[signals], np.zeros(len(signals), INPUT)
+    records["signal"] = addresses(algorithm.network.signals, signals)
+    records["previous"] = addresses(history.previous, signals)
+    records["at"], records["before"] = addresses(history.at, owners), addresses(history.before, owners)
+    records["moves"] = exchange.smooth[signals]
+    return records
+
+
+def slave_records(
+    algorithm: Sampling, points: Sequence[EntryPoints], sources: Any, states: Any, saved: set[int]
+) -> Any:
+    """SLAVE records.
+
+    `sources` are the records of their inputs, `states` has room for the address of a state of each, and
+    `saved` are those that are brought back to it.
+    """
+    network, exchange, history = algorithm.network, algorithm.exchange, algorithm.exchange.history
+    every = np.arange(len(points))
+    first_inputs = np.array([part.start for part in network.input_parts], dtype=np.intp)
+    first_outputs = np.array([part.start for part in network.parts], dtype=np.intp)
+    records = np.zeros(len(points), SLAVE)
+    records["code"] = [code_of(int(i), "") for i in every]
+    names = ("component", "set_real", "set_real_input_derivatives", "do_step", "get_real")
+    for name in (*names, "get_state", "set_state"):
+        records[name] = [getattr(p, name) for p in points]
+    for name in ("input_references", "derivative_orders", "output_references"):
+        records[name] = [getattr(p, name).ctypes.data for p in points]
+    records["input_count"] = [len(s.inputs) for s in network.slaves]
+    records["output_count"] = [len(s.outputs) for s in network.slaves]
+    records["sources"] = addresses(sources, first_inputs)
+    records["inputs"] = addresses(network.inputs, first_inputs)
+    records["derivatives"] = addresses(exchange.derivatives, first_inputs)
+    records["outputs"] = addresses(network.signals, first_outputs)
+    records["previous"] = addresses(history.previous, first_outputs)
+    records["at"], records["before"] = addresses(history.at, every), addresses(history.before, every)
+    records["multiple"], records["mode"] = algorithm.multiples, exchange.modes
+    records["rare"], records["state"] = exchange.rare, addresses(states, every)
+    records["no_way_back"] = [i not in saved for i in every]
+    return records
+
+
+def add_undo(records: Any, kept: Kept) -> None:
+    """Give SLAVE records room for what is behind their previous outputs."""
+    places = np.cumsum([0, *(records["output_count"] + 1)])
+    records["undo"] = addresses(kept(np.zeros(places[-1])), places[:-1])
+
+
+def group_records(algorithm: Sampling, groups: Sequence[Group], scale: Scale | None, kept: Kept) -> Any:
+    """GROUP records, in order."""
+    records = np.zeros(len(groups), GROUP)
+    for record, group in zip(records, groups, strict=True):
+        n = len(group.cut)
+        record["members"] = _address(kept(np.array(group.members, dtype=np.intp)))
+        record["member_count"], record["cut_count"] = len(group.members), n
+        record["saved"] = group.start is not None
+        if scale is None or not n:
+            continue
+        record["cut"] = _address(kept(_source_records(algorithm, group.cut)))
+        record["positions"] = _address(kept(group.cut.copy()))
+        record["floors"] = _address(kept(scale.floor[group.cut]))
+        record["jacobian"] = _address(group.newton.jacobian)
+        rooms = {"earlier": n * n, "basis": n * n, "residuals": SWEEPS * n, "answers": SWEEPS * n}
+        for name, size in (rooms | dict.fromkeys(("sizes", "direction", "guess"), n)).items():
+            record[name] = _address(kept(np.zeros(size)))
+    return records
+
+
+def addresses(values: Any, positions: Any) -> Any:
+    """Where the elements at these positions are in memory."""
+    return values.ctypes.data + values.itemsize * positions
+
+
+def _address(values: Any) -> int:
+    return values.ctypes.data
