@@ -42,6 +42,9 @@ from .system.model import Component as Component
 from .system.model import Connection as Connection
 from .system.model import Replacement as Replacement
 from .system.model import System as System
+from .trajectory.file import read_trajectory as read_trajectory
+from .trajectory.finding import trajectory as trajectory
+from .trajectory.result import TrajectoryResult as TrajectoryResult
 from .tubes.comparison import Comparison as Comparison
 from .tubes.tolerance import Tolerance as Tolerance
 from .tubes.tube import Tube as Tube

@@ -16,6 +16,7 @@ COMMANDS = {
     "sweep": "Run many variants of a scenario side by side: grids, Monte Carlo, sensitivities.",
     "compare": "Run a scenario with several controllers side by side, also as the paper's tables.",
     "tune": "Find gains: optimised over cases that are simulated, validated on other seeds.",
+    "trajectory": "Find the manipulator's motion: optimised for actuator power, within all bounds.",
     "verify": "Verify FMUs of any tool: as the standard says, and still doing what they did.",
     "export": "Write a scenario as an SSP package, which other tools run.",
 }

@@ -15,6 +15,9 @@ class Progress:
     def advance(self, count: int) -> None:
         """So many units more are done."""
 
+    def finish(self) -> None:
+        """The task is done, if with fewer units than expected."""
+
     def note(self, sentence: str) -> None:
         """Something worth knowing while it goes on."""
 

@@ -1,12 +1,8 @@
 """The one way to find the motion of least cost."""
 
 from collections.abc import Mapping
-from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from hdrm_fmu.optimisation.assessment import assessed
 from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
@@ -18,9 +14,9 @@ from hdrm_fmu.optimisation.solving import (
     solved,
 )
 from hdrm_fmu.optimisation.transcription import Discretisation
-from hdrm_fmu.spline import TrajectoryError
+from hdrm_fmu.spline_window import COEFFICIENTS
 
-from ..errors import CommandError, CosimError, RunError, check_choice
+from ..errors import CommandError, RunError, check_choice
 from ..progress import Progress
 from ..values import converted
 from .given import problem_of
@@ -28,7 +24,9 @@ from .pictures import picture_places, save_pictures
 from .result import TrajectoryResult
 
 _RANGES = {"degree": (3, 5), "knots": (2, 48), "points": (3, 50), "starts": (1, 100)}
-"""Least and largest of what may be chosen; the spline must have an acceleration without jumps."""
+"""Least and largest of what may be chosen; the acceleration must have no jumps."""
+
+_LEAST_COEFFICIENTS = 6
 
 
 def trajectory(
@@ -75,3 +73,61 @@ def trajectory(
         if plots:
             save_pictures(result, place)
     return result
+
+
+def _reading(name: str) -> EndSpeed:
+    check_choice("reading of end speeds", name, [reading.value for reading in EndSpeed])
+    return EndSpeed(name)
+
+
+def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
+    sizes = _size("degree", degree), _size("knots", knots), _size("points", points)
+    if knots + degree - 1 > COEFFICIENTS:
+        raise CommandError(
+            f"{knots} knots and degree {degree} make {knots + degree - 1} coefficients; the block Trajectory "
+            f"has room for {COEFFICIENTS}."
+        )
+    if knots + degree - 1 < _LEAST_COEFFICIENTS:
+        raise CommandError(
+            f"{knots} knots and degree {degree} make {knots + degree - 1} coefficients; positions and speeds "
+            f"at both ends and a way between take {_LEAST_COEFFICIENTS}."
+        )
+    return sizes
+
+
+def _size(name: str, value: int) -> int:
+    least, most = _RANGES[name]
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+        raise CommandError(f"the number of {name} {value!r} must be a whole number of {least} to {most}.")
+    return value
+
+
+def _weight(tie_break: float) -> float:
+    found = converted(tie_break, float, "the tie-break weight")
+    if not 0.0 <= found <= 1e3:
+        raise CommandError(f"the tie-break weight {found:g} must be 0, which is as printed, to 1000.")
+    return found
+
+
+def _without_contradiction(given: MotionProblem, reading: EndSpeed) -> MotionProblem:
+    """The problem as it is read; CommandError where it still contradicts itself."""
+    read = given.read_as(reading)
+    left = read if reading != EndSpeed.EXEMPT else read.read_as(EndSpeed.CLIP)
+    if sentences := left.contradictions():
+        raise CommandError(f"the problem contradicts itself: {'; '.join(sentences)}.")
+    return read
+
+
+def _best(problem: MotionProblem, how: Discretisation, starts: int, told: Progress) -> Solution:
+    """The best of the motions that several starts lead to."""
+    found = list[Solution]()
+    for i in range(starts):
+        begin = None if i == 0 else detour(problem, how, i)
+        told.begin("optimising" if starts == 1 else f"start {i + 1}", MOST_ITERATIONS, "iterations")
+        try:
+            found.append(solved(problem, how, begin, lambda: told.advance(1)))
+        except NoMotionError as error:
+            if not found and i + 1 == starts:
+                raise RunError(str(error)) from error
+        told.finish()
+    return min(found, key=lambda solution: solution.cost)

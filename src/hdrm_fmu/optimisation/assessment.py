@@ -1,4 +1,4 @@
-"""What a motion is like: cost, work, peaks against their limits, on a grid much denser than it was found on."""
+"""What a motion is like: cost, work, peaks against their limits, on a dense grid."""
 
 from dataclasses import dataclass
 

@@ -15,8 +15,8 @@ from .transcription import SLACKS, Discretisation, Programme
 MOST_ITERATIONS = 300
 """After so many IPOPT gives up; problems that can be solved take 20 to 60."""
 
-_NEGLIGIBLE = 1e-5
-"""Part of a bound that an elastic solution may be beyond it by rounding."""
+_NEGLIGIBLE = 1e-6
+"""Part of a bound that does not matter."""
 
 _OPTIONS = {
     "print_time": False,
@@ -33,10 +33,14 @@ class NoMotionError(TrajectoryError):
 
 @dataclass(frozen=True)
 class Solution:
-    """A motion that IPOPT found: the coefficients have a column for each joint, the duration is in s."""
+    """A motion that IPOPT found.
+
+    `coefficients` has a column for each joint, in m; `duration` is in s, `cost` in W2 s with the tie-break.
+    """
 
     coefficients: np.ndarray
     duration: float
+    cost: float
     iterations: int
     wall_s: float
     cpu_s: float
@@ -63,12 +67,14 @@ def solved(
     programme = Programme(problem, how)
     begin = straight(problem, how) if start is None else start
     before = time.perf_counter(), time.process_time()
-    unknowns, iterations, status = _run(programme, begin, heard)
-    if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
-        raise NoMotionError(_blame(problem, how, begin, heard, status))
-    coefficients, duration = programme.found(unknowns)
+    ended = _run(programme, begin, heard)
+    if not ended.well:
+        raise NoMotionError(_blame(problem, how, begin, heard, ended.status))
+    coefficients, duration = programme.found(ended.unknowns)
+    if duration > (1.0 - _NEGLIGIBLE) * problem.t_M:
+        duration = problem.t_M  # which an interior point only comes near to
     wall, cpu = time.perf_counter() - before[0], time.process_time() - before[1]
-    return Solution(coefficients, duration, iterations, wall, cpu)
+    return Solution(coefficients, duration, ended.cost * programme.cost_scale, ended.iterations, wall, cpu)
 
 
 def straight(problem: MotionProblem, how: Discretisation) -> np.ndarray:
@@ -122,8 +128,22 @@ class _Heard(casadi.Callback):
         return [int(self.error is not None)]
 
 
-def _run(programme: Programme, start: np.ndarray, heard: Callable[[], None]) -> tuple[np.ndarray, int, str]:
-    """Unknowns, iterations and status."""
+@dataclass(frozen=True)
+class _Ended:
+    """How IPOPT ended."""
+
+    unknowns: np.ndarray
+    cost: float
+    iterations: int
+    status: str
+
+    @property
+    def well(self) -> bool:
+        """Whether it found what it looked for."""
+        return self.status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+
+
+def _run(programme: Programme, start: np.ndarray, heard: Callable[[], None]) -> _Ended:
     functions, (low_g, high_g) = programme.built()
     listener = _Heard((functions["x"].shape[0], functions["g"].shape[0]), heard)
     solver = casadi.nlpsol("motion", "ipopt", functions, {**_OPTIONS, "iteration_callback": listener})
@@ -132,7 +152,8 @@ def _run(programme: Programme, start: np.ndarray, heard: Callable[[], None]) -> 
     if listener.error is not None:
         raise listener.error
     stats = solver.stats()
-    return found["x"].full().ravel(), int(stats["iter_count"]), str(stats["return_status"])
+    unknowns, cost = found["x"].full().ravel(), float(found["f"])
+    return _Ended(unknowns, cost, int(stats["iter_count"]), str(stats["return_status"]))
 
 
 def _blame(
@@ -140,10 +161,12 @@ def _blame(
 ) -> str:
     """Which bounds would have to give way, in a sentence."""
     programme = Programme(problem, how, elastic=True)
-    unknowns, _, how_well = _run(programme, start, heard)
-    if how_well not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
-        return f"no motion was found: IPOPT ended with {status}, and with {how_well} where bounds give way."
-    slacks = dict(zip(SLACKS, unknowns[-len(SLACKS) :], strict=True))
+    ended = _run(programme, start, heard)
+    if not ended.well:
+        return (
+            f"no motion was found: IPOPT ended with {status}, and with {ended.status} where bounds give way."
+        )
+    slacks = dict(zip(SLACKS, ended.unknowns[-len(SLACKS) :], strict=True))
     guilty = sorted((x, name) for name, x in slacks.items() if x > _NEGLIGIBLE)
     if not guilty:
         return f"no motion was found: IPOPT ended with {status}, though no bound is in the way."

@@ -1,0 +1,82 @@
+"""What a person sees of an optimised motion in the terminal."""
+
+from collections.abc import Iterator
+
+from rich.table import Table
+
+from hdrm_fmu.optimisation.assessment import Peak
+from hdrm_fmu.optimisation.problem import EndSpeed
+
+from .result import TrajectoryResult
+
+_READ = {
+    EndSpeed.CLIP: "read as the bound, which is our substitution",
+    EndSpeed.EXEMPT: "kept, the end point being exempt of the bound",
+    EndSpeed.DECIMAL: "read as a tenth",
+    EndSpeed.REST: "read as rest, of all joints",
+}
+
+
+def remarks(result: TrajectoryResult) -> Iterator[str]:
+    """What contradicts itself in the problem as given, and how it was read."""
+    for sentence in result.contradictions:
+        read = _READ[result.end_speed] if sentence.startswith("v_E") else "kept"
+        yield f"The problem contradicts itself: {sentence}; {read} (--end-speed {result.end_speed})"
+    if not result.contradictions and result.end_speed == EndSpeed.REST:
+        yield "The end speeds are read as rest (--end-speed rest)"
+
+
+def peaks(result: TrajectoryResult) -> Table:
+    """Forces and speeds against their limits, by joint."""
+    table = Table(title="Peaks on a dense grid, against their limits", title_justify="left")
+    table.add_column("")
+    for peak in result.assessment.peaks:
+        table.add_column(peak.joint, justify="right")
+    table.add_column("")
+    for label, unit, cell in (
+        ("force", "kN", lambda p: _part(p.force / 1e3, p.force_bound / 1e3)),
+        ("speed", "mm/s", lambda p: _part(1e3 * p.speed, 1e3 * p.speed_bound)),
+        ("stroke", "m", lambda p: f"{p.lowest:.3f} to {p.highest:.3f}"),
+    ):
+        table.add_row(label, *map(cell, result.assessment.peaks), unit)
+    return table
+
+
+def costs(result: TrajectoryResult) -> Table:
+    """What the motion costs."""
+    figures = result.assessment
+    table = Table(title="Cost", title_justify="left", show_header=False)
+    for label, value, unit in (
+        ("cost J as printed", f"{figures.cost:,.0f}", "W² s"),
+        ("lower bound ΔE² / (2 t_M)", f"{figures.least_cost:,.0f}", "W² s"),
+        ("tie-break term", f"{figures.tie_break:,.0f}", "W² s"),
+        ("gross work of the joints", f"{figures.gross_work:,.0f}", "J"),
+        ("net work, the change of energy", f"{figures.net_work:,.0f}", "J"),
+        ("duration t_M", f"{figures.duration:.2f}", "s"),
+    ):
+        table.add_row(label, value, unit)
+    return table
+
+
+def lines(result: TrajectoryResult) -> Iterator[str]:
+    """How it was found, and whether it keeps its bounds between the points it was found on."""
+    how, solution = result.discretisation, result.solution
+    of = f", best of {result.starts} starts" if result.starts > 1 else ""
+    yield (
+        f"Degree {how.degree}, {how.knots} knots, {how.points} points between two: "
+        f"{solution.iterations} iterations in {solution.wall_s:.2f} s ({solution.cpu_s:.2f} s CPU){of}"
+    )
+    beyond = [p for p in result.assessment.peaks if p.excess > 0.0]
+    if result.assessment.within_bounds:
+        yield "All bounds hold on the dense grid."
+    else:
+        yield "; ".join(map(_excess, beyond)) + "; more --points or --knots help"
+
+
+def _excess(peak: Peak) -> str:
+    return f"The {peak.joint} is beyond a bound by {100.0 * peak.excess:.2g} % of its width between points"
+
+
+def _part(value: float, bound: float) -> str:
+    part = f" ({100.0 * value / bound:.0f} %)" if bound else ""
+    return f"{value:.4g} of {bound:.4g}{part}"
