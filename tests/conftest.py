@@ -1,5 +1,6 @@
 """Fixtures that many tests share."""
 
+import gc
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -49,6 +50,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the longest files first; pytest-xdist keeps the order."""
     rank = {name: number for number, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.path.name, len(rank)))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_objects_to_look_at() -> None:
+    """What is there before a file of tests begins stays: nobody looks for garbage in it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
