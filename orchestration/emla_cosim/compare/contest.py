@@ -9,6 +9,7 @@ from ..experiment import check_run, run_times
 from ..loading import load
 from ..progress import Progress
 from ..simulation import PREPARED
+from ..study.roles import joints
 from ..sweep.farm import Work
 from ..sweep.shipment import Preparation
 from ..sweep.targets import as_arguments, merged
@@ -131,6 +132,4 @@ def _parts(
 
 
 def _joints(part: Preparation) -> list[str]:
-    names = {c.name for c in part.system.components}
-    branches = dict.fromkeys(c.branch for c in part.system.components)
-    return [b for b in branches if f"{b}.plant" in names and f"{b}.reference" in names]
+    return joints([c.name for c in part.system.components])

@@ -64,7 +64,7 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenari
     if options.trajectory is not None:
         if read.system not in FOLLOWING:
             raise CommandError(
-                f"'{read.where}' follows no trajectory from a file; --trajectory is for {listed(sorted(FOLLOWING))}."
+                f"'{read.where}' follows no trajectory; --trajectory is for {listed(sorted(FOLLOWING))}."
             )
         led = {"trajectory": options.trajectory}
     system = SYSTEMS[read.system](options.controller, options.gains, **led)

@@ -6,11 +6,7 @@ element for each joint.
 
 from collections.abc import Collection, Iterable
 
-MACHINE = "machine"
-"""What the components are called that several joints share."""
-
-JOINTS = ("lift", "tilt", "telescope")
-"""The joints of the machine, in the order of its arrays."""
+from hdrm_fmu.trajectory import JOINTS
 
 _PLACES: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),
@@ -55,6 +51,16 @@ def patterns(*roles: str) -> list[str]:
     return list(
         dict.fromkeys(name.format(joint="*", element="*") for role in roles for name in _PLACES[role])
     )
+
+
+def joints(components: Collection[str]) -> list[str]:
+    """The joints that have a position and a reference, of a system with components of these names."""
+    branches = dict.fromkeys(name.partition(".")[0] for name in components)
+    return [b for b in branches if all(_component(b, role, components) for role in ("x_L", "x_d"))]
+
+
+def _component(joint: str, role: str, components: Collection[str]) -> bool:
+    return any(".".join(name.split(".")[:2]) in components for name in _names(joint, _PLACES[role]))
 
 
 def _names(joint: str, places: Iterable[str]) -> Iterable[str]:
