@@ -407,12 +407,12 @@ START = ((0.244, 0.389, 0.499), (0.01, -0.02, 0.03))
 def merged_plant() -> Solution:
     """1 s: torques that shake what they carry."""
     step, count = 5e-3, 201
-    bearing, shaking = np.array([29.0, 7.0, -5.9]), np.array([25.0, 18.0, 1.0])
+    bearing, shaking = np.array([29.0, 7.0, -5.78]), np.array([25.0, 18.0, 0.6])
 
     def given(k: int) -> Row:
         t = k * step
         tau_m = bearing + shaking * np.cos(np.array([9.0, 12.0, 7.0]) * t)
-        d_2 = np.array([0.8, 0.5, 1.5]) * np.cos(np.array([8.0, 20.0, 30.0]) * t)
+        d_2 = np.array([0.8, 0.5, 0.6]) * np.cos(np.array([8.0, 20.0, 30.0]) * t)
         return rounded({**elements(tau_m=tau_m, d_2=d_2), "payload.m": payload(t)})
 
     def moved(x: Vector, u: Row) -> tuple[Vector, Vector]:

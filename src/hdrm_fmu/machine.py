@@ -25,126 +25,116 @@ class Machine(Block):
         unit="m",
         minimum=1e-3,
         name="lift.a",
-        description="Fixed pin of the lift actuator from O1",
+        description="Distance of the fixed pin from the turning point",
     )
     lift_b = Parameter(
         HDRM.lift_b,
         unit="m",
         minimum=1e-3,
         name="lift.b",
-        description="Boom pin of the lift actuator from O1",
+        description="Distance of the boom pin from the turning point",
     )
     lift_L_0 = Parameter(
         HDRM.lift_L_0,
         unit="m",
         minimum=1e-3,
         name="lift.L_0",
-        description="Distance of the lift actuator's pins at stroke 0",
+        description="Distance of the pins at stroke 0",
     )
     lift_delta = Parameter(
         HDRM.lift_delta,
         unit="rad",
         name="lift.delta",
-        description="Direction of the lift actuator's fixed pin from O1, against the horizontal",
+        description="Direction of the fixed pin against what carries the turning point",
     )
     lift_epsilon = Parameter(
         HDRM.lift_epsilon,
         unit="rad",
         name="lift.epsilon",
-        description="Direction of the lift actuator's boom pin from O1, against the lift boom",
+        description="Direction of the boom pin against the boom",
     )
     tilt_a = Parameter(
         HDRM.tilt_a,
         unit="m",
         minimum=1e-3,
         name="tilt.a",
-        description="Fixed pin of the tilt actuator from O2",
+        description="Distance of the fixed pin from the turning point",
     )
     tilt_b = Parameter(
         HDRM.tilt_b,
         unit="m",
         minimum=1e-3,
         name="tilt.b",
-        description="Boom pin of the tilt actuator from O2",
+        description="Distance of the boom pin from the turning point",
     )
     tilt_L_0 = Parameter(
         HDRM.tilt_L_0,
         unit="m",
         minimum=1e-3,
         name="tilt.L_0",
-        description="Distance of the tilt actuator's pins at stroke 0",
+        description="Distance of the pins at stroke 0",
     )
     tilt_delta = Parameter(
         HDRM.tilt_delta,
         unit="rad",
         name="tilt.delta",
-        description="Direction of the tilt actuator's fixed pin from O2, against the lift boom",
+        description="Direction of the fixed pin against what carries the turning point",
     )
     tilt_epsilon = Parameter(
         HDRM.tilt_epsilon,
         unit="rad",
         name="tilt.epsilon",
-        description="Direction of the tilt actuator's boom pin from O2, against the outer boom",
+        description="Direction of the boom pin against the boom",
     )
 
     lift_length = Parameter(
-        HDRM.lift_length, unit="m", minimum=1e-3, name="lift_boom.length", description="O1 to O2"
+        HDRM.lift_length, unit="m", minimum=1e-3, name="lift_boom.length", description="Length from O1 to O2"
     )
-    lift_m = Parameter(
-        HDRM.lift_m, unit="kg", minimum=0.0, name="lift_boom.m", description="Mass of the lift boom"
-    )
-    lift_c = Parameter(
-        HDRM.lift_c, unit="m", name="lift_boom.c", description="Centre of mass of the lift boom from O1"
-    )
+    lift_m = Parameter(HDRM.lift_m, unit="kg", minimum=0.0, name="lift_boom.m", description="Mass")
+    lift_c = Parameter(HDRM.lift_c, unit="m", name="lift_boom.c", description="Centre of mass from O1")
     lift_J = Parameter(
         HDRM.lift_J,
         unit="kg.m2",
         minimum=0.0,
         name="lift_boom.J",
-        description="Inertia of the lift boom about its centre of mass",
+        description="Inertia about the centre of mass",
     )
-    outer_m = Parameter(
-        HDRM.outer_m, unit="kg", minimum=0.0, name="outer_boom.m", description="Mass of the outer boom"
-    )
-    outer_c = Parameter(
-        HDRM.outer_c, unit="m", name="outer_boom.c", description="Centre of mass of the outer boom from O2"
-    )
+    outer_m = Parameter(HDRM.outer_m, unit="kg", minimum=0.0, name="outer_boom.m", description="Mass")
+    outer_c = Parameter(HDRM.outer_c, unit="m", name="outer_boom.c", description="Centre of mass from O2")
     outer_J = Parameter(
         HDRM.outer_J,
         unit="kg.m2",
         minimum=0.0,
         name="outer_boom.J",
-        description="Inertia of the outer boom about its centre of mass",
+        description="Inertia about the centre of mass",
     )
     reach = Parameter(
         HDRM.reach,
         unit="m",
         minimum=1e-3,
         name="inner_boom.reach",
-        description="O2 to the tip at stroke 0 of the telescope",
+        description="Distance of the tip from O2 at stroke 0",
     )
-    inner_m = Parameter(
-        HDRM.inner_m, unit="kg", minimum=0.0, name="inner_boom.m", description="Mass of the inner boom"
-    )
+    inner_m = Parameter(HDRM.inner_m, unit="kg", minimum=0.0, name="inner_boom.m", description="Mass")
     inner_c = Parameter(
         HDRM.inner_c,
         unit="m",
         name="inner_boom.c",
-        description="Centre of mass of the inner boom behind the tip",
+        description="Centre of mass behind the tip",
     )
     inner_J = Parameter(
         HDRM.inner_J,
         unit="kg.m2",
         minimum=0.0,
         name="inner_boom.J",
-        description="Inertia of the inner boom about its centre of mass",
+        description="Inertia about the centre of mass",
     )
     payload_J = Parameter(
         HDRM.payload_J,
         unit="m2",
         minimum=0.0,
         name="payload.J",
-        description="Inertia of the payload about the tip per mass of it",
+        description="Inertia about the tip per mass",
     )
 
     M_BS = Parameter(
@@ -168,7 +158,7 @@ class Machine(Block):
         unit="kg",
         minimum=0.0,
         name="motor.m",
-        description="Mass of a motor, which is fixed to the housing",
+        description="Mass, which is fixed to the housing",
     )
     housing_c = Parameter(
         HDRM.housing_c,

@@ -24,8 +24,8 @@ CONSTANTS = ["NEVER", "pi"]
 
 PACKAGES = ["Types", "Interfaces", "Functions"]
 
-PARTS = ["Actuator", "Electrics"]
-"""What is no model by itself."""
+PARTS = ["Actuator", "Machine"]
+"""Data, and what blocks extend."""
 
 # ---- the package's text -------------------------------------------------------------------------
 

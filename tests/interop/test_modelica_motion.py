@@ -263,8 +263,56 @@ DISTURBANCE = {
     "supply.duration": 0.1,
 }
 SPEED = {"v_L": "0.06 * sin(2.0 * time)"}
+MACHINE = {  # a number wherever the default makes two things the same
+    "lift.a": 1.2,
+    "lift.b": 0.45,
+    "lift.L_0": 0.9,
+    "lift.delta": -1.1,
+    "lift.epsilon": -0.2,
+    "tilt.a": 1.3,
+    "tilt.epsilon": -0.3,
+    "tube.share": 0.4,
+    **elements("housing.c", 0.3, 0.35, 0.45),
+    **elements("tube.c", 0.25, 0.45, 0.6),
+    "payload.J": 0.1,
+    "gravity": 9.9,
+}
+STROKES = {
+    "x_L[1]": "0.25 + 0.2 * sin(3.0 * time)",
+    "x_L[2]": "0.35 - 0.2 * cos(4.0 * time)",
+    "x_L[3]": "0.5 + 0.4 * sin(5.0 * time)",
+    "v_L[1]": "0.6 * cos(3.0 * time)",
+    "v_L[2]": "0.8 * sin(4.0 * time)",
+    "v_L[3]": "2.0 * cos(5.0 * time)",
+    "a_L[1]": "-1.8 * sin(3.0 * time)",
+    "a_L[2]": "3.2 * cos(4.0 * time)",
+    "a_L[3]": "-10.0 * sin(5.0 * time)",
+    "payload.m": "400.0 + 100.0 * cos(6.0 * time)",
+}
+MERGED = {
+    **MACHINE,
+    **elements("coupling.J_c", 1e-3, 2e-3, 1e-4),
+    **elements("gearbox.J_GB", 2e-3, 1e-3, 2e-4),
+    **elements("gearbox.eta_GB", 0.8, 0.85, 0.95),
+    **elements("screw.B_BS", 50.0, 40.0, 30.0),
+    **elements("screw.C_eq", 2.0, 1.0, 0.5),
+    **elements("uncertainty.F_2", 0.1, 0.2, 0.3),
+    **elements("start.x_L", 0.25, 0.35, 0.5),
+    **elements("start.v_L", 0.01, -0.02, 0.03),
+}
+TORQUES = {
+    "tau_m[1]": "30.0 + 40.0 * cos(9.0 * time)",
+    "tau_m[2]": "7.0 + 30.0 * cos(12.0 * time)",
+    "tau_m[3]": "-5.0 + 2.0 * cos(7.0 * time)",
+    "d_2[1]": "0.8 * sin(8.0 * time)",
+    "d_2[2]": "0.5 * sin(20.0 * time)",
+    "d_2[3]": "0.6 * cos(15.0 * time)",
+    "payload.m": "400.0 + 100.0 * cos(6.0 * time)",
+}
 
 MOTIONS = {
+    "manipulator": Motion("HdrmManipulator", MACHINE, STROKES, step=1e-3, count=1000, every=10),
+    "merged plant": Motion("HdrmPlant", MERGED, TORQUES, step=1e-3, count=500, every=10),
     "plant": Motion("EmlaPlant", PLANT, PLANT_INPUTS, rests=WINDING),
     "plant driven by the command": Motion(
         "EmlaPlant", {**PLANT, "torque_source": 2}, PLANT_INPUTS, rests=WINDING

@@ -26,6 +26,7 @@ MOVED = {
     "supply.sag": "sag",
     "motor.temperature_rise": "temperature_rise",
     "motor.load": "motor_load",
+    "payload.m": "payload_m",
 }
 """Variables that change, and stand in a group of parameters by their FMI name."""
 
