@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hdrm_fmu.optimisation.assessment import assessed
+from hdrm_fmu.optimisation.assessment import Assessment
+from hdrm_fmu.optimisation.narrowing import narrowed
 from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
 from hdrm_fmu.optimisation.solving import (
     MOST_ITERATIONS,
@@ -62,12 +63,9 @@ def trajectory(
     place = None if output is None else converted(output, Path, "the output file")
     picture_places(place, plots)
     read = _without_contradiction(given, reading)
-    best = _best(read, how, _size("starts", starts), told)
-    spline = best.spline(how)
-    figures = assessed(spline, read, how.tie_break)
-    result = TrajectoryResult(
-        spline, figures, given, read, reading, given.contradictions(), how, best, starts
-    )
+    best, figures = _best(read, how, _size("starts", starts), told)
+    spline, contradictions = best.spline(how), given.contradictions()
+    result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
     if place is not None:
         result.save(place)
         if plots:
@@ -118,8 +116,10 @@ def _without_contradiction(given: MotionProblem, reading: EndSpeed) -> MotionPro
     return read
 
 
-def _best(problem: MotionProblem, how: Discretisation, starts: int, told: Progress) -> Solution:
-    """The best of the motions that several starts lead to."""
+def _best(
+    problem: MotionProblem, how: Discretisation, starts: int, told: Progress
+) -> tuple[Solution, Assessment]:
+    """The best of the motions that several starts lead to, and its figures."""
     found = list[Solution]()
     for i in range(starts):
         begin = None if i == 0 else detour(problem, how, i)
@@ -130,4 +130,5 @@ def _best(problem: MotionProblem, how: Discretisation, starts: int, told: Progre
             if not found and i + 1 == starts:
                 raise RunError(str(error)) from error
         told.finish()
-    return min(found, key=lambda solution: solution.cost)
+    best = min(found, key=lambda solution: solution.cost)
+    return narrowed(best, problem, how, lambda: told.advance(1))

@@ -5,7 +5,6 @@ they could be computed of c and t_M, but this way one function of a point is map
 second derivatives stay small and sparse).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -169,7 +168,7 @@ class Programme:
 def stage(problem: MotionProblem, tie_break: float) -> casadi.Function:
     """Of q, q', q'' at one point the forces in N, and what the cost is the integral of, in W2."""
     q, v, a = (casadi.SX.sym(name, 3) for name in "qva")
-    parts: Sequence[list[casadi.SX]] = [casadi.vertsplit(x) for x in (q, v, a)]
+    parts = casadi.vertsplit(q), casadi.vertsplit(v), casadi.vertsplit(a)
     force = casadi.vertcat(*inverse_dynamics(problem.machine, *parts, problem.payload))
     power = casadi.dot(v, force) ** 2 + tie_break * casadi.sumsqr(v * force)
     return casadi.Function("stage", [q, v, a], [force, power])

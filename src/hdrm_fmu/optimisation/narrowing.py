@@ -1,0 +1,52 @@
+"""Forces that keep their bounds between the collocation points, too."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from .assessment import Assessment, assessed
+from .problem import MotionProblem
+from .solving import NoMotionError, Solution, solved
+from .transcription import Discretisation
+
+_ROUNDS = 3
+"""So often bounds are narrowed; once is mostly enough."""
+
+_MORE = 1.5
+"""By so much more than forces were beyond their bounds."""
+
+
+def narrowed(
+    found: Solution, problem: MotionProblem, how: Discretisation, heard: Callable[[], None]
+) -> tuple[Solution, Assessment]:
+    """A motion that keeps its bounds on the dense grid, if there is one near a motion; and its figures.
+
+    Positions and speeds keep theirs everywhere, forces at the collocation points only. Where they do not
+    between these, the optimisation is repeated with bounds that are narrower by so much.
+    """
+    figures, within = assessed(found.spline(how), problem, how.tie_break), problem
+    for _ in range(_ROUNDS):
+        if figures.within_bounds:
+            break
+        within = _narrower(within, figures)
+        try:
+            again = solved(within, how, found.coefficients, heard)
+        except NoMotionError:
+            break
+        found = replace(
+            again,
+            iterations=found.iterations + again.iterations,
+            wall_s=found.wall_s + again.wall_s,
+            cpu_s=found.cpu_s + again.cpu_s,
+        )
+        figures = assessed(found.spline(how), problem, how.tie_break)
+    return found, figures
+
+
+def _narrower(problem: MotionProblem, figures: Assessment) -> MotionProblem:
+    bounds = zip(problem.f_LB, problem.f_UB, figures.peaks, strict=True)
+    by = [_MORE * peak.excess * (high - low) for low, high, peak in bounds]
+    low, high = (
+        tuple(x + sign * d for x, d in zip(values, by, strict=True))
+        for sign, values in ((1.0, problem.f_LB), (-1.0, problem.f_UB))
+    )
+    return replace(problem, f_LB=low, f_UB=high)
