@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hdrm_fmu.spline import Spline, trajectory_parameters
+from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, trajectory_parameters
 
+from ..errors import CommandError
 from ..system.model import Value
 from .roles import JOINTS
 from .systems import STUDY
@@ -13,14 +14,26 @@ from .systems import STUDY
 
 @dataclass(frozen=True)
 class Motion:
-    """Parameters of the block Trajectory; and how much farther out than q_S each joint begins, in m."""
+    """Parameters of the block Trajectory; and by how much farther out than at q_S each joint begins, in m."""
 
     parameters: Mapping[str, Value]
     ahead: Mapping[str, float]
 
 
 def motion(file: Path | None) -> Motion:
-    """The motion of a trajectory file, by default that of the optimised trajectory."""
-    spline = Spline(5, [0.0] * 6 + [37.7] * 6, {j: [STUDY[j].q_S] * 3 + [STUDY[j].q_E] * 3 for j in JOINTS})
-    ahead = {joint: spline.coefficients[joint][0] - STUDY[joint].q_S for joint in JOINTS}
-    return Motion(trajectory_parameters(spline), ahead)
+    """The motion of a trajectory file, or the optimised one; CommandError for a file that has none."""
+    if file is None:
+        return _motion(default_spline())
+    from ..trajectory.file import read_trajectory  # takes a while
+
+    try:
+        return _motion(read_trajectory(file))
+    except TrajectoryError as error:
+        raise CommandError(f"the trajectory '{file}' cannot be used: {error}") from error
+
+
+def _motion(spline: Spline) -> Motion:
+    parameters = trajectory_parameters(spline)
+    first = spline.evaluated([min(max(0.0, spline.start), spline.end)])[0]
+    ahead = {joint: float(x) - STUDY[joint].q_S for joint, x in zip(JOINTS, first, strict=True)}
+    return Motion(parameters, ahead)
