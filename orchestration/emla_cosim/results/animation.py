@@ -45,12 +45,12 @@ class Animation(ABC):
     takes: str
 
     @abstractmethod
-    def missing(self, names: Collection[str]) -> Sequence[str]:
-        """Patterns of signals that it needs and that are not among these."""
+    def signals(self, names: Collection[str]) -> Sequence[str] | None:
+        """Those of these signals that it needs; None where they are not enough."""
 
     @abstractmethod
     def film(self, result: "Result") -> Film:
-        """The film of a run that lacks nothing. Raises RunError where there is nothing to see."""
+        """The film of a run that kept these signals. Raises RunError where there is nothing to see."""
 
 
 ANIMATIONS: dict[str, Animation] = {}
@@ -59,15 +59,13 @@ ANIMATIONS: dict[str, Animation] = {}
 
 def check_animated(name: str, all_names: Collection[str], kept: Collection[str]) -> None:
     """Raise CommandError unless the signals that are kept of the run of this name can be animated."""
-    possible = [a for a in ANIMATIONS.values() if not a.missing(all_names)]
-    if not possible:
+    needed = [names for a in ANIMATIONS.values() if (names := a.signals(all_names)) is not None]
+    if not needed:
         takes = listed(a.takes for a in ANIMATIONS.values())
         raise CommandError(f"'{name}' has nothing to animate: that takes {takes}.", name=name)
-    missing = [a.missing(kept) for a in possible]
+    missing = [[n for n in names if n not in kept] for names in needed]
     if all(missing):
-        raise CommandError(
-            f"the animation needs signals that are not kept: {listed(missing[0])}.", missing=missing[0]
-        )
+        raise CommandError(f"an animation needs {listed(missing[0])}, which is not kept.", missing=missing[0])
 
 
 def animate(result: "Result", folder: Path, progress: Progress) -> list[Path]:
@@ -77,7 +75,7 @@ def animate(result: "Result", folder: Path, progress: Progress) -> list[Path]:
     """
     written = []
     for name, animation in ANIMATIONS.items():
-        if not animation.missing(result.names):
+        if animation.signals(result.names) is not None:
             film = animation.film(result)
             progress.begin("animating", len(film))
             path = folder / f"{name}.gif"

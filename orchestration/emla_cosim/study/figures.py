@@ -1,8 +1,10 @@
-"""The pictures of joints."""
+"""The pictures of joints, and of those that move a machine together."""
+
+from collections.abc import Collection
 
 from ..results.plotting import Curve, Panel, Picture
 from ..results.style import GREY, ORANGE
-from .roles import variable
+from .roles import MACHINE, variable
 
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": Picture(
@@ -74,3 +76,41 @@ JOINT_FIGURES: dict[str, Picture] = {
     ),
 }
 """The pictures of a joint by file name; their signals are roles."""
+
+
+def _in_machine(joint: str, role: str, names: Collection[str]) -> str | None:
+    """`variable` where joints move a machine together."""
+    there = any(name.startswith(f"{MACHINE}.") for name in names)
+    return variable(joint, role, names) if there else None
+
+
+MACHINE_FIGURES: dict[str, Picture] = {
+    "forces": Picture(
+        "Forces and speeds of the pistons",
+        (
+            Panel("load force / kN", (Curve("", "F_L", scale=1e-3),)),
+            Panel(
+                "speed / (mm/s)",
+                (
+                    Curve("piston", "v_L", scale=1e3),
+                    Curve("reference", "v_d", ORANGE, scale=1e3, dashed=True),
+                ),
+            ),
+        ),
+        of="joints",
+        find=_in_machine,
+    ),
+    "motion": Picture(
+        "Positions and accelerations of the pistons",
+        (
+            Panel("position / m", (Curve("piston", "x_L"), Curve("reference", "x_d", ORANGE, dashed=True))),
+            Panel(
+                "acceleration / (m/s²)",
+                (Curve("piston", "a_L"), Curve("reference", "a_d", ORANGE, dashed=True)),
+            ),
+        ),
+        of="joints",
+        find=_in_machine,
+    ),
+}
+"""The pictures of a machine's joints by file name, as the paper's figures 8 and 9 have them."""

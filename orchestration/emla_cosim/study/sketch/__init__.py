@@ -1,0 +1,1 @@
+"""The manipulator drawn: at instants along its path, and moving."""

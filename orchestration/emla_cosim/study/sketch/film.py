@@ -1,0 +1,99 @@
+"""The manipulator moving, with its forces and errors beside it."""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from ...arrays import Indices
+from ...errors import RunError
+from ...results.animation import Animation, Film, Pixels
+from ...results.result import Result
+from .curves import curves, dress
+from .machine import shapes
+from .motion import Motion, animated_signals, motion, motion_signals
+from .scene import draw_machine, draw_scene, draw_wanted, draw_way, machine_and_panels
+
+PERIOD, _MOST = 0.08, 150
+"""How long a frame is seen, in s, and how many there are at the most: longer runs are shown faster."""
+
+_ROWS = 20_000
+"""Of longer results only every n-th row is read."""
+
+
+class ManipulatorAnimation(Animation):
+    """The machine on the left; load forces and position errors, as they come, on the right."""
+
+    takes = "a manipulator, machine.manipulator or machine.plant, with strokes made and wanted"
+
+    def signals(self, names: Collection[str]) -> Sequence[str] | None:
+        """Strokes made and wanted, and forces."""
+        return animated_signals(names)
+
+    def film(self, result: Result) -> Film:
+        """The film of a run; RunError where its manipulator is none of ours."""
+        found = motion(result, result.read(["time", *motion_signals(result)], _ROWS))
+        if found is None:
+            raise RunError("there is nothing to animate: the manipulator has no posture that can be drawn.")
+        return MachineFilm(found)
+
+
+class MachineFilm(Film):
+    """A background that is drawn once, and what moves upon it."""
+
+    period = PERIOD
+
+    def __init__(self, found: Motion) -> None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        self._motion, self._rows = found, _rows(found)
+        shown = curves(found)
+        figure, self._scene, panels = machine_and_panels(len(shown), (8.0, 4.8), 100)
+        self._canvas = FigureCanvasAgg(figure)
+        self._growing = [(curve, curve.draw(panel)) for panel, curve in zip(panels, shown, strict=True)]
+        dress(panels, shown)
+        for panel, curve in zip(panels, shown, strict=True):
+            curve.draw(panel, alpha=0.2)
+        draw_scene(self._scene, found.p)
+        draw_wanted(self._scene, found)
+        self._way = draw_way(self._scene, found)
+        self._parts = draw_machine(self._scene, found.p, found.strokes[0], found.payload[0])
+        self._clock = self._scene.text(0.0, 1.0, "", transform=self._scene.transAxes, va="bottom")
+        self._moving = [
+            *self._parts.values(),
+            self._way,
+            self._clock,
+            *(x for _, lines in self._growing for x in lines),
+        ]
+        for artist in self._moving:
+            artist.set_animated(True)
+        self._canvas.draw()
+        self._background = self._canvas.copy_from_bbox(figure.bbox)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, index: int) -> Pixels:
+        """Draw what moves where it is in this frame."""
+        self._move(int(self._rows[index]))
+        self._canvas.restore_region(self._background)
+        for artist in self._moving:
+            artist.axes.draw_artist(artist)
+        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+
+    def _move(self, row: int) -> None:
+        found = self._motion
+        for name, line in shapes(found.p, found.strokes[row], found.payload[row]).items():
+            self._parts[name].set_xy(line)
+        self._way.set_data(*found.path[: row + 1].T)
+        self._clock.set_text(f"{found.time[row]:.1f} s")
+        for curve, lines in self._growing:
+            count = int(np.searchsorted(curve.time, found.time[row], side="right"))
+            for line, values in zip(lines, curve.values.T, strict=True):
+                line.set_data(curve.time[:count], values[:count])
+
+
+def _rows(found: Motion) -> Indices:
+    """The rows that frames show, at equal distances in time."""
+    first, last = found.time[0], found.time[-1]
+    count = int(np.clip((last - first) / PERIOD, 2, _MOST))
+    return np.searchsorted(found.time, np.linspace(first, last, count))

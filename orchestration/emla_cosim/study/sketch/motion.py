@@ -1,0 +1,144 @@
+"""What a run tells of its manipulator: geometry, strokes, forces and payload, over time."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from hdrm_fmu import HdrmManipulator, HdrmParameters
+from hdrm_fmu.kinematics import tip
+from hdrm_fmu.parameters import PAYLOAD
+
+from ...arrays import Vector
+from ...results.result import Result
+from ..roles import JOINTS, MACHINE, variable
+
+MACHINES = (f"{MACHINE}.manipulator", f"{MACHINE}.plant")
+"""Components that may have the geometry."""
+
+MADE, WANTED, FORCE = "x_L", "x_d", "F_L"
+"""The roles of the signals that tell of a motion."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A manipulator over `time` in s.
+
+    `strokes` in m, `wanted` strokes in m and `forces` in N have a column for each joint; `payload` is in kg.
+    What the run did not keep is None; strokes that were not kept are those wanted, which are None then.
+    """
+
+    p: HdrmParameters
+    time: Vector
+    strokes: Vector
+    payload: Vector
+    wanted: Vector | None = None
+    forces: Vector | None = None
+
+    @cached_property
+    def path(self) -> Vector:
+        """Where the tip was, in m from O1."""
+        return _path(self.p, self.strokes)
+
+    @cached_property
+    def wanted_path(self) -> Vector | None:
+        """Where the tip should have been, in m from O1."""
+        return None if self.wanted is None else _path(self.p, self.wanted)
+
+    @property
+    def errors(self) -> Vector | None:
+        """Strokes less those wanted, in m."""
+        return None if self.wanted is None else self.strokes - self.wanted
+
+    def until(self, row: int) -> "Motion":
+        """The rows before this one."""
+        wanted = None if self.wanted is None else self.wanted[:row]
+        forces = None if self.forces is None else self.forces[:row]
+        return Motion(self.p, self.time[:row], self.strokes[:row], self.payload[:row], wanted, forces)
+
+
+def animated_signals(names: Collection[str]) -> list[str] | None:
+    """The strokes made and wanted and the forces among these signals; None where there is no manipulator."""
+    found = [_signals(role, names) for role in (MADE, WANTED, FORCE)]
+    there = any(name.startswith(f"{machine}.") for name in names for machine in MACHINES)
+    return [name for signals in found for name in signals] if there and all(found) else None
+
+
+def motion_signals(result: Result) -> list[str]:
+    """The signals that a run kept of its manipulator; none where it has no manipulator."""
+    if _machine(result) is None:
+        return []
+    found = [name for role in (MADE, WANTED, FORCE) for name in _signals(role, result.names)]
+    driver = _payload_driver(result)
+    return found if driver is None else [*found, driver]
+
+
+def motion(result: Result, data: Mapping[str, Vector]) -> Motion | None:
+    """The motion of a run, as far as the manipulator's triangles close; None where nothing tells of it.
+
+    `data` has the columns of `motion_signals`, and `time`.
+    """
+    p = _geometry(result)
+    made, wanted, forces = (_columns(role, data) for role in (MADE, WANTED, FORCE))
+    if made is None:
+        made, wanted = wanted, None
+    if p is None or made is None:
+        return None
+    found = Motion(p, data["time"], made, _payload(result, data), wanted, forces)
+    broken = np.flatnonzero(~np.isfinite(found.path).all(axis=1))
+    found = found.until(broken[0]) if len(broken) else found
+    return found if len(found.time) > 1 else None
+
+
+def _signals(role: str, names: Collection[str]) -> list[str]:
+    """The signal of every joint in this role; nothing where one lacks it."""
+    found = [name for joint in JOINTS if (name := variable(joint, role, names)) is not None]
+    return found if len(found) == len(JOINTS) else []
+
+
+def _columns(role: str, data: Mapping[str, Vector]) -> Vector | None:
+    names = _signals(role, data)
+    return np.column_stack([data[name] for name in names]) if names else None
+
+
+def _machine(result: Result) -> str | None:
+    """The component that has the geometry."""
+    return next((name for name in MACHINES if name in result.record["components"]), None)
+
+
+def _geometry(result: Result) -> HdrmParameters | None:
+    """The parameters of the run; None where they are not those of our blocks, or make no machine."""
+    values = {}
+    for name in (field.name for field in fields(HdrmParameters)):
+        declared = getattr(HdrmManipulator, name)
+        elements = [result.parameters.get(f"{_machine(result)}.{x.name}") for x in declared.scalars()]
+        if None in elements:
+            return None
+        values[name] = tuple(elements) if declared.shape else elements[0]
+    try:
+        return HdrmParameters(**values)
+    except ValueError:
+        return None
+
+
+def _payload_driver(result: Result) -> str | None:
+    """The signal that drives the payload, where it was kept."""
+    target = f"{_machine(result)}.payload.m"
+    ends = (text.partition(" -> ") for text in result.record["connections"])
+    source = next((source for source, _, end in ends if f"{end} ".startswith(f"{target} ")), None)
+    return source if source in result.names else None
+
+
+def _payload(result: Result, data: Mapping[str, Vector]) -> Vector:
+    """The payload in kg at every row."""
+    driver = _payload_driver(result)
+    if driver is not None:
+        return data[driver]
+    given = result.record["components"][_machine(result)]["parameters"].get("payload.m", PAYLOAD)
+    return np.full(len(data["time"]), float(given))
+
+
+def _path(p: HdrmParameters, strokes: Vector) -> Vector:
+    """The tip at these strokes; NaN where a triangle does not close."""
+    return np.array([tip(p, q) for q in strokes.tolist()])

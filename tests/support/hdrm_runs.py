@@ -1,0 +1,106 @@
+"""Results of the manipulator made by hand: a smooth motion from rest to rest, and small errors."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from emla_cosim.master.stepping.timing import Timing
+from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.time_series import TimeSeries
+from emla_cosim.results.result import Result
+from hdrm_fmu import HDRM, HdrmManipulator, HdrmParameters
+from hdrm_fmu.dynamics import inverse_dynamics
+
+JOINTS = ("lift", "tilt", "telescope")
+Q_S, Q_E = np.array([0.244, 0.389, 0.499]), np.array([0.270, 0.442, 0.348])
+
+
+def replayed(
+    p: HdrmParameters = HDRM,
+    rows: int = 201,
+    duration: float = 10.0,
+    payload: float = 470.0,
+    leave_out: str | None = None,
+    **changed: Any,
+) -> Result:
+    """A run such as hdrm-replay gives, with a row less when `leave_out` names the beginning of signals.
+
+    `changed` are strokes in place of those made, by joint.
+    """
+    time, q_d, v_d, a_d, q = _motion(rows, duration)
+    for joint, values in changed.items():
+        q[:, JOINTS.index(joint)] = values
+    states = zip(q_d.tolist(), v_d.tolist(), a_d.tolist(), strict=True)
+    force = np.array([inverse_dynamics(p, *state, payload) for state in states])
+    columns = {}
+    for i, joint in enumerate(JOINTS):
+        columns |= {f"machine.trajectory.{n}[{i + 1}]": x[:, i] for n, x in _named(q_d, v_d, a_d).items()}
+        columns |= {f"{joint}.plant.x_L": q[:, i], f"machine.manipulator.F_L[{i + 1}]": force[:, i]}
+    columns = {n: x for n, x in columns.items() if leave_out is None or not n.startswith(leave_out)}
+    return result_of(time, columns, parameters(p), {"payload.m": payload})
+
+
+def result_of(
+    time: np.ndarray,
+    columns: Mapping[str, np.ndarray],
+    parameters: Mapping[str, float],
+    given: Mapping[str, float],
+) -> Result:
+    """A result with these signals, and a manipulator with these parameters."""
+    times = Timing(float(time[0]), float(time[1] - time[0]), len(time) - 1)
+    table = TimeSeries()
+    table.begin(Outline(list(columns), [None] * len(columns), times, range(len(columns))))
+    table.append(np.column_stack([time, *columns.values()]))
+    components = {f"{joint}.plant": {"parameters": {}} for joint in JOINTS}
+    return Result(
+        name="hdrm-replay",
+        units=dict.fromkeys(columns),
+        times=times,
+        table=table,
+        metrics={},
+        shown={},
+        remarks=(),
+        steps=len(time) - 1,
+        simulated_s=float(time[-1] - time[0]),
+        end_s=float(time[-1]),
+        wall_s=1.0,
+        stepping={},
+        pacing=None,
+        problem=None,
+        interrupted=False,
+        record={
+            "components": {"machine.manipulator": {"parameters": given}, **components},
+            "connections": [],
+            "settings": {"output_format": "csv"},
+        },
+        parameters=parameters,
+    )
+
+
+def parameters(p: HdrmParameters) -> dict[str, float]:
+    """Those of the manipulator, by full name."""
+    found = {}
+    for field in fields(HdrmParameters):
+        variable = getattr(HdrmManipulator, field.name)
+        elements = variable.flat(getattr(p, field.name))
+        names = (f"machine.manipulator.{x.name}" for x in variable.scalars())
+        found |= dict(zip(names, elements, strict=True))
+    return found
+
+
+def _named(x: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, np.ndarray]:
+    return {"x_d": x, "v_d": v, "a_d": a}
+
+
+def _motion(rows: int, duration: float) -> tuple[np.ndarray, ...]:
+    """Time, reference with its derivatives by the quintic from rest to rest, and strokes near to it."""
+    time = np.linspace(0.0, duration, rows)
+    s = time[:, None] / duration
+    way = Q_E - Q_S
+    q = Q_S + way * s**3 * (10 - 15 * s + 6 * s**2)
+    v = way * s**2 * (30 - 60 * s + 30 * s**2) / duration
+    a = way * s * (60 - 180 * s + 120 * s**2) / duration**2
+    error = 1e-5 * np.sin(8.0 * time)[:, None] - 4e-3 * np.exp(-50.0 * time)[:, None]
+    return time, q, v, a, q + error
