@@ -89,15 +89,17 @@ class QuasiNewton:
         for sweep in range(sweeps):
             found = answer(x).copy()
             residual = found - x
-            if agreed(residual):
-                return sweep + 1
             answers += found.tolist()
             residuals += residual.tolist()
+            agrees = agreed(residual)
             if not np.isfinite(residual).all():
                 break
-            improve(n, sweep + 1, residuals, answers, scales, earlier, jacobian, *room)
-            self.jacobian.reshape(-1)[:] = jacobian
-            x = np.array(room[-1])
+            if sweep == 1 or not agrees:  # later differences in agreement are small, and mostly rounding
+                improve(n, sweep + 1, residuals, answers, scales, earlier, jacobian, *room)
+                self.jacobian.reshape(-1)[:] = jacobian
+                x = np.array(room[-1])
+            if agrees:
+                return sweep + 1
         self.forget()
         raise NoAgreementError(residual, len(residuals) // n)
 

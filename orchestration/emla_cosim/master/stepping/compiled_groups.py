@@ -122,22 +122,23 @@ def _agree(loop, group, present, time, length):
         if failure != _NONE:
             return failure, sweep
         agreed, finite = _compare(loop, group, sweep)
-        if agreed:
-            return _NONE, sweep + 1
         if not finite:
             return _NOT_IN_ONE, sweep + 1
-        _improve(
-            n,
-            sweep + 1,
-            doubles(group.residuals),
-            doubles(group.answers),
-            sizes,
-            earlier,
-            jacobian,
-            doubles(group.basis),
-            doubles(group.direction),
-            guess,
-        )
+        if sweep == 1 or not agreed:
+            _improve(
+                n,
+                sweep + 1,
+                doubles(group.residuals),
+                doubles(group.answers),
+                sizes,
+                earlier,
+                jacobian,
+                doubles(group.basis),
+                doubles(group.direction),
+                guess,
+            )
+        if agreed:
+            return _NONE, sweep + 1
     return _NOT_IN_ONE, SWEEPS
 
 
