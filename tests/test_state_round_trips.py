@@ -39,10 +39,22 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "load.ripple": 9.0,
     },
     "SignalFault": {"kind": 2, "start": 1e-3, "duration": 2e-3},
+    "HdrmManipulator": {"lift.a": 1.2},
+    "HdrmPlant": {"start.v_L[1]": 0.1, "screw.B_BS[2]": 50.0, "uncertainty.F_2[3]": 0.1},
 }
 """Start values that make noise, memory and limits act."""
 
-LARGEST = {"V": 400.0, "A": 100.0, "m": 0.5, "m/s": 0.3, "m/s2": 2.0, "N": 6e4, None: 0.5}
+LARGEST = {
+    "V": 400.0,
+    "A": 100.0,
+    "m": 0.5,
+    "m/s": 0.3,
+    "m/s2": 2.0,
+    "N": 6e4,
+    "N.m": 100.0,
+    "kg": 500.0,
+    None: 0.5,
+}
 """Inputs up to which they are drawn, by unit."""
 
 TWO_STEPS = [Step(1e-3), Step(2e-3)]

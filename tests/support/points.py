@@ -414,6 +414,82 @@ def fault_points(draw: Draw) -> Point:
     return Point(values, start + duration * draw(st.sampled_from([-0.4, 0.5, 1.4])))
 
 
+def machine(draw: Draw) -> dict[str, Any]:
+    """Parameters of the manipulator, whose triangles close from 0.05 to 0.55 m."""
+    values = {
+        "payload.m": magnitude(draw, 100.0, 600.0),
+        "lift.a": draw(st.floats(1.1, 1.2)),
+        "lift.b": draw(st.floats(0.40, 0.44)),
+        "lift.L_0": draw(st.floats(0.82, 0.88)),
+        "lift.delta": signed(draw, 0.3, 1.5),
+        "lift.epsilon": signed(draw, 0.1, 1.0),
+        "tilt.a": draw(st.floats(1.2, 1.3)),
+        "tilt.b": draw(st.floats(0.43, 0.47)),
+        "tilt.L_0": draw(st.floats(0.95, 1.05)),
+        "tilt.delta": signed(draw, 1.0, 3.0),
+        "tilt.epsilon": signed(draw, 0.1, 1.0),
+        "lift_boom.length": magnitude(draw, 1.0, 3.0),
+        "inner_boom.reach": magnitude(draw, 1.0, 3.0),
+        "payload.J": magnitude(draw, 0.01, 0.1),
+        "tube.share": draw(st.floats(0.2, 0.8)),
+        "gravity": signed(draw, 5.0, 15.0),
+    }
+    for boom in ("lift_boom", "outer_boom", "inner_boom"):
+        values |= {
+            f"{boom}.m": magnitude(draw, 50.0, 200.0),
+            f"{boom}.c": signed(draw, 0.3, 1.0),
+            f"{boom}.J": magnitude(draw, 10.0, 50.0),
+        }
+    for i in (1, 2, 3):
+        values |= {
+            f"screw.M_BS[{i}]": magnitude(draw, 30.0, 200.0),
+            f"motor.m[{i}]": magnitude(draw, 10.0, 50.0),
+            f"housing.c[{i}]": signed(draw, 0.2, 0.6),
+            f"housing.J[{i}]": magnitude(draw, 2.0, 10.0),
+            f"tube.c[{i}]": signed(draw, 0.2, 0.6),
+            f"tube.J[{i}]": magnitude(draw, 0.5, 3.0),
+            f"screw.q_LB[{i}]": 0.05,
+            f"screw.q_UB[{i}]": 0.55,
+        }
+    return values
+
+
+@st.composite
+def manipulator_points(draw: Draw) -> Point:
+    values = machine(draw)
+    for i in (1, 2, 3):
+        values |= {
+            f"x_L[{i}]": draw(st.floats(0.1, 0.5)),
+            f"v_L[{i}]": signed(draw, 0.03, 0.3),
+            f"a_L[{i}]": signed(draw, 0.1, 3.0),
+        }
+    return Point(values)
+
+
+@st.composite
+def merged_points(draw: Draw) -> Point:
+    values = machine(draw)
+    for i in (1, 2, 3):
+        values |= {
+            f"tau_m[{i}]": signed(draw, 3.0, 100.0),
+            f"d_2[{i}]": signed(draw, 0.1, 3.0),
+            f"motor.J_m[{i}]": magnitude(draw, 1e-3, 0.02),
+            f"motor.B_m[{i}]": magnitude(draw, 1e-3, 1e-2),
+            f"coupling.J_c[{i}]": magnitude(draw, 1e-3, 1e-2),
+            f"gearbox.rho[{i}]": magnitude(draw, 0.2, 1.0),
+            f"gearbox.J_GB[{i}]": magnitude(draw, 1e-3, 1e-2),
+            f"gearbox.eta_GB[{i}]": draw(st.floats(0.7, 0.95)),
+            f"screw.lead[{i}]": magnitude(draw, 0.01, 0.03),
+            f"screw.B_BS[{i}]": magnitude(draw, 10.0, 100.0),
+            f"screw.C_eq[{i}]": magnitude(draw, 0.3, 3.0),
+            f"screw.v_max[{i}]": magnitude(draw, 0.1, 1.0),
+            f"uncertainty.F_2[{i}]": signed(draw, 0.03, 0.3),
+            f"start.x_L[{i}]": draw(st.floats(0.1, 0.5)),
+            f"start.v_L[{i}]": signed(draw, 0.03, 0.3),
+        }
+    return Point({**values, "solver.internal_step": 1e-4})
+
+
 @st.composite
 def toy_points(draw: Draw) -> Point:
     values = {
@@ -444,5 +520,7 @@ POINTS: dict[str, Callable[[], st.SearchStrategy[Point]]] = {
     "Reference": reference_points,
     "Disturbance": disturbance_points,
     "SignalFault": fault_points,
+    "HdrmManipulator": manipulator_points,
+    "HdrmPlant": merged_points,
     "Toy": toy_points,
 }
