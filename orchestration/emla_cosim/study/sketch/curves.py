@@ -7,7 +7,7 @@ import numpy as np
 
 from ...arrays import Vector
 from ...results.style import tidied
-from .motion import JOINTS, Motion
+from .movement import JOINTS, Movement
 from .scene import JOINT_COLORS
 
 if TYPE_CHECKING:
@@ -37,8 +37,8 @@ class Curves:
         ]
 
 
-def curves(found: Motion) -> list[Curves]:
-    """What a motion has values for."""
+def curves(found: Movement) -> list[Curves]:
+    """What a movement has values for."""
     wanted = []
     if found.forces is not None:
         wanted.append(Curves("load force / kN", *_shortened(found.time, 1e-3 * found.forces)))

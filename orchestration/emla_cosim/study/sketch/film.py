@@ -9,9 +9,9 @@ from ...errors import RunError
 from ...results.animation import Animation, Film, Pixels
 from ...results.result import Result
 from .curves import curves, dress
-from .machine import shapes
-from .motion import Motion, animated_signals, motion, motion_signals
+from .movement import Movement, animated_signals, movement, recorded_signals
 from .scene import draw_machine, draw_scene, draw_wanted, draw_way, machine_and_panels
+from .shapes import shapes
 
 PERIOD, _MOST = 0.08, 150
 """How long a frame is seen, in s, and how many there are at the most: longer runs are shown faster."""
@@ -31,7 +31,7 @@ class ManipulatorAnimation(Animation):
 
     def film(self, result: Result) -> Film:
         """The film of a run; RunError where its manipulator is none of ours."""
-        found = motion(result, result.read(["time", *motion_signals(result)], _ROWS))
+        found = movement(result, result.read(["time", *recorded_signals(result)], _ROWS))
         if found is None:
             raise RunError("there is nothing to animate: the manipulator has no posture that can be drawn.")
         return MachineFilm(found)
@@ -42,10 +42,10 @@ class MachineFilm(Film):
 
     period = PERIOD
 
-    def __init__(self, found: Motion) -> None:
+    def __init__(self, found: Movement) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-        self._motion, self._rows = found, _rows(found)
+        self._movement, self._rows = found, _rows(found)
         shown = curves(found)
         figure, self._scene, panels = machine_and_panels(len(shown), (8.0, 4.8), 100)
         self._canvas = FigureCanvasAgg(figure)
@@ -81,7 +81,7 @@ class MachineFilm(Film):
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def _move(self, row: int) -> None:
-        found = self._motion
+        found = self._movement
         for name, line in shapes(found.p, found.strokes[row], found.payload[row]).items():
             self._parts[name].set_xy(line)
         self._way.set_data(*found.path[: row + 1].T)
@@ -92,7 +92,7 @@ class MachineFilm(Film):
                 line.set_data(curve.time[:count], values[:count])
 
 
-def _rows(found: Motion) -> Indices:
+def _rows(found: Movement) -> Indices:
     """The rows that frames show, at equal distances in time."""
     first, last = found.time[0], found.time[-1]
     count = int(np.clip((last - first) / PERIOD, 2, _MOST))

@@ -10,7 +10,7 @@ from ...results.plotting import Drawing
 from ...results.result import Result
 from ...results.style import BLUE, RED, tidied
 from .curves import curves, dress
-from .motion import Motion, motion, motion_signals
+from .movement import Movement, movement, recorded_signals
 from .scene import DARK, draw_ghost, draw_machine, draw_scene, draw_wanted, draw_way, machine_and_panels
 
 if TYPE_CHECKING:
@@ -26,15 +26,15 @@ class ManipulatorPicture(Drawing):
 
     def signals(self, result: Result) -> Iterable[str]:
         """Strokes made and wanted, forces, and payload."""
-        return motion_signals(result)
+        return recorded_signals(result)
 
     def drawn(self, result: Result, data: Mapping[str, Vector]) -> "Figure | None":
         """The picture of a run with a manipulator whose strokes were kept."""
-        found = motion(result, data)
+        found = movement(result, data)
         return None if found is None else _drawn(found)
 
 
-def _drawn(found: Motion) -> "Figure":
+def _drawn(found: Movement) -> "Figure":
     shown = curves(found)
     figure, machine, (path, *panels) = machine_and_panels(1 + len(shown), (10.5, 6.2), 120)
     _draw_postures(machine, found)
@@ -46,13 +46,13 @@ def _drawn(found: Motion) -> "Figure":
     return figure
 
 
-def _instants(found: Motion) -> list[int]:
+def _instants(found: Movement) -> list[int]:
     """The rows at which the machine is drawn, at equal distances in time."""
     times = np.linspace(found.time[0], found.time[-1], INSTANTS)
     return [int(row) for row in np.searchsorted(found.time, times)]
 
 
-def _draw_postures(axes: "Axes", found: Motion) -> None:
+def _draw_postures(axes: "Axes", found: Movement) -> None:
     draw_scene(axes, found.p)
     *before, last = _instants(found)
     for row in before:
@@ -66,7 +66,7 @@ def _draw_postures(axes: "Axes", found: Motion) -> None:
         axes.text(*place, f"{found.payload[last]:.4g} kg", color=DARK, fontsize=9)
 
 
-def _draw_path(axes: "Axes", found: Motion) -> None:
+def _draw_path(axes: "Axes", found: Movement) -> None:
     """The way of the tip, large, and when it was where."""
     draw_way(axes, found)
     draw_wanted(axes, found)

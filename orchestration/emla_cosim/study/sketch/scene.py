@@ -8,8 +8,8 @@ import numpy as np
 from hdrm_fmu import HdrmParameters
 
 from ...results.style import BLUE, GREEN, GREY, ORANGE, RED
-from .machine import shapes
-from .motion import Motion
+from .movement import Movement
+from .shapes import shapes
 from .workspace import workspace
 
 if TYPE_CHECKING:
@@ -73,13 +73,13 @@ def draw_ghost(axes: "Axes", p: HdrmParameters, q: Sequence[float], payload: flo
             axes.fill(*line.T, alpha=0.3, **_look(name))
 
 
-def draw_wanted(axes: "Axes", found: Motion) -> None:
+def draw_wanted(axes: "Axes", found: Movement) -> None:
     """Where the tip should have been."""
     if found.wanted_path is not None:
         axes.plot(*found.wanted_path.T, color=DARK, linewidth=1.0, linestyle=(0, (4, 3)), zorder=6)
 
 
-def draw_way(axes: "Axes", found: Motion) -> "Line2D":
+def draw_way(axes: "Axes", found: Movement) -> "Line2D":
     """Where the tip was."""
     return axes.plot(*found.path.T, color=RED, linewidth=1.8, zorder=5, solid_capstyle="round")[0]
 

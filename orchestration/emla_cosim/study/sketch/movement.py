@@ -18,11 +18,11 @@ MACHINES = (f"{MACHINE}.manipulator", f"{MACHINE}.plant")
 """Components that may have the geometry."""
 
 MADE, WANTED, FORCE = "x_L", "x_d", "F_L"
-"""The roles of the signals that tell of a motion."""
+"""The roles of the signals that tell of a movement."""
 
 
 @dataclass(frozen=True)
-class Motion:
+class Movement:
     """A manipulator over `time` in s.
 
     `strokes` in m, `wanted` strokes in m and `forces` in N have a column for each joint; `payload` is in kg.
@@ -51,11 +51,11 @@ class Motion:
         """Strokes less those wanted, in m."""
         return None if self.wanted is None else self.strokes - self.wanted
 
-    def until(self, row: int) -> "Motion":
+    def until(self, row: int) -> "Movement":
         """The rows before this one."""
         wanted = None if self.wanted is None else self.wanted[:row]
         forces = None if self.forces is None else self.forces[:row]
-        return Motion(self.p, self.time[:row], self.strokes[:row], self.payload[:row], wanted, forces)
+        return Movement(self.p, self.time[:row], self.strokes[:row], self.payload[:row], wanted, forces)
 
 
 def animated_signals(names: Collection[str]) -> list[str] | None:
@@ -65,7 +65,7 @@ def animated_signals(names: Collection[str]) -> list[str] | None:
     return [name for signals in found for name in signals] if there and all(found) else None
 
 
-def motion_signals(result: Result) -> list[str]:
+def recorded_signals(result: Result) -> list[str]:
     """The signals that a run kept of its manipulator; none where it has no manipulator."""
     if _machine(result) is None:
         return []
@@ -74,10 +74,10 @@ def motion_signals(result: Result) -> list[str]:
     return found if driver is None else [*found, driver]
 
 
-def motion(result: Result, data: Mapping[str, Vector]) -> Motion | None:
-    """The motion of a run, as far as the manipulator's triangles close; None where nothing tells of it.
+def movement(result: Result, data: Mapping[str, Vector]) -> Movement | None:
+    """The movement of a run, as far as the manipulator's triangles close; None where nothing tells of it.
 
-    `data` has the columns of `motion_signals`, and `time`.
+    `data` has the columns of `recorded_signals`, and `time`.
     """
     p = _geometry(result)
     made, wanted, forces = (_columns(role, data) for role in (MADE, WANTED, FORCE))
@@ -85,7 +85,7 @@ def motion(result: Result, data: Mapping[str, Vector]) -> Motion | None:
         made, wanted = wanted, None
     if p is None or made is None:
         return None
-    found = Motion(p, data["time"], made, _payload(result, data), wanted, forces)
+    found = Movement(p, data["time"], made, _payload(result, data), wanted, forces)
     broken = np.flatnonzero(~np.isfinite(found.path).all(axis=1))
     found = found.until(broken[0]) if len(broken) else found
     return found if len(found.time) > 1 else None

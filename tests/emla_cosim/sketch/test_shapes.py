@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.path import Path
 
-from emla_cosim.study.sketch.machine import shapes
+from emla_cosim.study.sketch.shapes import shapes
 from emla_cosim.study.sketch.workspace import workspace
 from hdrm_fmu import HDRM, HdrmParameters
 from hdrm_fmu.kinematics import joint_angles, outline, tip
