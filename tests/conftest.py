@@ -3,8 +3,10 @@
 import gc
 import os
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, chdir, nullcontext
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
@@ -14,9 +16,14 @@ from fmublock.cache import VARIABLE
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.handwritten_fmu import build_handwritten_fmu
 from tests.support.memory_disk import use_memory_disk
-from tests.support.paths import FOREIGN_PLANT
+from tests.support.paths import FOREIGN_PLANT, ROOT
 from tests.support.sessions import Session, opened
 from tests.support.toy_fmu import build_toy
+
+if TYPE_CHECKING:  # these take a while to load
+    from distributed import Client
+
+    from emla_cosim.sweep.local_cluster import Place
 
 use_memory_disk()
 
@@ -86,6 +93,33 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
     for model in MODELS:
         build(model, "python", [], fmu_folder)
     return fmu_folder
+
+
+@pytest.fixture(scope="session")
+def machine() -> "Iterator[Place]":
+    """A local cluster of two workers that lives as long as this process of the test run."""
+    from emla_cosim.sweep.local_cluster import local_cluster
+
+    with ExitStack() as stack:
+        with chdir(ROOT):  # it outlives the folders of tests
+            place = stack.enter_context(local_cluster(2))
+        yield place
+
+
+@pytest.fixture(scope="session")
+def cluster(machine: "Place") -> "Iterator[Client]":
+    """A client of that cluster, for sweeps that end none of its workers."""
+    from distributed import Client
+
+    with Client(machine.address, security=machine.security, set_as_default=False) as client:
+        yield client
+
+
+@pytest.fixture
+def on_one_cluster(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sweeps that would start a cluster go to that one: it takes 3 s, and sweep/ tests it often enough."""
+    farm = import_module("emla_cosim.sweep.farm")
+    monkeypatch.setattr(farm, "local_cluster", lambda _: nullcontext(request.getfixturevalue("machine")))
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,9 @@ from tests.support.paths import ROOT
 
 
 @pytest.fixture
-def place(tmp_path: Path, user_cache: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> Path:
+def place(
+    tmp_path: Path, user_cache: dict[str, str], on_one_cluster: None, monkeypatch: pytest.MonkeyPatch
+) -> Path:
     """An empty folder to work in; FMUs are built when they are first needed, as for any user."""
     monkeypatch.chdir(tmp_path)
     widen_terminal(monkeypatch)

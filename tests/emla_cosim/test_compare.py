@@ -8,6 +8,7 @@ from typing import Any
 
 import polars
 import pytest
+from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.compare.cases import Case, robustness_cases, stability_maps
@@ -17,6 +18,8 @@ from emla_cosim.loading import load
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
 from emla_cosim.sweep.shipment import Preparation
 from tests.support.commands import Emla, sentence
+
+pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
 SHORT = ("--stop-time", "0.4", "--workers", "1", "--no-plots")
 
@@ -67,14 +70,14 @@ def test_a_file_in_the_place_of_the_folder_is_told(emla: Emla, tmp_path: Path) -
 
 
 @pytest.fixture(scope="module")
-def compared(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> ec.CompareResult:
+def compared(fmu_folder: Path, cluster: Client, tmp_path_factory: pytest.TempPathFactory) -> ec.CompareResult:
     return ec.compare(
         "study",
         ["rsba", "foc"],
         gains=["robust", "published"],
         stop_time=0.4,
         fmus=fmu_folder,
-        workers=1,
+        scheduler=cluster,
         output=tmp_path_factory.mktemp("compared"),
     )
 

@@ -5,7 +5,6 @@ import math
 import os
 import re
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -56,12 +55,6 @@ VALLEY: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Client]:
-    with shared_cluster(2) as client:
-        yield client
-
-
-@pytest.fixture(scope="module")
 def valley(tmp_path_factory: pytest.TempPathFactory) -> System:
     path = tmp_path_factory.mktemp("valley") / "Valley.fmu"
     build(Valley, path, producer=PRODUCER)
@@ -109,8 +102,9 @@ def test_cases_have_their_weights_conditions_and_values(valley: System, cluster:
 
 
 def test_the_number_of_workers_changes_nothing(valley: System, cluster: Client) -> None:
+    given = {**VALLEY, "evaluations": 40}
     with shared_cluster(1) as other:
-        one, two = (ec.tune(valley, **VALLEY, scheduler=c) for c in (cluster, other))
+        one, two = (ec.tune(valley, **given, scheduler=c) for c in (cluster, other))
     assert one.history.equals(two.history)
     assert (one.best, one.seeds) == (two.best, two.seeds)
 
@@ -149,6 +143,7 @@ def test_what_is_ended_early_keeps_the_best_so_far(valley: System, cluster: Clie
     assert json.loads((tmp_path / "tune.json").read_text())["status"] == "unfinished"
 
 
+@pytest.mark.usefixtures("on_one_cluster")
 def test_what_is_found_runs_as_it_was_found(emla: Emla, tmp_path: Path, fmu_folder: Path) -> None:
     told = emla(
         *(
@@ -173,6 +168,7 @@ def test_what_is_found_runs_as_it_was_found(emla: Emla, tmp_path: Path, fmu_fold
     assert figure == record["best"]["training"]["objective"] < record["start"]["training"]["objective"]
 
 
+@pytest.mark.usefixtures("on_one_cluster")
 def test_conditions_that_nothing_fulfils_are_code_1(emla: Emla) -> None:
     told = emla(
         *(
@@ -194,7 +190,9 @@ def test_conditions_that_nothing_fulfils_are_code_1(emla: Emla) -> None:
 
 @pytest.mark.parametrize("name", list(TUNINGS))
 def test_plans_of_the_study_run(name: str, cluster: Client, fmu_folder: Path) -> None:
-    plan = ec.tune(name, evaluations=1, validation=1, stop_time=0.31, scheduler=cluster, fmus=fmu_folder)
+    plan = ec.tune(
+        name, evaluations=1, training=1, validation=1, stop_time=0.31, scheduler=cluster, fmus=fmu_folder
+    )
     assert plan.complete
     assert all(value is not None for value in plan.start.values.values())
     assert len(plan.start.training.worst) == 10

@@ -4,7 +4,6 @@ import json
 import math
 import shutil
 from collections import namedtuple
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,6 @@ from emla_cosim.sweep.plan import Plan, plan_of
 from emla_cosim.sweep.sweeping import sweep
 from emla_cosim.sweep.worker import Chunk, Outcome
 from emla_cosim.system.model import Component, System
-from tests.support.clusters import shared_cluster
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most
 from tests.support.odd_files import ODD
@@ -30,12 +28,6 @@ from tests.support.odd_files import ODD
 R_S = "lift.plant.motor.R_s"
 ONE: dict[str, Any] = {R_S: [0.1, 0.2]}
 RUN: dict[str, Any] = {"stop_time": 0.002}
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Client]:
-    with shared_cluster(1) as client:
-        yield client
 
 
 def of(name: str = R_S, **table: Any) -> dict[str, Any]:

@@ -272,13 +272,14 @@ def test_what_is_required(cluster: Client, fmu_folder: Path) -> None:
     assert "not as required: lift.torque_peak_N_m > 180, but it is" in result.variants["problem"][1]
 
 
+@pytest.mark.usefixtures("on_one_cluster")
 def test_what_a_plan_requires_ends_the_command(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "plan.toml").write_text(
         'scenario = "lift"\nstop_time = 0.02\nrequire = ["lift.torque_peak_N_m > 180"]\n'
         f'[vary]\n"{R_S}" = [0.1, 5.0]\n'
     )
     done = emla("sweep", "plan.toml", "--output", "out", "--workers", "1", "--no-plots")
-    assert done.exit_code == 1
+    assert done.exit_code == 1, done.output
     assert "Error: 1 of 2 variants are not as required; see above." in done.stderr
     assert ", 1 failed" in done.stdout.splitlines()[0]
     assert "--require 'lift.torque_peak_N_m > 180'" in done.stdout
