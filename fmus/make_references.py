@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from tests.support import reference_controllers as compared
 from tests.support import reference_model as paper
@@ -431,6 +432,34 @@ def merged_plant() -> Solution:
     return solved(step, [given(k) for k in range(count)], [*START[0], *START[1]], rates, outputs)
 
 
+# ---- the trajectory: a spline that begins late, ends early, and has a knot twice ----------------
+
+CURVE = BSpline(
+    np.array([0.5] * 5 + [1.0, 1.75, 3.0, 3.0, 4.5, 6.1, 7.0, 8.8] + [9.5] * 5),
+    np.array(
+        [
+            [0.20, 0.22, 0.21, 0.25, 0.30, 0.28, 0.33, 0.35, 0.31, 0.26, 0.27, 0.24, 0.25],
+            [0.40, 0.41, 0.45, 0.43, 0.38, 0.36, 0.39, 0.44, 0.48, 0.47, 0.42, 0.43, 0.41],
+            [0.50, 0.45, 0.30, 0.35, 0.52, 0.70, 0.66, 0.40, 0.22, 0.18, 0.33, 0.48, 0.52],
+        ]
+    ).T,
+    4,
+)
+
+
+def trajectory() -> Solution:
+    """10 s; scipy's splines are not ours."""
+    step, count = 0.025, 401
+    first, last = CURVE.t[0], CURVE.t[-1]
+
+    def row(t: float) -> Row:
+        x_d, v_d, a_d = (CURVE(min(max(t, first), last), nu=order) for order in range(3))
+        moves = float(first - 1e-9 <= t <= last + 1e-9)
+        return elements(x_d=x_d, v_d=moves * v_d, a_d=moves * a_d)
+
+    return Solution(step, [], [row(k * step) for k in range(count)])
+
+
 # ---- files --------------------------------------------------------------------------------------
 
 SOLUTIONS: dict[str, Callable[[], Solution]] = {
@@ -446,6 +475,7 @@ SOLUTIONS: dict[str, Callable[[], Solution]] = {
     "SignalFault": signal_fault,
     "HdrmManipulator": manipulator,
     "HdrmPlant": merged_plant,
+    "Trajectory": trajectory,
 }
 """What makes the files of each model."""
 
@@ -453,6 +483,11 @@ SOLUTIONS: dict[str, Callable[[], Solution]] = {
 def indexed(name: str, values: Iterable[Any], first: int = 1) -> dict[str, Any]:
     """Elements of an array variable by FMI name."""
     return {f"{name}[{i}]": value for i, value in enumerate(values, first)}
+
+
+def filled(values: Vector, length: int) -> list[float]:
+    """Values, the last one as often as it takes."""
+    return [*values.tolist(), *[float(values[-1])] * (length - len(values))]
 
 
 def waves(name: str, given: Sequence[paper.Wave]) -> dict[str, float]:
@@ -524,6 +559,13 @@ START_VALUES: dict[str, dict[str, Any]] = {
         **indexed("start.x_L", START[0]),
         **indexed("start.v_L", START[1]),
     },
+    "Trajectory": {
+        "degree": CURVE.k,
+        **indexed("knot", filled(CURVE.t, 54)),
+        **indexed("coefficient.lift", filled(CURVE.c[:, 0], 48)),
+        **indexed("coefficient.tilt", filled(CURVE.c[:, 1], 48)),
+        **indexed("coefficient.telescope", filled(CURVE.c[:, 2], 48)),
+    },
 }
 """Start values that differ from the FMU's, by model and FMI name."""
 
@@ -545,6 +587,7 @@ RELATIVE = {
     "SignalFault": 1e-12,
     "HdrmManipulator": 1e-12,
     "HdrmPlant": 1e-11,  # 1e-3 s, where nothing is fast: 2e-13
+    "Trajectory": 1e-12,
 }
 """Tolerances of comparisons, by model: relative to the range of an output, and without any in time."""
 

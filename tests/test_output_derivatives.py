@@ -149,48 +149,10 @@ MOVING: dict[str, tuple[dict[str, Any], dict[str, tuple[float, ...]]]] = {
         {"v_L": (0.4, 3.0, 2.0)},
     ),
     "Reference": ({"waypoint[2]": 0.3, "move.start[1]": 0.05}, {}),
-    "HdrmManipulator": (
-        {
-            "x_L[1]": 0.2,
-            "x_L[2]": 0.3,
-            "x_L[3]": 0.4,
-            "v_L[1]": 0.1,
-            "v_L[2]": -0.2,
-            "v_L[3]": 0.3,
-            "a_L[1]": 1.0,
-            "a_L[2]": 2.0,
-            "a_L[3]": -3.0,
-            "payload.m": 400.0,
-        },
-        {
-            "x_L[1]": (0.1, 1.0),
-            "x_L[2]": (-0.2, 2.0),
-            "x_L[3]": (0.3, -3.0),
-            "v_L[1]": (1.0,),
-            "v_L[3]": (-3.0, 2.0),
-            "a_L[2]": (5.0,),
-            "payload.m": (30.0, 40.0),
-        },
-    ),
-    "HdrmPlant": (
-        {
-            "tau_m[1]": 30.0,
-            "tau_m[2]": 9.0,
-            "tau_m[3]": -6.0,
-            "d_2[1]": 0.1,
-            "start.v_L[1]": 0.02,
-            "start.v_L[2]": -0.05,
-            "start.v_L[3]": 0.1,
-            "screw.B_BS[1]": 50.0,
-            "uncertainty.F_2[1]": 0.1,
-        },
-        {
-            "tau_m[1]": (50.0, 10.0),
-            "tau_m[2]": (-40.0, 20.0, 5.0),
-            "tau_m[3]": (3.0,),
-            "d_2[3]": (2.0, 1.0),
-            "payload.m": (30.0,),
-        },
+    "Trajectory": (
+        {f"knot[{i}]": 1.0 for i in range(7, 55)}
+        | {"coefficient.lift[2]": 0.1, "coefficient.telescope[4]": 0.9},
+        {},
     ),
     "SignalFault": ({"u": 0.2, "kind": 4, "start": 0.1, "value": 3.0}, {"u": (0.4, 3.0, 2.0)}),
 }

@@ -31,6 +31,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "CacController": {},
     "AnatcController": {},
     "Reference": {"waypoint[2]": 0.3, "move.start[1]": 1e-4, "move.duration[1]": 5e-3},
+    "Trajectory": {f"knot[{i}]": 2e-2 for i in range(7, 55)},
     "Disturbance": {
         "d_2.low": -1.0,
         "d_2.high": 2.0,

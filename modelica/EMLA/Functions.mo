@@ -58,6 +58,14 @@ realistic stiffnesses no motor could move it. The plant's default is a rigid scr
     y := 1.0 / (1.0 / bearing + 1.0 / screw + 1.0 / nut + 1.0 / tube);
   end k_L;
 
+  function quotient "A ratio; 0 where the divisor is 0"
+    input Real x;
+    input Real d;
+    output Real y;
+  algorithm
+    y := if d > 0.0 then x / d else 0.0;
+  end quotient;
+
   function clamp "The value, but not below low nor above high"
     input Real x;
     input Real low;

@@ -15,6 +15,7 @@ from emla_fmu.drive import DRIVES
 from emla_fmu.parameters import TILT
 from emla_fmu.signal_fault import FaultKind
 from fmublock.platforms import host_platform
+from hdrm_fmu.spline import Spline, trajectory_parameters
 from rsba_fmu import anatc_gains, cac_gains, foc_gains, gains
 from tests.support.slaves import BlockSlave, fmu_slave, interface
 
@@ -25,6 +26,13 @@ COMPARED = {
     "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3,
 }  # fmt: skip
 """Scales of the inputs of the controllers that RSBA is compared with."""
+
+CURVES = {
+    "lift": [0.2, 0.3, 0.1, 0.25, 0.22, 0.4, 0.31, 0.28, 0.26, 0.24],
+    "tilt": [0.4, 0.38, 0.45, 0.5, 0.42, 0.41, 0.35, 0.33, 0.4, 0.44],
+    "telescope": [0.5, 0.6, 0.2, 0.3, 0.7, 0.8, 0.1, 0.4, 0.35, 0.36],
+}
+"""Coefficients of a spline."""
 
 # start values that exercise every branch, and the scale of each input's random walk
 DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
@@ -57,6 +65,10 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
             "waypoint[1]": 0.1, "waypoint[2]": 0.3, "waypoint[3]": 0.2,
             "move.duration[1]": 0.2, "move.start[2]": 0.25, "move.duration[2]": 0.1, "period": 0.4,
         },
+        {},
+    ),
+    "Trajectory": (
+        trajectory_parameters(Spline(4, [0.1] * 5 + [0.2, 0.25, 0.25, 0.5, 0.7] + [0.9] * 5, CURVES)),
         {},
     ),
     "Disturbance": (

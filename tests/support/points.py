@@ -12,6 +12,8 @@ from emla_cosim.models import MODELS
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES
 from fmublock.instance import Instance
+from hdrm_fmu.spline_window import DEGREE, KNOTS
+from hdrm_fmu.trajectory import JOINTS
 
 Draw = Callable[..., Any]
 
@@ -362,6 +364,21 @@ def reference_points(draw: Draw) -> Point:
 
 
 @st.composite
+def trajectory_points(draw: Draw) -> Point:
+    """A time within a span of a spline whose spans are of different length."""
+    degree, spans = draw(st.integers(1, DEGREE)), draw(st.integers(1, 20))
+    places = [draw(st.floats(0.3, 1.0))]
+    for _ in range(spans):
+        places.append(places[-1] + draw(st.floats(0.3, 2.0)))
+    knots = [places[0]] * degree + places + [places[-1]] * (KNOTS - degree - len(places))
+    k, part = draw(st.integers(0, spans - 1)), draw(st.floats(0.1, 0.9))
+    values: dict[str, Any] = {f"knot[{i}]": x for i, x in enumerate(knots, 1)}
+    for joint in JOINTS:
+        values |= {f"coefficient.{joint}[{i + 1}]": signed(draw, 0.1, 0.5) for i in range(spans + degree)}
+    return Point({**values, "degree": degree}, places[k] + part * (places[k + 1] - places[k]))
+
+
+@st.composite
 def disturbance_points(draw: Draw) -> Point:
     """A time on a load level, or within a ramp."""
     ramp = draw(st.floats(0.1, 0.5))
@@ -518,6 +535,7 @@ POINTS: dict[str, Callable[[], st.SearchStrategy[Point]]] = {
     "CacController": cac_points,
     "AnatcController": anatc_points,
     "Reference": reference_points,
+    "Trajectory": trajectory_points,
     "Disturbance": disturbance_points,
     "SignalFault": fault_points,
     "HdrmManipulator": manipulator_points,
