@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Model, FMU2Slave
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from emla_cosim.models import MODELS
@@ -164,7 +164,7 @@ def test_parameters_count_alike_in_every_phase(
 
 @pytest.mark.parametrize("model", POINTS)
 @given(data=st.data())
-@settings(max_examples=10)
+@settings(max_examples=10, suppress_health_check=[HealthCheck.large_base_example])  # blocks have large arrays
 def test_a_sum_of_directions_gives_the_sum(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:

@@ -21,6 +21,7 @@ from emla_cosim.master.stepping.timing import timing
 from emla_cosim.models import fmu_path
 from emla_cosim.system.model import System
 from fmublock.variables import DiscreteState, Output, State
+from hdrm_fmu.spline import Spline, trajectory_parameters
 from tests.support import smooth_lift
 from tests.support.modelica_package import SCALARS, Array, compiled, driven, joint_source, name_in
 from tests.support.modelica_package import simulated as simulated_by_rumoca
@@ -309,10 +310,22 @@ TORQUES = {
     "d_2[3]": "0.6 * cos(15.0 * time)",
     "payload.m": "400.0 + 100.0 * cos(6.0 * time)",
 }
+CURVE = trajectory_parameters(
+    Spline(
+        3,
+        [0.105] * 4 + [0.2, 0.35, 0.5, 0.75] + [0.905] * 4,  # no jump where it is compared
+        {
+            "lift": [0.2, 0.3, 0.1, 0.25, 0.22, 0.4, 0.31, 0.28],
+            "tilt": [0.4, 0.38, 0.45, 0.5, 0.42, 0.41, 0.35, 0.33],
+            "telescope": [0.5, 0.6, 0.2, 0.3, 0.7, 0.8, 0.1, 0.4],
+        },
+    )
+)
 
 MOTIONS = {
     "manipulator": Motion("HdrmManipulator", MACHINE, STROKES, step=1e-3, count=1000, every=10),
     "merged plant": Motion("HdrmPlant", MERGED, TORQUES, step=1e-3, count=500, every=10),
+    "trajectory": Motion("Trajectory", CURVE, step=1e-3, count=1000, every=10),
     "plant": Motion("EmlaPlant", PLANT, PLANT_INPUTS, rests=WINDING),
     "plant driven by the command": Motion(
         "EmlaPlant", {**PLANT, "torque_source": 2}, PLANT_INPUTS, rests=WINDING

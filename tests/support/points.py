@@ -1,9 +1,10 @@
 """Points at which the blocks are smooth, drawn by hypothesis."""
 
 import math
+import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 from hypothesis import strategies as st
@@ -367,15 +368,16 @@ def reference_points(draw: Draw) -> Point:
 def trajectory_points(draw: Draw) -> Point:
     """A time within a span of a spline whose spans are of different length."""
     degree, spans = draw(st.integers(1, DEGREE)), draw(st.integers(1, 20))
-    places = [draw(st.floats(0.3, 1.0))]
-    for _ in range(spans):
-        places.append(places[-1] + draw(st.floats(0.3, 2.0)))
+    drawn = random.Random(draw(st.integers(0, 1000)))  # a hundred values that need not shrink
+    places = list(accumulate([0.5, *(drawn.uniform(0.3, 2.0) for _ in range(spans))]))
     knots = [places[0]] * degree + places + [places[-1]] * (KNOTS - degree - len(places))
     k, part = draw(st.integers(0, spans - 1)), draw(st.floats(0.1, 0.9))
     values: dict[str, Any] = {f"knot[{i}]": x for i, x in enumerate(knots, 1)}
+    reach = dict.fromkeys(values, 0.1)
     for joint in JOINTS:
-        values |= {f"coefficient.{joint}[{i + 1}]": signed(draw, 0.1, 0.5) for i in range(spans + degree)}
-    return Point({**values, "degree": degree}, places[k] + part * (places[k + 1] - places[k]))
+        values |= {f"coefficient.{joint}[{i + 1}]": drawn.uniform(0.1, 0.5) for i in range(spans + degree)}
+    time = places[k] + part * (places[k + 1] - places[k])
+    return Point({**values, "degree": degree}, time, reach=reach)
 
 
 @st.composite
