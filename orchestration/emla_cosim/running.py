@@ -162,6 +162,7 @@ class Run:
     def _fail(self, error: RunError, cause: Exception) -> None:
         """Something other than a recorder ends the run."""
         if self.error is None:
-            at = self.stepping.time
-            self.error = RunError(f"the run ended at t = {at:.6g} s: {error}", time=at, **error.fields)
+            at, warning = self.stepping.time, self.stepping.algorithm.warning()
+            said = str(error) if warning is None else f"{error} {warning}"
+            self.error = RunError(f"the run ended at t = {at:.6g} s: {said}", time=at, **error.fields)
             self.error.__cause__ = cause

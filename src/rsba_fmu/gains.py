@@ -134,3 +134,11 @@ COMPENSATED = {
     "prototype": compensated(1e-3, k_1=0.05, k_2=0.09, a_max=1.2),
 }
 """Gains with compensation by joint; the prototype's controller samples at 1 kHz."""
+
+COMPENSATED_ON_MACHINE = {
+    # the random part of tilt's disturbance comes through the machine: slower loops make less torque of it
+    "lift": compensated(1e-4, k_1=0.03, k_2=0.08, a_max=1.2),
+    # the machine's inertia is braked as well
+    "tilt": compensated(1e-4, k_1=0.015, k_2=0.05, a_max=1.2),
+}
+"""Those of joints that move the whole machine, where they differ."""

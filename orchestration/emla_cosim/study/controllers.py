@@ -24,11 +24,20 @@ from ..models import block_of
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of controller and observer by joint; `printed_estimate` starts the observer as in (103)."""
+    """Gains of controller and observer by joint; `printed_estimate` starts the observer as in (103).
+
+    `on_machine` are those of controllers of joints that move a whole machine, where they differ.
+    """
 
     observer: Mapping[str, Any]
     controller: Mapping[str, Any] = field(default_factory=dict)
     printed_estimate: bool = False
+    on_machine: Mapping[str, Any] = field(default_factory=dict)
+
+    def of_controller(self, joint: str, on_machine: bool) -> Any:
+        """Gains of the controller of a joint; of one that brings none, nothing."""
+        usual = self.controller.get(joint, {})
+        return self.on_machine.get(joint, usual) if on_machine else usual
 
 
 @dataclass(frozen=True)
@@ -63,7 +72,9 @@ CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
         {
-            "compensated": Gains(observer_gains.COMPENSATED, gains.COMPENSATED),
+            "compensated": Gains(
+                observer_gains.COMPENSATED, gains.COMPENSATED, on_machine=gains.COMPENSATED_ON_MACHINE
+            ),
             "robust": Gains(observer_gains.ROBUST, gains.ROBUST),
             "published": Gains(observer_gains.PUBLISHED, gains.PUBLISHED, printed_estimate=True),
         },

@@ -77,7 +77,7 @@ def _prototype(experiment: Experiment, measured: bool, controller: Choice, gains
         NAME,
         emla=emla,
         controller=closing.model,
-        gains=gain_set.controller.get(NAME, {}),
+        gains=gain_set.of_controller(NAME, on_machine=False),
         observer_gains=gain_set.observer[NAME],
         reference=cycle(experiment.v_peak),
         disturbance={

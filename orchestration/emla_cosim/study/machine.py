@@ -79,6 +79,7 @@ def _system(
             reference=None,
             load={},
             ahead=wanted.ahead[joint],
+            on_machine=True,
             electrical=electrical,
             elsewhere={
                 end: None if place is None else place.format(joint=joint, element=element)

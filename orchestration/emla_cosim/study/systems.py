@@ -113,10 +113,11 @@ def study_joint(
     as_printed: bool = False,
     true_feedback: bool = False,
     drive: bool = False,
+    on_machine: bool = False,
     electrical: bool = False,
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
-    """One joint of the study, which starts where the study has it, or by `ahead` m farther out.
+    """One joint of the study, or `on_machine` of the manipulator, which starts where the study has it, or by `ahead` m farther out.
 
     `load` is the load force as parameters of the disturbance, `reference` the motion as those of the
     reference; see `joint` for `electrical` and `elsewhere`. `as_printed` is the paper's plant: driven by the
@@ -138,7 +139,7 @@ def study_joint(
         name,
         emla=emla,
         controller=closing.model,
-        gains=gain_set.controller.get(name, {}),
+        gains=gain_set.of_controller(name, on_machine),
         observer_gains=gain_set.observer[name],
         reference=reference,
         disturbance={**load, "seed": study.seed, **study.d_2, **VOLTAGE_DISTURBANCES},

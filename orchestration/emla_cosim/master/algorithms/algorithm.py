@@ -74,6 +74,10 @@ class Algorithm(ABC):
     def late(self) -> list[Link]:
         """Links whose target sees its source one step late, or extrapolated."""
 
+    def warning(self) -> str | None:
+        """A sentence on why a run may have failed that is the algorithm's doing; None where it is not."""
+        return None
+
     def report(self) -> dict[str, Any]:
         """How the steps are made, as plain data for run.json."""
         return {"late_connections": [link.name for link in self.late()]}
