@@ -1,0 +1,166 @@
+"""The two blocks: against three actuators, against each other, and over ten seconds of free motion."""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from emla_fmu import EmlaPlant, TorqueSource
+from emla_fmu.parameters import LIFT, TELESCOPE, TILT
+from fmublock import Instance, StepDiscardedError
+from hdrm_fmu import HDRM, HdrmManipulator, HdrmPlant
+from hdrm_fmu.parameters import RANGES
+from tests.support.machines import MOMENTS, Moment, three
+from tests.support.sessions import Session
+
+EMLAS = (LIFT, TILT, TELESCOPE)
+TORQUES = st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3)
+
+
+def running(block: Any, **values: Any) -> Instance:
+    instance = Instance(block())
+    for name, value in values.items():
+        instance[name] = value
+    instance.enter_initialization()
+    instance.exit_initialization()
+    return instance
+
+
+def parameters(block: Any) -> dict[str, Any]:
+    return {p.attribute: p for p in block.layout().parameters}
+
+
+# ---- the same numbers as elsewhere --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("block", [HdrmManipulator, HdrmPlant])
+def test_defaults_and_ranges_are_those_of_the_parameters(block: Any) -> None:
+    found = parameters(block)
+    for field in fields(HDRM):
+        ours = found[field.name]
+        assert ours.start == getattr(HDRM, field.name), field.name
+        assert ours.range == RANGES.get(field.name, (-np.inf, np.inf)), field.name
+
+
+def test_actuators_are_those_of_the_joints() -> None:
+    found = parameters(HdrmPlant)
+    for name in (
+        "J_m",
+        "B_m",
+        "J_c",
+        "rho",
+        "J_GB",
+        "eta_GB",
+        "lead",
+        "M_BS",
+        "B_BS",
+        "C_eq",
+        "q_LB",
+        "q_UB",
+        "v_max",
+    ):
+        start = found[name].start
+        starts = start if isinstance(start, tuple) else (start,) * 3
+        assert starts == tuple(getattr(emla, name) for emla in EMLAS), name
+
+
+# ---- the merged plant is three plants and a manipulator -----------------------------------------
+
+
+@given(m=MOMENTS, tau_m=TORQUES, d_2=three(3.0), F_2=three(0.3))
+@settings(max_examples=25)
+def test_it_accelerates_as_three_plants_under_its_load_force(
+    m: Moment, tau_m: list[float], d_2: list[float], F_2: list[float]
+) -> None:
+    more = {"screw.B_BS": [50.0, 40.0, 30.0], "screw.C_eq": [2.0, 1.0, 0.5], "uncertainty.F_2": F_2}
+    merged = running(
+        HdrmPlant,
+        tau_m=tau_m,
+        d_2=d_2,
+        **{"payload.m": m.payload, "start.x_L": m.q, "start.v_L": m.v, **more},
+    )
+    for i, emla in enumerate(EMLAS):
+        plant = running(
+            EmlaPlant,
+            i_q_ref=tau_m[i] / (1.5 * emla.N_p * emla.Phi_PM),
+            F_L=merged["F_L"][i],
+            d_2=d_2[i],
+            torque_source=TorqueSource.COMMAND,
+            v_L=m.v[i],
+            **{
+                "start.x_L": m.q[i],
+                "motor.N_p": emla.N_p,
+                "motor.Phi_PM": emla.Phi_PM,
+                "motor.J_m": emla.J_m,
+                "gearbox.rho": emla.rho,
+                "screw.lead": emla.lead,
+                "screw.M_BS": emla.M_BS,
+                **{name: values[i] for name, values in more.items()},
+            },
+        )
+        assert plant["tau_m"] == pytest.approx(tau_m[i], rel=1e-14)
+        assert merged["a_L"][i] == pytest.approx(plant["a_L"], rel=1e-9, abs=1e-9)
+
+
+def test_the_manipulator_finds_the_same_force_and_tip() -> None:
+    merged = running(HdrmPlant, tau_m=[50.0, -20.0, 5.0], **{"start.v_L": [0.1, -0.05, 0.2]})
+    motion = {name: merged[name] for name in ("x_L", "v_L", "a_L")}
+    alone = running(HdrmManipulator, **motion)
+    for name in ("F_L", "tip.x", "tip.y"):
+        assert alone[name] == merged[name]
+
+
+# ---- energy -------------------------------------------------------------------------------------
+
+HANGING = {
+    "lift.delta": -np.pi,  # so that the booms hang down within the strokes
+    "tilt.delta": -1.9,
+    **{f"motor.J_m[{i}]": 0.0 for i in (1, 2, 3)},
+    **{f"motor.B_m[{i}]": 0.0 for i in (1, 2, 3)},
+    "start.x_L[1]": 0.15,
+    "start.x_L[2]": 0.45,
+    "start.x_L[3]": 0.2,
+    "start.v_L[1]": 0.1,
+    "start.v_L[2]": -0.1,
+    "screw.C_eq[3]": 12.0,  # a spring that bears the payload
+    "screw.q_UB[3]": 3.0,
+    **{f"screw.v_max[{i}]": 10.0 for i in (1, 2, 3)},
+    "solver.internal_step": 1e-4,
+}
+
+
+def test_energy_is_conserved_over_ten_seconds_of_free_motion(sessions: dict[str, Session]) -> None:
+    """Booms that swing, and a payload on a spring, of which the block's energy knows nothing."""
+    session = sessions["HdrmPlant"]
+    session.log.all.clear()
+    plant = session.instance("free", **HANGING)
+    names = [f"x_L[{i}]" for i in (1, 2, 3)]
+    rows = []
+    for k in range(1001):
+        rows.append(session.get(plant, "energy", *names))
+        plant.doStep(k * 0.01, 0.01)
+    assert session.log.lines("free") == []  # no limit was left
+    energy, *x = np.array(rows).T
+    stiffness = 12.0 * 2.0 * np.pi / 0.01 * 0.9
+    total = energy + 0.5 * stiffness * x[2] ** 2
+    assert np.ptp(total) <= 1e-9 * np.ptp(energy)
+    # and it is no rest that is conserved
+    assert np.all(np.ptp(x, axis=1) > 0.1)
+    assert np.ptp(energy) > 1e3
+
+
+# ---- what leaves the machine --------------------------------------------------------------------
+
+
+def test_a_step_beyond_the_triangle_is_discarded() -> None:
+    plant = running(HdrmPlant, tau_m=[2000.0, 8.0, -6.0])
+    time = 0.0
+    with pytest.raises(StepDiscardedError, match=r"x_L\[\d\] became nan"):
+        for k in range(200):
+            time = k * 0.01
+            plant.do_step(time, 0.01)
+    assert plant["x_L"][0] + 0.85 < 1.15 + 0.42
+    assert plant.left_limits()[0].startswith("HdrmPlant: x_L[1] = ")

@@ -1,0 +1,92 @@
+"""A machine that cannot be is refused with a sentence that names its parameters."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from fmublock import BlockError, Instance
+from hdrm_fmu import HDRM, HdrmManipulator, HdrmPlant
+from tests.support.sessions import Session, refused
+
+FAR = "the lift triangle cannot close: lift.L_0 + screw.q_UB[1] must be below lift.a + lift.b"
+NEAR = "the tilt triangle cannot close: tilt.L_0 + screw.q_LB[2] must be above |tilt.a - tilt.b|"
+NONSENSE: dict[str, tuple[dict[str, Any], str]] = {
+    "far": ({"screw.q_UB[1]": 0.9}, FAR),
+    "flat": ({"lift.L_0": 1.05}, FAR),  # 1.05 + 0.522 against 1.15 + 0.42
+    "near": ({"tilt.L_0": 0.79}, NEAR),
+    "wide": ({"tilt.b": 0.2}, NEAR),
+    "no stroke": ({"screw.q_LB[3]": 1.5}, "there is no stroke: screw.q_UB[3] must be above screw.q_LB[3]"),
+    "mass": ({"inner_boom.m": -1.0}, "inner_boom.m = -1 is outside its range, 0 to inf"),
+    "actuator": ({"screw.M_BS[2]": -80.0}, "screw.M_BS[2] = -80 is outside its range, 0 to inf"),
+    "side": ({"lift.b": 0.0}, "lift.b = 0 is outside its range, 0.001 to inf"),
+    "payload": ({"payload.m": -470.0}, "payload.m must not be negative"),
+}
+STARTS = {
+    HdrmManipulator: (
+        "x_L[2]",
+        "the tilt triangle cannot close: tilt.L_0 + x_L[2] must be below tilt.a + tilt.b",
+    ),
+    HdrmPlant: (
+        "start.x_L[1]",
+        "the lift triangle cannot close: lift.L_0 + start.x_L[1] must be below lift.a + lift.b",
+    ),
+}
+
+
+def refusal(block: Any, values: dict[str, Any]) -> str:
+    instance = Instance(block(), "machine")
+    for name, value in values.items():
+        instance[name] = value
+    instance.enter_initialization()
+    with pytest.raises(BlockError) as refused_by:
+        instance.exit_initialization()
+    return str(refused_by.value)
+
+
+@pytest.mark.parametrize("block", [HdrmManipulator, HdrmPlant])
+@pytest.mark.parametrize("name", NONSENSE)
+def test_blocks_refuse_it(block: Any, name: str) -> None:
+    values, sentence = NONSENSE[name]
+    assert refusal(block, values) == f"machine: {sentence}."
+
+
+@pytest.mark.parametrize("block", STARTS)
+def test_blocks_refuse_to_start_where_a_triangle_is_open(block: Any) -> None:
+    name, sentence = STARTS[block]
+    assert refusal(block, {name: 0.8}) == f"machine: {sentence}."
+
+
+def test_native_fmus_say_the_same(sessions: dict[str, Session]) -> None:
+    session = sessions["HdrmPlant"]
+    for name in ("far", "near", "mass", "payload"):
+        values, sentence = NONSENSE[name]
+        slave = session.instance(name, running=False, **values)
+        with refused():
+            slave.exitInitializationMode()
+        assert session.log.lines(name) == [f"{name}: {sentence}."]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            {"q_UB": (0.9, 0.6, 1.0)},
+            "the lift triangle cannot close: lift_L_0 + q_UB[0] must be below lift_a + lift_b.",
+        ),
+        (
+            {"tilt_b": 0.2},
+            "the tilt triangle cannot close: tilt_L_0 + q_LB[1] must be above |tilt_a - tilt_b|.",
+        ),
+        ({"q_LB": (0.0, 0.7, 0.0)}, "there is no stroke: q_UB[1] must be above q_LB[1]."),
+        ({"outer_m": -1.0}, "outer_m = -1 is outside its range, 0 to inf."),
+        ({"motor_m": (45.0, -30.0, 12.0)}, "motor_m[1] = -30 is outside its range, 0 to inf."),
+        ({"tube_share": 1.5}, "tube_share = 1.5 is outside its range, 0 to 1."),
+        ({"reach": 0.0}, "reach = 0 is outside its range, 0.001 to inf."),
+        ({"gravity": float("nan")}, "gravity = nan is outside its range, -inf to inf."),
+    ],
+)
+def test_parameters_refuse_it(changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ValueError) as refused_by:
+        replace(HDRM, **changes)
+    assert str(refused_by.value) == sentence
