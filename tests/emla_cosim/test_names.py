@@ -17,6 +17,7 @@ from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.results.plotting import plotted
 from emla_cosim.scenarios.scenario import Scenario
 from tests.support.commands import Emla, sentence
+from tests.support.few_figures import DRAWN, draw_few
 
 NAMES = (
     'a","b',
@@ -83,13 +84,14 @@ def test_tables_and_records(name: str, fmu_folder: Path, tmp_path: Path) -> None
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.filterwarnings("error")
 def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    draw_few(monkeypatch)
     drawn: list[Any] = []
     save = emla_cosim.results.plotting.save
     monkeypatch.setattr(emla_cosim.results.plotting, "save", lambda *a: (drawn.append(a[0]), save(*a)))
     run = scenario(name, fmu_folder).prepare().run()
     run.save(tmp_path, plots=True)
     assert (tmp_path / "tracking.png").read_bytes().endswith(b"IEND\xaeB`\x82")
-    assert {figure.axes[0].get_title() for figure in drawn} == {name}
+    assert [figure.axes[0].get_title() for figure in drawn] == [name] * DRAWN
     assert not any(figure.axes[0].title.get_parse_math() for figure in drawn)
     signals = [f"{name}.plant.x_L", f"{name}.reference.x_d"]
     figure: Any = plotted(replace(run, name=name), signals)
