@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 MODELS = (
     *("EmlaPlant", "EmlaMotor", "EmlaObserver", "Reference", "Disturbance", "SignalFault"),
     *("RsbaController", "FocController", "CacController", "AnatcController"),
+    *("HdrmManipulator", "HdrmPlant"),
 )
 OUTSIDE = {
     "CHANGELOG.md": "changelog.md",
