@@ -1,7 +1,7 @@
 """A B-spline of the three strokes, and how it becomes the parameters of the block Trajectory."""
 
 import json
-import math
+import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,11 +42,11 @@ class Spline:
 
     def __post_init__(self) -> None:
         if not 1 <= self.degree <= DEGREE:
-            raise TrajectoryError(f"the degree {self.degree} must be one of 1 to {DEGREE}.")
+            raise TrajectoryError(f"the degree {reprlib.repr(self.degree)} must be one of 1 to {DEGREE}.")
         _check_numbers("the knots", self.knots)
         self._check_knots()
         if set(self.coefficients) != set(JOINTS):
-            names = ", ".join(map(repr, self.coefficients)) or "nothing"
+            names = reprlib.repr(list(self.coefficients))
             raise TrajectoryError(f"the coefficients are of {names}; they must be of {', '.join(JOINTS)}.")
         for joint, values in self.coefficients.items():
             _check_numbers(f"the coefficients of {joint}", values)
@@ -106,12 +106,13 @@ class Spline:
 def _check_numbers(what: str, values: Any) -> None:
     """Raise TrajectoryError unless these are finite numbers that squares of cannot overflow."""
     if isinstance(values, (str, bytes, Mapping)) or not hasattr(values, "__len__"):
-        raise TrajectoryError(f"{what} are {values!r}; they must be a list of numbers.")
+        raise TrajectoryError(f"{what} are {reprlib.repr(values)}; they must be a list of numbers.")
     for i, x in enumerate(values, 1):
         is_number = isinstance(x, (int, float)) and not isinstance(x, bool)
-        if not is_number or not math.isfinite(x) or abs(x) > _LARGEST:
+        if not is_number or not abs(x) <= _LARGEST:  # also NaN
+            shown = reprlib.repr(x)
             raise TrajectoryError(
-                f"number {i} of {what} is {x!r}; it must be a finite number of at most {_LARGEST:g}."
+                f"number {i} of {what} is {shown}; it must be a finite number of at most {_LARGEST:g}."
             )
 
 
@@ -151,7 +152,7 @@ def spline_of(document: object) -> Spline:
             raise TrajectoryError(f"it lacks '{name}'; a trajectory has degree, knots and coefficients.")
     degree, knots, coefficients = (document[name] for name in ("degree", "knots", "coefficients"))
     if not isinstance(degree, int) or isinstance(degree, bool):
-        raise TrajectoryError(f"the degree {degree!r} must be a whole number of 1 to {DEGREE}.")
+        raise TrajectoryError(f"the degree {reprlib.repr(degree)} must be a whole number of 1 to {DEGREE}.")
     if not isinstance(coefficients, Mapping):
         raise TrajectoryError(f"the coefficients must be lists by joint: {', '.join(JOINTS)}.")
     return Spline(degree, knots, coefficients)

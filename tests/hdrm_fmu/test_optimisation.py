@@ -1,0 +1,226 @@
+"""The motion of least cost: what it keeps to, what it costs, and who is to blame where there is none."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import simpson
+
+from hdrm_fmu.dynamics import energy, inverse_dynamics
+from hdrm_fmu.optimisation.assessment import Assessment, assessed
+from hdrm_fmu.optimisation.grid import Basis, lobatto
+from hdrm_fmu.optimisation.narrowing import narrowed
+from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
+from hdrm_fmu.optimisation.solving import NoMotionError, Solution, detour, solved
+from hdrm_fmu.optimisation.transcription import Discretisation
+from hdrm_fmu.spline import Spline, TrajectoryError, default_spline
+
+PRINTED = MotionProblem()
+CLIPPED = PRINTED.read_as(EndSpeed.CLIP)
+USUAL = Discretisation()
+COARSE = Discretisation(knots=12, points=6)
+
+
+@pytest.fixture(scope="module")
+def found() -> Solution:
+    return solved(CLIPPED, USUAL)
+
+
+@pytest.fixture(scope="module")
+def spline(found: Solution) -> Spline:
+    return found.spline(USUAL)
+
+
+@pytest.fixture(scope="module")
+def figures(spline: Spline) -> Assessment:
+    return assessed(spline, CLIPPED, USUAL.tie_break)
+
+
+def in_floats(spline: Spline, problem: MotionProblem, count: int = 4001) -> tuple[np.ndarray, ...]:
+    """Times, speeds and forces of a motion, by the function of one point at a time."""
+    times = np.linspace(spline.start, spline.end, count)
+    q, v, a = (spline.evaluated(times, order) for order in range(3))
+    rows = zip(q.tolist(), v.tolist(), a.tolist(), strict=True)
+    force = np.array([inverse_dynamics(problem.machine, *row, problem.payload) for row in rows])
+    return times, q, v, force
+
+
+# ---- the default -------------------------------------------------------------------------------
+
+
+def test_all_bounds_hold_on_a_dense_grid(spline: Spline, figures: Assessment) -> None:
+    _, q, v, force = in_floats(spline, CLIPPED)
+    machine = CLIPPED.machine
+    for values, low, high in (
+        (q, machine.q_LB, machine.q_UB),
+        (v, CLIPPED.v_LB, CLIPPED.v_UB),
+        (force, CLIPPED.f_LB, CLIPPED.f_UB),
+    ):
+        width = np.array(high) - np.array(low)
+        assert np.all(values >= np.array(low) - 1e-6 * width)
+        assert np.all(values <= np.array(high) + 1e-6 * width)
+    assert figures.within_bounds
+    for i, peak in enumerate(figures.peaks):
+        assert abs(peak.force) == pytest.approx(np.abs(force[:, i]).max(), rel=1e-3)
+        assert abs(peak.speed) == pytest.approx(np.abs(v[:, i]).max(), rel=1e-3)
+
+
+def test_the_one_in_the_package_is_found_again(spline: Spline, figures: Assessment) -> None:
+    """Where another machine rounds otherwise, IPOPT ends elsewhere within its tolerance."""
+    kept = default_spline()
+    times = np.linspace(0.0, 37.7, 1001)
+    assert kept.end == spline.end
+    assert spline.evaluated(times) == pytest.approx(kept.evaluated(times), abs=1e-4)
+    cost = assessed(kept, CLIPPED, USUAL.tie_break).cost
+    assert figures.cost == pytest.approx(cost, rel=1e-4)
+
+
+def test_its_figures_are_those_of_the_motion(spline: Spline, figures: Assessment) -> None:
+    times, _, v, force = in_floats(spline, CLIPPED, 20001)
+    power = v * force
+    gained = np.diff(
+        [energy(CLIPPED.machine, q, v, CLIPPED.payload) for q, v in zip(*ends(CLIPPED), strict=True)]
+    )[0]
+    assert figures.cost == pytest.approx(0.5 * simpson(power.sum(axis=1) ** 2, x=times), rel=1e-6)
+    assert figures.gross_work == pytest.approx(simpson(np.abs(power).sum(axis=1), x=times), rel=1e-5)
+    assert figures.net_work == pytest.approx(gained, rel=1e-6)
+    assert figures.least_cost == pytest.approx(gained**2 / (2.0 * 37.7), rel=1e-9)
+    assert figures.least_cost <= figures.cost
+    assert figures.tie_break == pytest.approx(0.5e-3 * simpson((power**2).sum(axis=1), x=times), rel=1e-6)
+
+
+def ends(problem: MotionProblem) -> tuple[Any, Any]:
+    return (problem.q_S, problem.q_E), (problem.v_S, problem.v_E)
+
+
+def test_no_start_leads_to_a_motion_that_is_clearly_better(found: Solution) -> None:
+    others = [solved(CLIPPED, USUAL, detour(CLIPPED, USUAL, seed)).cost for seed in range(1, 6)]
+    assert found.cost <= 1.01 * min(others)
+
+
+def test_it_takes_as_long_as_it_may(spline: Spline) -> None:
+    """Longer is cheaper: the same energy with less power."""
+    assert spline.end == CLIPPED.t_M
+    shorter = solved(replace(CLIPPED, t_M=20.0), COARSE)
+    assert shorter.duration == 20.0
+    assert shorter.cost > solved(CLIPPED, COARSE).cost
+
+
+def test_without_tie_break_joints_work_against_each_other() -> None:
+    """What the cost as printed does not mind, as long as the sum of the powers is the same."""
+    printed, usual = (
+        assessed(solved(CLIPPED, how).spline(how), CLIPPED, 0.0)
+        for how in (replace(COARSE, tie_break=0.0), COARSE)
+    )
+    assert printed.cost <= usual.cost
+    assert printed.gross_work > 1.05 * usual.gross_work
+
+
+# ---- the problem as printed, and how it is read ------------------------------------------------
+
+
+def test_the_table_contradicts_itself_in_one_place() -> None:
+    (sentence,) = PRINTED.contradictions()
+    assert sentence.startswith(
+        "v_E[3] = -0.5477 m/s of the telescope is beyond its own bounds, -0.21 to 0.21"
+    )
+    assert "2.6 times" in sentence
+    assert CLIPPED.contradictions() == []
+
+
+@pytest.mark.parametrize(
+    ("reading", "v_E"),
+    [
+        (EndSpeed.CLIP, (0.0607, -0.0808, -0.210)),
+        (EndSpeed.EXEMPT, (0.0607, -0.0808, -0.5477)),
+        (EndSpeed.DECIMAL, (0.0607, -0.0808, -0.05477)),
+        (EndSpeed.REST, (0.0, 0.0, 0.0)),
+    ],
+)
+def test_every_reading_ends_as_it_says(reading: EndSpeed, v_E: tuple[float, ...]) -> None:
+    problem = PRINTED.read_as(reading)
+    assert problem.v_E == pytest.approx(v_E)
+    motion, figures = narrowed(solved(problem, COARSE), problem, COARSE, lambda: None)
+    spline = motion.spline(COARSE)
+    assert spline.evaluated([spline.end], 1)[0] == pytest.approx(v_E, abs=1e-6)
+    assert figures.within_bounds
+    before_last = np.linspace(0.0, spline.knots[-7], 2001)
+    assert np.all(np.abs(spline.evaluated(before_last, 1)) <= np.array(problem.v_UB) * (1.0 + 1e-6))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"q_E": (0.27, 0.442, 1.2)}, "q_E[3] = 1.2 m of the telescope is beyond its own bounds, 0 to 1 m"),
+        ({"v_S": (0.2, 0.0, 0.0)}, "v_S[1] = 0.2 m/s of the lift is beyond its own bounds"),
+        (
+            {"t_M": 0.6},
+            "the telescope's 0.151 m take 0.719 s at its bound of 0.21 m/s, more than t_M",
+        ),
+        ({"v_UB": (-0.01, 0.1, 0.21)}, "the lift's 0.026 m take inf s"),
+        ({"v_LB": (0.2, -0.1, -0.21)}, "v_LB[1] = 0.2 is above v_UB[1] = 0.136"),
+        ({"payload": 900.0}, "holding q_S takes 91.03 kN of the lift, beyond its bounds, -89.8 to 89.8 kN"),
+    ],
+)
+def test_other_contradictions_are_found(changes: dict[str, Any], words: str) -> None:
+    assert any(words in sentence for sentence in replace(CLIPPED, **changes).contradictions())
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"q_S": (0.1, 0.2)}, r"q_S is \(0.1, 0.2\); it must be three finite numbers"),
+        ({"v_E": (0.1, 0.2, float("nan"))}, "v_E is .*; it must be three finite numbers"),
+        ({"f_UB": 7.0}, "f_UB is 7.0; it must be three finite numbers"),
+        ({"t_M": 0.0}, "t_M is 0; it must be more than 0 s"),
+        ({"payload": -1.0}, "payload is -1; it must be 0 kg or more"),
+        ({"t_M": "1"}, "t_M is '1'; it must be a finite number"),
+    ],
+)
+def test_what_is_no_problem_is_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(TrajectoryError, match=words):
+        replace(CLIPPED, **changes)
+
+
+# ---- bounds that cannot be kept ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "guilty"),
+    [
+        ({"f_UB": (58.5e3, 68.6e3, 6.1e3), "t_M": 0.75}, "the force bounds of the lift by"),
+        ({"t_M": 0.72}, "the speed bounds of the telescope by"),
+    ],
+)
+def test_where_there_is_no_motion_the_bound_to_blame_is_named(changes: dict[str, Any], guilty: str) -> None:
+    problem = replace(CLIPPED, **changes)
+    with pytest.raises(NoMotionError, match=f"no motion keeps all bounds; .*{guilty}"):
+        solved(problem, COARSE)
+
+
+def test_forces_keep_their_bounds_between_points_too() -> None:
+    hard = replace(PRINTED.read_as(EndSpeed.REST), t_M=1.0)
+    loose = solved(hard, COARSE)
+    assert not assessed(loose.spline(COARSE), hard, COARSE.tie_break).within_bounds
+    kept, figures = narrowed(loose, hard, COARSE, lambda: None)
+    assert figures.within_bounds
+    assert kept.cost == pytest.approx(loose.cost, rel=0.05)
+
+
+# ---- the grid ----------------------------------------------------------------------------------
+
+
+def test_weights_integrate_polynomials_exactly() -> None:
+    places = np.array([0.0, 0.1, 0.4, 1.0])
+    points, weights = lobatto(places, 6)
+    assert len(points) == 3 * 5 + 1
+    for power in range(10):
+        assert weights @ points**power == pytest.approx(1.0 / (power + 1.0), rel=1e-13)
+
+
+def test_coefficients_at_their_means_make_the_time_itself() -> None:
+    basis = Basis.cosine(5, 20)
+    places = np.linspace(0.0, 1.0, 50)
+    assert basis.at(places) @ basis.means == pytest.approx(places, abs=1e-14)
+    assert np.diff(basis.means) / basis.speed_spans == pytest.approx(np.ones(basis.size - 1))

@@ -1,0 +1,167 @@
+"""B-splines: the block against SciPy, and what is no spline."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import BSpline
+
+from fmublock.instance import BlockError, Instance
+from hdrm_fmu import Trajectory
+from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, spline_of, trajectory_parameters
+from hdrm_fmu.spline_window import COEFFICIENTS, KNOTS
+from hdrm_fmu.trajectory import JOINTS
+
+OUTPUTS = [f"{name}[{i}]" for name in ("x_d", "v_d", "a_d") for i in (1, 2, 3)]
+
+
+def instance(values: dict[str, Any], start: float = 0.0) -> Instance:
+    found = Instance(Trajectory())
+    found.setup_experiment(start)
+    found.enter_initialization()
+    found.set([found.layout.reference(name) for name in values], list(values.values()))
+    found.exit_initialization()
+    return found
+
+
+def shown(spline: Spline, time: float) -> np.ndarray:
+    """Positions, speeds and accelerations of the block at a time: three rows."""
+    block = instance(trajectory_parameters(spline), time)
+    return np.array(block.get([block.layout.reference(n) for n in OUTPUTS])).reshape(3, 3)
+
+
+def a_spline(degree: int, inner: list[float], seed: int = 1) -> Spline:
+    knots = [0.5] * (degree + 1) + inner + [9.5] * (degree + 1)
+    draw = np.random.default_rng(seed)
+    size = len(knots) - degree - 1
+    return Spline(degree, knots, {joint: draw.uniform(0.1, 0.9, size).tolist() for joint in JOINTS})
+
+
+@given(
+    st.integers(1, 5),
+    st.lists(st.floats(0.6, 9.4), max_size=30),
+    st.integers(0, 30),
+    st.booleans(),
+    st.floats(0.5, 9.5),
+)
+@settings(max_examples=200)
+def test_the_block_is_scipys_spline(
+    degree: int, places: list[float], which: int, twice: bool, time: float
+) -> None:
+    """Between knots of any degree and number, some twice, and at them."""
+    inner = sorted([*places, *(places[:1] if twice else [])])
+    spline = a_spline(degree, inner)
+    if which < len(inner):
+        time = inner[which]
+    table = np.column_stack([spline.coefficients[joint] for joint in JOINTS])
+    curve = BSpline(np.array(spline.knots), table, degree)
+    found = shown(spline, time)
+    for order in range(3):
+        expected = curve(time, nu=order) if order <= degree else np.zeros(3)
+        spans = np.diff(np.unique(spline.knots)).min()
+        assert found[order] == pytest.approx(expected, rel=1e-9, abs=1e-9 / min(spans, 1.0) ** order)
+
+
+def test_beyond_its_ends_it_holds_still() -> None:
+    spline = a_spline(5, [3.0, 4.0])
+    for time, end in ((0.0, 0), (0.5 - 1e-6, 0), (9.5 + 1e-6, -1), (1e6, -1)):
+        found = shown(spline, time)
+        assert found[0].tolist() == [spline.coefficients[joint][end] for joint in JOINTS]
+        assert not found[1:].any()
+    for time in (0.5, 9.5, 9.5 + 5e-10):  # what a tool that sums up its time calls the end
+        assert shown(spline, time)[1].all()
+
+
+def test_its_derivatives_are_those_of_its_positions() -> None:
+    spline, h = default_spline(), 1e-4
+    for time in (0.1, 12.0, 36.4, 37.5):
+        before, now, after = (shown(spline, t) for t in (time - h, time, time + h))
+        assert now[1] == pytest.approx((after[0] - before[0]) / (2.0 * h), rel=1e-4, abs=1e-7)
+        assert now[2] == pytest.approx((after[1] - before[1]) / (2.0 * h), rel=1e-4, abs=1e-6)
+
+
+# ---- what is no spline -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"knot[9]": 40.0}, r"knot\[10\] must not come before knot\[9\]"),
+        ({"knot[54]": -1.0}, r"knot\[54\] must come after knot\[1\]"),
+        ({"knot[4]": 3.0}, r"knot\[4\] must be knot\[1\] with a degree of 3 or more"),
+        ({"degree": 6}, "degree = 6 is outside its range, 1 to 5"),
+    ],
+)
+def test_the_block_refuses_nonsense(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(BlockError, match=words):
+        instance(values)
+
+
+def test_the_block_takes_as_much_as_it_has_room_for() -> None:
+    inner = np.linspace(0.6, 9.4, COEFFICIENTS - 6)
+    spline = a_spline(5, inner.tolist())
+    assert len(trajectory_parameters(spline)) == 1 + KNOTS + 3 * COEFFICIENTS
+    assert shown(spline, 9.3)[0] == pytest.approx(spline.evaluated([9.3])[0], rel=1e-12)
+    with pytest.raises(TrajectoryError, match=r"49 coefficients per joint; .* has room for 48"):
+        trajectory_parameters(a_spline(5, [*inner, 9.45]))
+
+
+def changed(**entries: Any) -> dict[str, Any]:
+    return {
+        "degree": 3,
+        "knots": [0, 0, 0, 0, 1, 2, 2, 2, 2],
+        "coefficients": {joint: [0.1, 0.2, 0.3, 0.4, 0.5] for joint in JOINTS},
+        **entries,
+    }
+
+
+def coefficients(**entries: Any) -> dict[str, Any]:
+    return changed(coefficients={**changed()["coefficients"], **entries})
+
+
+BAD: list[tuple[object, str]] = [
+    ([], "must be a JSON object with degree, knots and coefficients"),
+    ({"degree": 3}, "it lacks 'knots'"),
+    (changed(degree=7), "the degree 7 must be one of 1 to 5"),
+    (changed(degree=True), "the degree True must be a whole number"),
+    (changed(degree=3.0), "the degree 3.0 must be a whole number"),
+    (changed(knots=7), "the knots are 7; they must be a list of numbers"),
+    (changed(knots="0123456789"), "they must be a list of numbers"),
+    (changed(knots=[0, 0, 0, 0, 1, 1, 1]), "there are 7 knots; degree 3 takes 8 at least"),
+    (changed(knots=[0, 0, 0, 0, 3, 2, 2, 2, 2]), r"knot 6, 2 s, comes before"),
+    (changed(knots=[0, 0, 0, 0, 0, 0, 0, 0, 0]), "all knots are at 0 s; the last one must come later"),
+    (changed(knots=[0, 0, 0, 1, 1, 2, 2, 2, 2]), "the first 4 knots are not the same"),
+    (changed(knots=[0, 0, 0, 0, 1, 1, 2, 2, 2]), "the last 4 knots are not the same"),
+    (changed(knots=[0, 0, 0, 0, 1, 2, 2, 2, float("inf")]), "number 9 of the knots is inf"),
+    (changed(coefficients=[1.0]), "the coefficients must be lists by joint: lift, tilt, telescope"),
+    (changed(coefficients={"lift": [1.0]}), "the coefficients are of .'lift'.; they must be of lift, tilt"),
+    (coefficients(tilt=[0.1] * 4), "there are 4 coefficients of tilt; 9 knots and degree 3 take 5"),
+    (coefficients(tilt=[0.1] * 4 + [float("nan")]), "number 5 of the coefficients of tilt is nan"),
+    (coefficients(lift=[0.1] * 4 + [10**400]), "number 5 of the coefficients of lift is 1000"),
+    (coefficients(lift=[0.1] * 4 + ["0.1"]), "number 5 of the coefficients of lift is '0.1'"),
+    (coefficients(lift=[0.1] * 4 + [None]), "is None; it must be a finite number"),
+]
+
+
+@pytest.mark.parametrize(("document", "words"), BAD)
+def test_what_is_no_trajectory_is_refused_in_a_sentence(document: object, words: str) -> None:
+    with pytest.raises(TrajectoryError, match=words) as caught:
+        spline_of(document)
+    assert str(caught.value).endswith(".")
+    assert len(str(caught.value)) < 250
+
+
+def test_other_entries_of_a_file_do_not_matter() -> None:
+    assert spline_of(changed(author="somebody")) == spline_of(changed())
+
+
+def test_the_default_keeps_to_the_papers_ends() -> None:
+    """Table II, the telescope's end speed clipped to its bound."""
+    spline = default_spline()
+    assert (spline.start, spline.end) == (0.0, 37.7)
+    ends = [[0.244, 0.389, 0.499], [0.270, 0.442, 0.348]]
+    speeds = [[0.0016, 0.0, -0.0024], [0.0607, -0.0808, -0.210]]
+    assert spline.evaluated([0.0, 37.7]) == pytest.approx(np.array(ends), abs=1e-9)
+    assert spline.evaluated([0.0, 37.7], 1) == pytest.approx(np.array(speeds), abs=1e-7)
