@@ -1,5 +1,6 @@
 """run.json: everything needed to repeat a run; and what a checkpoint of it belongs to."""
 
+import hashlib
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
@@ -96,7 +97,17 @@ def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
         "step_size_s": times.step,
         "output_interval_s": interval,
         "replace": {name: plain(r) for name, r in options.replacements().items()},
+        "trajectory": None if options.trajectory is None else _content(options.trajectory),
     }
+
+
+def _content(path: Path) -> dict[str, str | None]:
+    """A file with the hash of its content; None in its place where it cannot be read any more."""
+    try:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        digest = None
+    return {"file": str(path), "sha256": digest}
 
 
 def _file(path: Path, unpacked: Path | None) -> str:

@@ -84,7 +84,7 @@ VOLTAGE_DISTURBANCES = {
 }
 """(83) as parameters of the disturbance; sin(5 t) is cos(5 t - pi/2)."""
 
-MECHANICAL = ("x_L_start", "F_2")
+MECHANICAL = ("x_L_start", "F_2", "stop_stiffness", "stop_damping")
 """What of the values below and beside them belongs to the mechanical half of the plant."""
 
 UNCERTAINTIES = {"F_2": 0.01, "F_3": 0.002, "F_4": 0.001}
@@ -131,6 +131,9 @@ def study_joint(
         plant |= {**asdict(DRIVES[name]), "seed_i": current_seed(study.seed)}
     else:
         plant["resolution"] = emla.rho * emla.lead / ENCODER_STEPS
+    if on_machine:  # a joint that loses its power falls until it is stopped
+        stops = DRIVES[name]
+        plant |= {"stop_stiffness": stops.stop_stiffness, "stop_damping": stops.stop_damping}
     if electrical:
         plant = {name: value for name, value in plant.items() if name not in MECHANICAL}
     closing, gain_set = chosen(controller, gains if gains is None else str(gains))
