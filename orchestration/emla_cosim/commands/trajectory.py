@@ -68,6 +68,7 @@ def command(
     """Find the motion of the manipulator that takes least actuator power."""
     given = with_values(problem_of(problem), pairs("--set", set or []))
     place = output or _usual_place()
+    pictures = picture_places(place, plots, problem)
     with BarProgress() as progress:
         result = trajectory(
             given,
@@ -85,8 +86,8 @@ def command(
         say(remark)
     show(costs(result))
     show(peaks(result))
-    pictures = [path.name for path in picture_places(place, plots)]
-    for line in (*lines(result), f"Wrote {', '.join((str(place), *pictures))}"):
+    files = ", ".join((str(place), *(path.name for path in pictures)))
+    for line in (*lines(result), f"Wrote {files}"):
         say(line)
 
 

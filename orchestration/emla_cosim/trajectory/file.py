@@ -18,9 +18,9 @@ _WHAT = "the trajectory"
 _TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
 
 
-def read_trajectory(path: Path) -> Spline:
+def read_trajectory(path: str | Path) -> Spline:
     """The spline of a trajectory file; CommandError for one that has none."""
-    text = read_text(path, _WHAT)
+    text = read_text(Path(path), _WHAT)
     try:
         return spline_of(json.loads(text))
     except TrajectoryError as error:

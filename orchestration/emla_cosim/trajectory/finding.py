@@ -61,7 +61,8 @@ def trajectory(
     given = problem_of(problem)
     how = Discretisation(*_sizes(degree, knots, points), _weight(tie_break))
     place = None if output is None else converted(output, Path, "the output file")
-    picture_places(place, plots)
+    if place is not None:
+        picture_places(place, plots, problem)
     read = _without_contradiction(given, reading)
     best, figures = _best(read, how, _size("starts", starts), told)
     spline, contradictions = best.spline(how), given.contradictions()

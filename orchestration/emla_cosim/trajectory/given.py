@@ -128,5 +128,5 @@ def _check_names(table: Mapping[str, Any], kind: type, where: str) -> None:
 
 
 def _near(name: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
+    near = [n for n in known if n.lower() == name.lower()] or difflib.get_close_matches(name, known, n=1)
     return f"; did you mean '{near[0]}'?" if near else f"; it has {', '.join(known)}."

@@ -42,20 +42,22 @@ def drawn(result: TrajectoryResult) -> "dict[str, Figure]":
     return {name: _picture(times, two) for name, two in zip(PICTURES, rows, strict=True)}
 
 
-def picture_places(path: Path | None, wanted: bool) -> list[Path]:
-    """Where the pictures of a trajectory file go, beside it; CommandError where nothing can be written."""
-    if path is None:
-        return []
+def picture_places(path: Path, wanted: bool = True, problem: object = None) -> list[Path]:
+    """Where the pictures of a trajectory file go, beside it.
+
+    Raises CommandError where these files cannot be written, or one of them is that of the problem.
+    """
     if path.suffix == ".png":
         raise CommandError(f"the trajectory '{path}' must not end in .png, as its pictures do.")
     places = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES] if wanted else []
-    check_places({path: "the trajectory"} | dict.fromkeys(places, "the picture"), {})
+    used = {Path(problem): "the problem"} if isinstance(problem, (str, Path)) else {}
+    check_places({path: "the trajectory"} | dict.fromkeys(places, "the picture"), used)
     return places
 
 
 def save_pictures(result: TrajectoryResult, path: Path) -> list[Path]:
     """Draw the pictures beside a trajectory file; CommandError where they cannot be written."""
-    places = picture_places(path, True)
+    places = picture_places(path)
     for place, figure in zip(places, drawn(result).values(), strict=True):
         try:
             with written_whole(place) as stream:

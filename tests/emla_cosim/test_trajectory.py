@@ -1,0 +1,247 @@
+"""`emla trajectory` and `ec.trajectory`: the motion as a file, its pictures, and what is refused."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+import emla_cosim as ec
+from emla_cosim.progress import Progress
+from emla_cosim.trajectory import finding
+from emla_cosim.trajectory.file import DEFAULT_FILE
+from hdrm_fmu.optimisation.problem import MotionProblem
+from hdrm_fmu.spline import default_spline
+from tests.support.commands import Emla, sentence, widen_terminal
+
+COARSE = ("--knots", "10", "--points", "5")
+FAST: dict[str, Any] = {"knots": 10, "points": 5}
+
+
+@pytest.fixture(scope="module")
+def coarse() -> ec.TrajectoryResult:
+    return ec.trajectory(**FAST)
+
+
+# ---- what comes out ----------------------------------------------------------------------------
+
+
+def test_the_command_says_what_it_found_and_writes_it(
+    emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    widen_terminal(monkeypatch, 200)
+    shown = emla("trajectory", *COARSE, "--output", "motion.json")
+    assert shown.exit_code == 0, shown.output
+    for words in (
+        "The problem contradicts itself: v_E[3] = -0.5477 m/s",
+        "read as the bound, which is our substitution (--end-speed clip)",
+        "cost J as printed",
+        "lower bound",
+        "gross work",
+        "of 89.8",
+        "iterations in",
+        "All bounds hold on the dense grid.",
+        "Wrote motion.json, motion-forces-and-speeds.png, motion-positions-and-accelerations.png",
+    ):
+        assert words in shown.stdout, words
+    names = ("motion.json", "motion-forces-and-speeds.png", "motion-positions-and-accelerations.png")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    for name in names[1:]:
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_file_is_read_by_others_and_by_us(coarse: ec.TrajectoryResult, tmp_path: Path) -> None:
+    file = tmp_path / "motion.json"
+    coarse.save(file)
+    document = json.loads(file.read_text(encoding="utf-8"))
+    assert ec.read_trajectory(str(file)) == coarse.spline
+    curve = BSpline(document["knots"], document["coefficients"]["tilt"], document["degree"])
+    times = np.linspace(0.0, document["knots"][-1], 50)
+    assert curve(times) == pytest.approx(coarse.course(times).q[:, 1], rel=1e-12)
+    assert document["problem"]["v_E"] == [0.0607, -0.0808, -0.5477]
+    assert document["problem"]["machine"]["lift_a"] == 1.15
+    assert document["end_speed"] == "clip"
+    assert document["figures"]["cost"] == coarse.assessment.cost
+    assert document["discretisation"] == {"degree": 5, "knots": 10, "points": 5, "tie_break": 1e-3}
+    assert {"casadi", "emla-cosim"} <= document["versions"].keys()
+
+
+def test_the_file_in_the_package_is_what_the_command_writes() -> None:
+    kept, options = json.loads(DEFAULT_FILE.read_text(encoding="utf-8")), MotionProblem()
+    assert kept["problem"]["v_E"] == list(options.v_E)
+    assert kept["problem"]["machine"]["motor_m"] == list(options.machine.motor_m)
+    assert kept["discretisation"] == {"degree": 5, "knots": 20, "points": 10, "tie_break": 1e-3}
+    assert ec.read_trajectory(DEFAULT_FILE) == default_spline()
+
+
+def test_several_starts_give_the_best_and_progress_is_told() -> None:
+    class Told(Progress):
+        def __init__(self) -> None:
+            self.tasks, self.count = list[str](), 0
+
+        def begin(self, task: str, total: int, unit: str = "") -> None:
+            self.tasks.append(task)
+
+        def advance(self, count: int) -> None:
+            self.count += count
+
+    told = Told()
+    result = ec.trajectory(**FAST, starts=2, progress=told)
+    assert told.tasks == ["start 1", "start 2"]
+    assert told.count >= result.solution.iterations > 5
+    assert result.starts == 2
+
+
+def test_pictures_show_what_the_papers_figures_show(coarse: ec.TrajectoryResult) -> None:
+    figures = coarse.plot()
+    forces = figures["forces-and-speeds"].axes
+    assert [a.get_ylabel() for a in forces[::3]] == ["force / kN", "speed / mm/s"]
+    assert [a.get_title() for a in forces[:3]] == ["lift", "tilt", "telescope"]
+    peak = np.abs(np.asarray(forces[0].lines[0].get_ydata())).max()
+    assert peak == pytest.approx(abs(coarse.assessment.peaks[0].force) / 1e3, rel=2e-2)
+    positions = figures["positions-and-accelerations"].axes
+    assert [a.get_ylabel() for a in positions[::3]] == ["stroke / m", "acceleration / mm/s²"]
+    assert np.asarray(positions[1].lines[0].get_ydata())[[0, -1]] == pytest.approx([0.389, 0.442])
+
+
+# ---- another problem ---------------------------------------------------------------------------
+
+
+def test_another_problem_by_file_by_value_and_from_python(emla: Emla, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("payload = 200\nt_M = 20\n[machine]\nlift_a = 1.2\n")
+    changes = ("--set", "q_E[3]=0.4", "--set", "v_E=0,0,0", "--set", "machine.tilt_b=0.46")
+    shown = emla("trajectory", "mine.toml", *changes, *COARSE, "--no-plots", "--output", "m.json")
+    assert shown.exit_code == 0, shown.output
+    assert "contradicts" not in shown.stdout
+    by_command = ec.read_trajectory(tmp_path / "m.json")
+    problem = {
+        "payload": 200.0,
+        "t_M": 20.0,
+        "q_E": [0.270, 0.442, 0.4],
+        "v_E": np.zeros(3),
+        "machine": {"lift_a": 1.2, "tilt_b": 0.46},
+    }
+    result = ec.trajectory(problem, **FAST)
+    assert result.spline.end == 20.0
+    assert result.spline == by_command
+    assert result.problem.machine.lift_a == 1.2
+
+
+def test_readings_are_chosen_by_name(emla: Emla) -> None:
+    shown = emla("trajectory", *COARSE, "--no-plots", "--output", "m.json", "--end-speed", "rest")
+    assert "read as rest, of all joints (--end-speed rest)" in shown.stdout.replace("\n", " ")
+    assert ec.read_trajectory("m.json").evaluated([37.7], 1)[0] == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+# ---- what is refused ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--end-speed", "never"), "there is no reading of end speeds 'never'; choose from clip, exempt"),
+        (
+            ("--knots", "45"),
+            "45 knots and degree 5 make 49 coefficients; the block Trajectory has room",
+        ),
+        (("--knots", "2", "--degree", "3"), "2 knots and degree 3 make 4 coefficients"),
+        (("--degree", "6"), "the number of degree 6 must be a whole number of 3 to 5"),
+        (("--points", "1"), "the number of points 1 must be a whole number of 3 to 50"),
+        (("--starts", "0"), "the number of starts 0 must be a whole number of 1 to 100"),
+        (("--tie-break", "-1"), "the tie-break weight -1 must be 0"),
+        (("--tie-break", "nan"), "the tie-break weight nan must be 0"),
+        (("--set", "t_M"), "--set t_M lacks a name or a value"),
+        (("--set", "tM=3"), "there is no 'tM' in a problem; did you mean 't_M'?"),
+        (("--set", "machine.lift=3"), "did you mean 'machine.lift_m'?"),
+        (("--set", "machine=3"), "there is no 'machine' in a problem"),
+        (("--set", "machine.x.y=3"), "there is no 'machine.x.y' in a problem"),
+        (("--set", "q_E[4]=3"), "there is no 'q_E[4]' in a problem"),
+        (("--set", "t_M[1]=3"), "'t_M[1]' = 3 is not one number of three"),
+        (("--set", "q_E=3"), "q_E is 3.0; it must be three finite numbers"),
+        (("--set", "q_E=a,b,c"), "'q_E' = a,b,c is no number"),
+        (("--set", "t_M=inf"), "t_M is inf; it must be a finite number"),
+        (("--set", "machine.lift_a=1,2,3"), "'machine.lift_a' of the problem is [1.0, 2.0, 3.0]"),
+        (("--set", "machine.lift_a=-1"), "'machine' of the problem: lift_a = -1 is outside its range"),
+        (("--set", "machine.lift_L_0=9"), "the lift triangle cannot close"),
+        (("--set", "q_E[1]=0.9"), "the problem contradicts itself: q_E[1] = 0.9 m of the lift is beyond"),
+        (("nowhere.toml",), "the problem 'nowhere.toml' cannot be read"),
+        (("text.toml",), "the problem 'text.toml' is no TOML"),
+        (("names.toml",), "there is no 'q_e' in the problem 'names.toml'; did you mean 'q_E'?"),
+        (("flat.toml",), "'machine' of the problem 'flat.toml' is 3; it must be a table"),
+        (("texts.toml",), "'machine.lift_a' of the problem 'texts.toml' is 'x'; it must be a number"),
+        (("--output", "there/x.json"), "the trajectory 'there/x.json' cannot be written: there is no folder"),
+        (("--output", "folder"), "the trajectory 'folder' cannot be written: it is a folder"),
+        (("--output", "x.png"), "the trajectory 'x.png' must not end in .png"),
+        (("good.toml", "--output", "good.toml"), "the trajectory 'good.toml' is the problem too"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence_and_nothing_is_solved(
+    arguments: tuple[str, ...], words: str, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(finding, "solved", None)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "text.toml").write_text("no toml")
+    (tmp_path / "names.toml").write_text("q_e = [1, 2, 3]\n")
+    (tmp_path / "flat.toml").write_text("machine = 3\n")
+    (tmp_path / "texts.toml").write_text('[machine]\nlift_a = "x"\n')
+    (tmp_path / "good.toml").write_text("t_M = 20\n")
+    before = sorted(tmp_path.iterdir())
+    given = () if "--output" in arguments else ("--output", "m.json")
+    assert words in sentence(emla("trajectory", *arguments, *given), 2)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_where_no_motion_keeps_all_bounds_it_says_which(emla: Emla, tmp_path: Path) -> None:
+    text = sentence(emla("trajectory", *COARSE, "--set", "t_M=0.72", "--output", "m.json"), 1)
+    assert "no motion keeps all bounds" in text
+    assert "the speed bounds of the telescope by" in text
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "the trajectory 'm.json' cannot be read: No such file or directory"),
+        (b"\xff\xfe", "is not a text in UTF-8"),
+        (b"{", "the trajectory 'm.json' is no JSON"),
+        (b"[" * 100_000, "the trajectory 'm.json' is no JSON"),
+        (b'{"degree": ' + b"9" * 5000 + b"}", "is no JSON"),
+        (b"[]", "the trajectory 'm.json' cannot be used: it must be a JSON object"),
+        (b'{"degree": 5, "knots": [NaN], "coefficients": {}}', "number 1 of the knots is nan"),
+    ],
+)
+def test_a_file_that_is_no_trajectory_is_refused(
+    content: bytes | None, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if content is not None:
+        Path("m.json").write_bytes(content)
+    with pytest.raises(ec.CommandError, match=words):
+        ec.read_trajectory("m.json")
+
+
+def test_an_earlier_file_stays_where_nothing_is_found(
+    coarse: ec.TrajectoryResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    coarse.save("m.json")
+    before = Path("m.json").read_bytes()
+    with pytest.raises(ec.RunError, match="no motion keeps all bounds"):
+        ec.trajectory({"t_M": 0.72}, **FAST, output="m.json")
+    assert Path("m.json").read_bytes() == before
+    os.mkfifo("pipe")
+    with pytest.raises(ec.CommandError, match="it is a pipe"):
+        coarse.save("pipe")
+
+
+def test_ctrl_c_ends_it(tmp_path: Path) -> None:
+    class Impatient(Progress):
+        def advance(self, count: int) -> None:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        ec.trajectory(**FAST, progress=Impatient(), output=tmp_path / "m.json")
+    assert not list(tmp_path.iterdir())
