@@ -22,13 +22,15 @@ def replayed(
     rows: int = 201,
     duration: float = 10.0,
     payload: float = 470.0,
-    leave_out: str | None = None,
+    merged: bool = False,
+    leave_out: tuple[str, ...] = (),
     **changed: Any,
 ) -> Result:
-    """A run such as hdrm-replay gives, with a row less when `leave_out` names the beginning of signals.
+    """A run such as hdrm-replay gives, or hdrm-merged, without signals whose names begin as in `leave_out`.
 
     `changed` are strokes in place of those made, by joint.
     """
+    machine = "machine.plant" if merged else "machine.manipulator"
     time, q_d, v_d, a_d, q = _motion(rows, duration)
     for joint, values in changed.items():
         q[:, JOINTS.index(joint)] = values
@@ -37,23 +39,23 @@ def replayed(
     columns = {}
     for i, joint in enumerate(JOINTS):
         columns |= {f"machine.trajectory.{n}[{i + 1}]": x[:, i] for n, x in _named(q_d, v_d, a_d).items()}
-        columns |= {f"{joint}.plant.x_L": q[:, i], f"machine.manipulator.F_L[{i + 1}]": force[:, i]}
-    columns = {n: x for n, x in columns.items() if leave_out is None or not n.startswith(leave_out)}
-    return result_of(time, columns, parameters(p), {"payload.m": payload})
+        made = f"machine.plant.x_L[{i + 1}]" if merged else f"{joint}.plant.x_L"
+        columns |= {made: q[:, i], f"{machine}.F_L[{i + 1}]": force[:, i]}
+    columns = {n: x for n, x in columns.items() if not n.startswith(leave_out)}
+    return result_of(time, columns, parameters(p, machine), {machine: {"payload.m": payload}})
 
 
 def result_of(
     time: np.ndarray,
     columns: Mapping[str, np.ndarray],
     parameters: Mapping[str, float],
-    given: Mapping[str, float],
+    given: Mapping[str, Mapping[str, float]],
 ) -> Result:
-    """A result with these signals, and a manipulator with these parameters."""
+    """A result with these signals and parameters, and components that were given these start values."""
     times = Timing(float(time[0]), float(time[1] - time[0]), len(time) - 1)
     table = TimeSeries()
     table.begin(Outline(list(columns), [None] * len(columns), times, range(len(columns))))
     table.append(np.column_stack([time, *columns.values()]))
-    components = {f"{joint}.plant": {"parameters": {}} for joint in JOINTS}
     return Result(
         name="hdrm-replay",
         units=dict.fromkeys(columns),
@@ -71,7 +73,7 @@ def result_of(
         problem=None,
         interrupted=False,
         record={
-            "components": {"machine.manipulator": {"parameters": given}, **components},
+            "components": {name: {"parameters": dict(own)} for name, own in given.items()},
             "connections": [],
             "settings": {"output_format": "csv"},
         },
@@ -79,13 +81,13 @@ def result_of(
     )
 
 
-def parameters(p: HdrmParameters) -> dict[str, float]:
+def parameters(p: HdrmParameters, machine: str = "machine.manipulator") -> dict[str, float]:
     """Those of the manipulator, by full name."""
     found = {}
     for field in fields(HdrmParameters):
         variable = getattr(HdrmManipulator, field.name)
         elements = variable.flat(getattr(p, field.name))
-        names = (f"machine.manipulator.{x.name}" for x in variable.scalars())
+        names = (f"{machine}.{x.name}" for x in variable.scalars())
         found |= dict(zip(names, elements, strict=True))
     return found
 

@@ -14,12 +14,20 @@ from ..interruption import interruption
 from ..progress import Progress
 
 if TYPE_CHECKING:
-    from PIL.Image import Image
+    from PIL import Image
 
     from .result import Result
 
 Pixels = npt.NDArray[np.uint8]
 """A frame: rows, columns, and red, green and blue."""
+
+
+_LAST = 1500
+"""How long the last frame is seen before the first one comes again, ms."""
+
+
+_ALIKE = 8
+"""Colours that differ by less, of 255, are one where Pillow looks for the nearest."""
 
 
 class Film(ABC):
@@ -89,20 +97,31 @@ def write_gif(film: Film, stream: IO[bytes], progress: Progress) -> None:
     """Write a film that is shown again and again. Raises RunError where Ctrl-C ends it."""
     from PIL import Image
 
-    colors = Image.fromarray(film[len(film) - 1]).quantize(256, dither=Image.Dither.NONE)
-
-    def image(index: int) -> "Image":
+    def image(index: int) -> "Image.Image":
         if asked():
             raise RunError("the animation was interrupted.")
         progress.advance(1)
         return Image.fromarray(film[index]).quantize(palette=colors, dither=Image.Dither.NONE)
 
+    colors = _colors(film[len(film) - 1])
+    seen = round(1000 * film.period)
     with interruption() as asked:
         image(0).save(
             stream,
             format="GIF",
             save_all=True,
             append_images=(image(i) for i in range(1, len(film))),
-            duration=round(1000 * film.period),
+            duration=[seen] * (len(film) - 1) + [_LAST],
             loop=0,
         )
+
+
+def _colors(frame: Pixels) -> "Image.Image":
+    """An image with the colours to use: those of a frame, and its background as it is, not almost."""
+    from PIL import Image
+
+    found = Image.fromarray(frame).quantize(256, dither=Image.Dither.NONE)
+    palette, background = np.reshape(found.getpalette() or (), (-1, 3)), frame[0, 0].astype(int)
+    palette[(np.abs(palette - background) < _ALIKE).all(axis=1)] = background
+    found.putpalette(palette.ravel().tolist())
+    return found

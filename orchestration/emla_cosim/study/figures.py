@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from ..results.plotting import Curve, Panel, Picture
 from ..results.style import GREY, ORANGE
-from .roles import MACHINE, variable
+from .roles import variable
 
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": Picture(
@@ -80,7 +80,7 @@ JOINT_FIGURES: dict[str, Picture] = {
 
 def _in_machine(joint: str, role: str, names: Collection[str]) -> str | None:
     """`variable` where joints move a machine together."""
-    there = any(name.startswith(f"{MACHINE}.") for name in names)
+    there = any(name.startswith("machine.") for name in names)
     return variable(joint, role, names) if there else None
 
 
@@ -105,8 +105,9 @@ MACHINE_FIGURES: dict[str, Picture] = {
         (
             Panel("position / m", (Curve("piston", "x_L"), Curve("reference", "x_d", ORANGE, dashed=True))),
             Panel(
-                "acceleration / (m/s²)",
+                "acceleration / (m/s²), settled",
                 (Curve("piston", "a_L"), Curve("reference", "a_d", ORANGE, dashed=True)),
+                late=True,
             ),
         ),
         of="joints",

@@ -85,7 +85,7 @@ def test_the_workspace_has_every_point_that_the_tip_reaches(p: HdrmParameters) -
 def test_the_tip_reaches_every_point_of_the_boundary(p: HdrmParameters) -> None:
     line = workspace(p)
     angles = np.array([joint_angles(p, q) for q in (p.q_LB, p.q_UB)])
-    lift = np.linspace(*angles[:, 0], 4001)
+    lift = np.linspace(angles[0, 0], angles[1, 0], 4001)
     ends = p.lift_length * np.column_stack([np.cos(lift), np.sin(lift)])
     for point in line[::7]:
         boom = point - ends

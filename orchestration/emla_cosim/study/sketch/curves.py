@@ -23,17 +23,20 @@ _TRANSIENT = 0.3
 
 @dataclass(frozen=True)
 class Curves:
-    """Values of the joints over `time` in s; a column for each."""
+    """Values of the joints over `time` in s; both have a column for each."""
 
     label: str
     time: Vector
     values: Vector
 
     def draw(self, axes: "Axes", **look: Any) -> "list[Line2D]":
-        """A line for each joint."""
+        """A line for each joint, in their order; what is small is not hidden by what is large."""
+        spans = np.ptp(self.values, axis=0)
         return [
-            axes.plot(self.time, values, color=JOINT_COLORS[joint], linewidth=1.1, **look)[0]
-            for joint, values in zip(JOINTS, self.values.T, strict=True)
+            axes.plot(time, values, color=JOINT_COLORS[joint], linewidth=1.1, zorder=zorder, **look)[0]
+            for joint, time, values, zorder in zip(
+                JOINTS, self.time.T, self.values.T, 2.0 + 1.0 / (1.0 + spans), strict=True
+            )
         ]
 
 
@@ -57,6 +60,9 @@ def dress(axes: "list[Axes]", shown: list[Curves]) -> None:
         tidied(panel)
     if not axes:
         return
+    begin, end = min(x.time.min() for x in shown), max(x.time.max() for x in shown)
+    for panel in axes:
+        panel.set_xlim(begin, end)
     axes[-1].set_xlabel("time / s", fontsize=9)
     lines = axes[0].lines[: len(JOINTS)]
     axes[0].legend(
@@ -65,10 +71,12 @@ def dress(axes: "list[Axes]", shown: list[Curves]) -> None:
 
 
 def _shortened(time: Vector, values: Vector) -> tuple[Vector, Vector]:
-    """At most two rows for each part: the lowest and the highest value of each column."""
+    """Of many rows two for each part: where each column is lowest and highest, and the last row."""
     if len(time) <= 2 * _PARTS:
-        return time, values
-    parts = np.array_split(np.arange(len(time)), _PARTS)
-    ends = [row for part in parts for row in (part[0], part[-1])]
-    extremes = [bound for part in parts for bound in (values[part].min(axis=0), values[part].max(axis=0))]
-    return time[ends], np.array(extremes)
+        return np.repeat(time[:, None], values.shape[1], axis=1), values
+    rows = [np.full((1, values.shape[1]), len(time) - 1)]
+    for part in reversed(np.array_split(np.arange(len(time)), _PARTS)):
+        ends = part[0] + np.stack([values[part].argmin(axis=0), values[part].argmax(axis=0)])
+        rows.insert(0, np.sort(ends, axis=0))
+    chosen = np.concatenate(rows)
+    return time[chosen], np.take_along_axis(values, chosen, axis=0)

@@ -38,7 +38,7 @@ class ManipulatorAnimation(Animation):
 
 
 class MachineFilm(Film):
-    """A background that is drawn once, and what moves upon it."""
+    """A background that is drawn once, and what moves upon it; `parts` are those of the machine by name."""
 
     period = PERIOD
 
@@ -46,8 +46,10 @@ class MachineFilm(Film):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
         self._movement, self._rows = found, _rows(found)
+        speed = (found.time[-1] - found.time[0]) / (self.period * len(self._rows))
+        self._faster = f", {speed:.2g} x real time" if speed > 1.05 else ""
         shown = curves(found)
-        figure, self._scene, panels = machine_and_panels(len(shown), (8.0, 4.8), 100)
+        figure, self._scene, panels = machine_and_panels(len(shown), (8.0, 5.0), 100)
         self._canvas = FigureCanvasAgg(figure)
         self._growing = [(curve, curve.draw(panel)) for panel, curve in zip(panels, shown, strict=True)]
         dress(panels, shown)
@@ -56,14 +58,11 @@ class MachineFilm(Film):
         draw_scene(self._scene, found.p)
         draw_wanted(self._scene, found)
         self._way = draw_way(self._scene, found)
-        self._parts = draw_machine(self._scene, found.p, found.strokes[0], found.payload[0])
+        self.parts = draw_machine(self._scene, found.p, found.strokes[0], found.payload[0])
         self._clock = self._scene.text(0.0, 1.0, "", transform=self._scene.transAxes, va="bottom")
-        self._moving = [
-            *self._parts.values(),
-            self._way,
-            self._clock,
-            *(x for _, lines in self._growing for x in lines),
-        ]
+        lines = [line for _, own in self._growing for line in own]
+        moving = [*self.parts.values(), self._way, self._clock, *lines]
+        self._moving = sorted(moving, key=lambda artist: artist.zorder)
         for artist in self._moving:
             artist.set_animated(True)
         self._canvas.draw()
@@ -83,13 +82,13 @@ class MachineFilm(Film):
     def _move(self, row: int) -> None:
         found = self._movement
         for name, line in shapes(found.p, found.strokes[row], found.payload[row]).items():
-            self._parts[name].set_xy(line)
+            self.parts[name].set_xy(line)
         self._way.set_data(*found.path[: row + 1].T)
-        self._clock.set_text(f"{found.time[row]:.1f} s")
+        self._clock.set_text(f"{found.time[row]:.1f} s{self._faster}")
         for curve, lines in self._growing:
-            count = int(np.searchsorted(curve.time, found.time[row], side="right"))
-            for line, values in zip(lines, curve.values.T, strict=True):
-                line.set_data(curve.time[:count], values[:count])
+            for line, time, values in zip(lines, curve.time.T, curve.values.T, strict=True):
+                count = int(np.searchsorted(time, found.time[row], side="right"))
+                line.set_data(time[:count], values[:count])
 
 
 def _rows(found: Movement) -> Indices:

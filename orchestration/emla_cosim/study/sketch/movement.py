@@ -12,9 +12,9 @@ from hdrm_fmu.parameters import PAYLOAD
 
 from ...arrays import Vector
 from ...results.result import Result
-from ..roles import JOINTS, MACHINE, variable
+from ..roles import JOINTS, variable
 
-MACHINES = (f"{MACHINE}.manipulator", f"{MACHINE}.plant")
+MACHINES = ("machine.manipulator", "machine.plant")
 """Components that may have the geometry."""
 
 MADE, WANTED, FORCE = "x_L", "x_d", "F_L"

@@ -1,6 +1,7 @@
 """The manipulator at instants along its path, with its workspace, and the way of its tip."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,10 +9,10 @@ import numpy as np
 from ...arrays import Vector
 from ...results.plotting import Drawing
 from ...results.result import Result
-from ...results.style import BLUE, RED, tidied
+from ...results.style import BLUE, RED
 from .curves import curves, dress
 from .movement import Movement, movement, recorded_signals
-from .scene import DARK, draw_ghost, draw_machine, draw_scene, draw_wanted, draw_way, machine_and_panels
+from .scene import DARK, EDGE, draw_ghost, draw_machine, draw_scene, draw_wanted, draw_way, machine_and_panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
 
 INSTANTS = 5
 """So many postures are drawn, the first and the last among them."""
+
+
+_INSET = (0.04, 0.62, 0.46, 0.33)
+"""Where the path is shown large: left, bottom, width and height in parts of the machine's axes."""
 
 
 class ManipulatorPicture(Drawing):
@@ -36,47 +41,72 @@ class ManipulatorPicture(Drawing):
 
 def _drawn(found: Movement) -> "Figure":
     shown = curves(found)
-    figure, machine, (path, *panels) = machine_and_panels(1 + len(shown), (10.5, 6.2), 120)
+    figure, machine, panels = machine_and_panels(len(shown), (9.8, 6.0), 120)
     _draw_postures(machine, found)
-    _draw_path(path, found)
+    _draw_path(machine.inset_axes(_INSET), found)
     for panel, curve in zip(panels, shown, strict=True):
         curve.draw(panel)
     dress(panels, shown)
-    figure.align_ylabels([path, *panels])
+    figure.align_ylabels(panels)
     return figure
 
 
-def _instants(found: Movement) -> list[int]:
-    """The rows at which the machine is drawn, at equal distances in time."""
-    times = np.linspace(found.time[0], found.time[-1], INSTANTS)
-    return [int(row) for row in np.searchsorted(found.time, times)]
+def instants(found: Movement) -> list[int]:
+    """The rows at which the machine is drawn, at equal distances along the path of its tip."""
+    way = np.concatenate([[0.0], np.hypot(*np.diff(found.path, axis=0).T).cumsum()])
+    return [int(row) for row in np.searchsorted(way, np.linspace(0.0, way[-1], INSTANTS))]
 
 
 def _draw_postures(axes: "Axes", found: Movement) -> None:
     draw_scene(axes, found.p)
-    *before, last = _instants(found)
+    *before, last = instants(found)
     for row in before:
         draw_ghost(axes, found.p, found.strokes[row], found.payload[row])
     draw_machine(axes, found.p, found.strokes[last], found.payload[last])
     draw_way(axes, found)
-    draw_wanted(axes, found)
-    axes.text(0.03, 0.99, "where the tip can be", color=BLUE, fontsize=9, transform=axes.transAxes, va="top")
+    axes.text(0.98, 0.02, "reach of the tip", color=BLUE, fontsize=9, transform=axes.transAxes, ha="right")
     if found.payload[last] > 0.0:
-        place = found.path[last] + (0.3, 0.12)
-        axes.text(*place, f"{found.payload[last]:.4g} kg", color=DARK, fontsize=9)
+        x, y = found.path[last]
+        axes.text(x + 0.3, y + 0.12, f"{found.payload[last]:.4g} kg", color=DARK, fontsize=9)
 
 
 def _draw_path(axes: "Axes", found: Movement) -> None:
     """The way of the tip, large, and when it was where."""
+    from matplotlib.ticker import MultipleLocator
+
     draw_way(axes, found)
     draw_wanted(axes, found)
-    for row in _instants(found):
-        axes.plot(found.path[row, 0], found.path[row, 1], "o", color=RED, markersize=4.5, zorder=7)
+    rows = instants(found)
+    axes.plot(*found.path[rows].T, "o", color=RED, markersize=4, zorder=7)
+    for row in _apart(found.path, rows):
+        place = (6.0, 4.0 if row == rows[-1] else -3.0)
         axes.annotate(
-            f"{found.time[row]:.3g} s", found.path[row], (7.0, -3.0), textcoords="offset points", fontsize=8
+            f"{found.time[row]:.3g} s", found.path[row], place, textcoords="offset points", fontsize=8
         )
+    square = _grid(np.ptp(found.path, axis=0).max())
+    axes.set_title(f"path of the tip, squares of {square:g} m", fontsize=9)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x / m", fontsize=9)
-    axes.set_ylabel("tip, y / m", fontsize=9)
-    tidied(axes)
-    axes.margins(0.12)
+    axes.margins(0.15)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(square))
+    axes.tick_params(labelbottom=False, labelleft=False, length=0)
+    axes.grid(alpha=0.4)
+    axes.patch.set_alpha(0.8)
+    for spine in axes.spines.values():
+        spine.set_color(EDGE)
+
+
+def _apart(path: Vector, rows: Sequence[int]) -> list[int]:
+    """Those of the rows, the last one first, whose places leave room for a label each."""
+    room = 0.12 * np.ptp(path, axis=0).max()
+    found = list[int]()
+    for row in reversed(rows):
+        if all(np.hypot(*(path[row] - path[other])) > room for other in found):
+            found.append(row)
+    return found
+
+
+def _grid(size: float) -> float:
+    """The side of squares, a round number, of which some five are as long as `size`."""
+    power = 10.0 ** math.floor(math.log10(max(size / 5.0, 1e-9)))
+    return next(power * n for n in (1, 2, 5, 10) if power * n >= 0.99 * size / 5.0)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 JOINT_COLORS = {"lift": BLUE, "tilt": ORANGE, "telescope": GREEN}
 
-DARK, _STEEL, _EDGE, _LIGHT = "#3a424d", "#dde2e8", "#8b939e", "#f3f5f8"
+DARK, EDGE, _STEEL, _LIGHT = "#3a424d", "#8b939e", "#dde2e8", "#f3f5f8"
 
 _MARGIN = 0.15
 """Free space around the workspace, m."""
@@ -31,7 +31,7 @@ def machine_and_panels(rows: int, size: tuple[float, float], dpi: int) -> "tuple
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=size, dpi=dpi, layout="constrained")
-    grid = figure.add_gridspec(rows, 2, width_ratios=(1.2, 1.0))
+    grid = figure.add_gridspec(max(rows, 1), 2 if rows else 1, width_ratios=(1.0, 1.1) if rows else None)
     return figure, figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[row, 1]) for row in range(rows)]
 
 
@@ -42,9 +42,9 @@ def draw_scene(axes: "Axes", p: HdrmParameters) -> None:
     axes.plot(*reached.T, color=BLUE, alpha=0.45, linewidth=0.8)
     base = shapes(p, p.q_LB)["base"]
     foot, left, right = base[:, 1].min(), base[:, 0].min() - 0.15, base[:, 0].max() + 0.15
-    axes.plot([left, right], [foot, foot], color=_EDGE, linewidth=1.2)
+    axes.plot([left, right], [foot, foot], color=EDGE, linewidth=1.2)
     axes.fill_between(
-        [left, right], foot - 0.1, foot, facecolor="none", edgecolor=_EDGE, hatch="////", linewidth=0
+        [left, right], foot - 0.1, foot, facecolor="none", edgecolor=EDGE, hatch="////", linewidth=0
     )
     around = np.concatenate([reached, base])
     (x_low, y_low), (x_high, y_high) = around.min(axis=0) - _MARGIN, around.max(axis=0) + _MARGIN
@@ -92,9 +92,9 @@ def _look(name: str) -> Mapping[str, Any]:
         "housing": {"facecolor": color, "edgecolor": "none"},
         "tube": {"facecolor": _LIGHT, "edgecolor": color, "linewidth": 1.0},
         "payload": {"facecolor": "#b4bcc7", "edgecolor": DARK, "linewidth": 1.0},
-        "base": {"facecolor": "#c6ccd5", "edgecolor": _EDGE, "linewidth": 1.0},
+        "base": {"facecolor": "#c6ccd5", "edgecolor": EDGE, "linewidth": 1.0},
         "pin": {"facecolor": "white", "edgecolor": DARK, "linewidth": 0.9},
-        "steel": {"facecolor": _STEEL, "edgecolor": _EDGE, "linewidth": 1.0},
+        "steel": {"facecolor": _STEEL, "edgecolor": EDGE, "linewidth": 1.0},
     }
     if joint in ("A", "B", "O"):
         return looks["pin"]

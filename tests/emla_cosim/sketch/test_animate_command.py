@@ -1,0 +1,46 @@
+"""`emla run --animate`."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from emla_cosim.results.animation import Pixels
+from emla_cosim.study.sketch.film import MachineFilm
+from tests.support.commands import Emla, sentence
+
+RUN = ("run", "hdrm-replay", "--stop-time", "0.4", "--no-plots", "--output", "out")
+
+
+def test_it_writes_a_gif(emla: Emla) -> None:
+    result = emla(*RUN, "--animate")
+    assert result.exit_code == 0, result.output
+    assert "manipulator.gif" in result.stdout
+    with Image.open("out/manipulator.gif") as animation:
+        assert (animation.format, getattr(animation, "n_frames", 0)) == ("GIF", 5)
+        assert animation.info["duration"] == 80
+    assert emla(*RUN).exit_code == 0  # which removes what an earlier run left
+    assert {path.name for path in Path("out").iterdir()} == {"results.csv", "metrics.json", "run.json"}
+
+
+def test_an_end_from_outside_keeps_everything_else(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = MachineFilm.__getitem__
+
+    def ended(film: MachineFilm, index: int) -> Pixels:
+        if index == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+        return drawn(film, index)
+
+    monkeypatch.setattr(MachineFilm, "__getitem__", ended)
+    text = sentence(emla(*RUN, "--animate"), 1)
+    assert text == "Error: the animation was interrupted. What was computed is in out."
+    found = {path.name for path in Path("out").iterdir()}
+    assert found == {"results.csv", "metrics.json", "run.json"}
+
+
+def test_signals_that_it_needs_must_be_kept(emla: Emla) -> None:
+    text = sentence(emla(*RUN, "--animate", "--signals", "machine.*"), 2)
+    assert "an animation needs lift.plant.x_L, tilt.plant.x_L and telescope.plant.x_L" in text
+    assert not any(Path("out").iterdir())

@@ -1,0 +1,198 @@
+"""The manipulator's picture and its animation, of runs made by hand."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import emla_cosim as ec
+from emla_cosim.errors import CommandError, RunError
+from emla_cosim.results.plotting import draw
+from emla_cosim.results.result import Result
+from emla_cosim.study.figures import MACHINE_FIGURES
+from emla_cosim.study.sketch.film import MachineFilm, ManipulatorAnimation
+from emla_cosim.study.sketch.movement import Movement, movement, recorded_signals
+from emla_cosim.study.sketch.picture import INSTANTS, instants
+from emla_cosim.study.sketch.workspace import workspace
+from hdrm_fmu import HDRM
+from hdrm_fmu.kinematics import tip
+from tests.support.hdrm_runs import replayed, result_of
+
+assert ec.load, "registers what is drawn"
+
+
+def moved(result: Result) -> Movement:
+    found = movement(result, result.read(["time", *recorded_signals(result)]))
+    assert found is not None
+    return found
+
+
+def drawn(result: Result, folder: Path) -> set[str]:
+    return {path.name for path in draw(result, folder, lambda _: None)}
+
+
+def film(result: Result) -> MachineFilm:
+    found = ManipulatorAnimation().film(result)
+    assert isinstance(found, MachineFilm)
+    return found
+
+
+@pytest.mark.parametrize("merged", [False, True])
+def test_a_run_with_a_manipulator_is_drawn(merged: bool, tmp_path: Path) -> None:
+    assert drawn(replayed(merged=merged), tmp_path) == {"manipulator.png"}
+    with Image.open(tmp_path / "manipulator.png") as picture:
+        assert picture.format == "PNG"
+        assert len(picture.convert("RGB").getcolors(10**6) or ()) > 500
+
+
+@pytest.mark.parametrize(
+    ("name", "signals"),
+    [("forces", ("machine.manipulator.F_L[2]", "machine.trajectory.v_d[2]")),
+     ("motion", ("tilt.plant.x_L", "machine.trajectory.a_d[2]"))],
+)  # fmt: skip
+def test_joints_are_drawn_as_in_the_paper(name: str, signals: tuple[str, str]) -> None:
+    run = replace(replayed(), metrics={"joints": {"tilt": {}}})
+    picture = MACHINE_FIGURES[name]
+    assert set(signals) <= set(picture.signals(run))
+    figure = picture.drawn(run, run.read(["time", *picture.signals(run)]))
+    assert figure is not None
+    shown = [line for axes in figure.axes for line in axes.lines]
+    for signal, scales in zip(signals, ((1e-3, 1.0), (1.0, 1e3)), strict=True):
+        late = run[signal][run.time >= 0.3]
+        drawn = [np.asarray(line.get_ydata())[-len(late) :] for line in shown]
+        assert any(np.allclose(y, scale * late) for y in drawn for scale in scales)
+
+
+def test_joints_alone_have_pictures_of_their_own_only() -> None:
+    run = replayed()
+    columns = {f"lift.{n}.{x}": run["lift.plant.x_L"] for n, x in (("plant", "x_L"), ("reference", "x_d"))}
+    alone = replace(result_of(run.time, columns, {}, {}), metrics={"joints": {"lift": {}}})
+    assert all(not list(picture.signals(alone)) for picture in MACHINE_FIGURES.values())
+
+
+def test_runs_without_one_are_left_alone(tmp_path: Path) -> None:
+    run = replayed()
+    columns = {name: run[name] for name in run.names if not name.startswith("machine.manipulator")}
+    assert drawn(result_of(run.time, columns, {}, {"lift.plant": {}}), tmp_path) == set()
+
+
+def test_one_with_a_geometry_that_nobody_knows_is_not_drawn(tmp_path: Path) -> None:
+    run = replayed()
+    for wrong in ({}, {n: x for n, x in run.parameters.items() if not n.endswith("lift.a")}):
+        assert drawn(replace(run, parameters=wrong), tmp_path) == set()
+    with pytest.raises(RunError, match="nothing to animate"):
+        film(replace(run, parameters={}))
+
+
+@pytest.mark.parametrize(
+    "lost",
+    [("machine.trajectory",), ("machine.manipulator.F_L",), ("lift.plant",), ("lift.plant", "machine.m")],
+)
+def test_what_was_not_kept_is_not_shown(lost: tuple[str, ...], tmp_path: Path) -> None:
+    assert drawn(replayed(leave_out=lost), tmp_path) == {"manipulator.png"}
+
+
+def test_without_any_strokes_nothing_is_drawn(tmp_path: Path) -> None:
+    assert drawn(replayed(leave_out=("machine.trajectory", "tilt.plant")), tmp_path) == set()
+
+
+def test_the_geometry_is_that_of_the_run() -> None:
+    longer = replace(HDRM, reach=2.0, q_UB=(0.5, 0.6, 0.9))
+    found = moved(replayed(longer))
+    assert found.p == longer
+    assert found.path[7] == pytest.approx(tip(longer, found.strokes[7].tolist()))
+
+
+def test_strokes_and_wanted_strokes_are_those_recorded() -> None:
+    run = replayed()
+    found = moved(run)
+    assert np.array_equal(found.strokes[:, 1], run["tilt.plant.x_L"])
+    assert found.errors is not None and found.forces is not None
+    assert np.array_equal(found.errors[:, 2], run["telescope.plant.x_L"] - run["machine.trajectory.x_d[3]"])
+    assert np.array_equal(found.forces[:, 0], run["machine.manipulator.F_L[1]"])
+
+
+def test_the_payload_is_the_one_given_or_the_one_that_drives_it() -> None:
+    run = replayed(payload=300.0)
+    assert set(moved(run).payload) == {300.0}
+    fault, half = "machine.manipulator_payload_m_fault.y", np.linspace(470.0, 235.0, len(run.time))
+    columns = {name: run[name] for name in run.names} | {fault: half}
+    dropped = result_of(run.time, columns, run.parameters, {"machine.manipulator": {}})
+    assert set(moved(dropped).payload) == {470.0}
+    record = {**dropped.record, "connections": [f"{fault} -> machine.manipulator.payload.m x 1"]}
+    assert np.array_equal(moved(replace(dropped, record=record)).payload, half)
+
+
+@pytest.mark.parametrize("wrong", [5.0, -3.0, np.inf, np.nan])
+def test_a_run_is_drawn_as_far_as_its_triangles_close(wrong: float, tmp_path: Path) -> None:
+    strokes = np.array(replayed()["lift.plant.x_L"])
+    strokes[50:] = wrong
+    found = moved(replayed(lift=strokes))
+    assert len(found.time) == len(found.path) == 50
+    if wrong != wrong:
+        assert drawn(replayed(lift=strokes), tmp_path) == {"manipulator.png"}
+        assert len(film(replayed(lift=strokes))) == 30
+
+
+def test_the_tip_stays_where_it_can_be() -> None:
+    from matplotlib.path import Path as Line
+
+    found = moved(replayed())
+    assert Line(workspace(found.p)).contains_points(found.path).all()
+
+
+def test_instants_are_along_the_path() -> None:
+    found = moved(replayed())
+    rows = instants(found)
+    assert len(rows) == INSTANTS
+    assert (rows[0], rows[-1]) == (0, len(found.time) - 1)
+    steps = np.hypot(*np.diff(found.path[rows], axis=0).T)
+    assert steps == pytest.approx(steps.mean(), rel=0.1)
+
+
+def test_frames_show_the_run_at_equal_distances_in_time() -> None:
+    found = film(replayed(duration=8.0, rows=801))
+    assert len(found) == 100
+    first, last = found[0], found[99]
+    assert first.shape == last.shape == (500, 800, 3)
+    assert tuple(first[0, 0]) == tuple(last[0, 0]) == (255, 255, 255)
+    assert (first != last).any(axis=2).mean() > 0.01
+    assert np.array_equal(found[0], first)  # whatever was drawn in between
+    assert len(film(replayed(duration=1000.0))) == 150
+
+
+@pytest.mark.parametrize("index", [0, 37, 99])
+def test_a_frame_has_the_machine_where_the_run_has_it(index: int) -> None:
+    run = replayed(duration=8.0, rows=801)
+    found = film(run)
+    found[index]
+    row = round(index / 99 * 800)
+    q = [run[f"{joint}.plant.x_L"][row] for joint in ("lift", "tilt", "telescope")]
+    corners = _lines(found)["payload"]
+    assert corners.mean(axis=0) == pytest.approx(tip(HDRM, q), abs=1e-4)
+    pins = [_lines(found)[name].mean(axis=0) for name in ("A_1", "B_1")]
+    assert np.hypot(*(pins[1] - pins[0])) == pytest.approx(HDRM.lift_L_0 + q[0], abs=1e-4)
+
+
+def _lines(found: MachineFilm) -> Mapping[str, np.ndarray]:
+    return {name: np.asarray(part.get_xy())[:-1] for name, part in found.parts.items()}
+
+
+def test_a_result_is_saved_with_its_animation(tmp_path: Path) -> None:
+    run = replayed(duration=1.0)
+    pictures = run.save(tmp_path, animate=True)
+    assert {path.name for path in pictures} == {"manipulator.png", "manipulator.gif"}
+    with Image.open(tmp_path / "manipulator.gif") as animation:
+        assert getattr(animation, "n_frames", 0) == len(film(run)) == 12
+    assert (tmp_path / "results.csv").exists()
+    run.save(tmp_path)  # which removes what an earlier run left
+    assert not (tmp_path / "manipulator.gif").exists()
+
+
+def test_what_cannot_be_animated_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match="'hdrm-replay' has nothing to animate: that takes a manipulator"):
+        replayed(leave_out=("tilt.plant",)).save(tmp_path / "out", animate=True)
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,76 @@
+"""Animations whatever they show: files, colours, an end from outside, and runs that have nothing to show."""
+
+import os
+import signal
+from collections.abc import Callable
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+from emla_cosim.errors import CommandError, RunError
+from emla_cosim.progress import Progress
+from emla_cosim.results.animation import Film, Pixels, check_animated, write_gif
+
+
+class Square(Film):
+    """A square that goes right on a light ground, in a colour of its own."""
+
+    period = 0.1
+
+    def __len__(self) -> int:
+        return 12
+
+    def __getitem__(self, index: int) -> Pixels:
+        frame = np.full((40, 60, 3), (251, 255, 249), dtype=np.uint8)
+        frame[10:20, 2 + 4 * index : 12 + 4 * index] = (47, 109, 179)
+        return frame
+
+
+def test_frames_come_out_as_they_went_in() -> None:
+    stream = BytesIO()
+    write_gif(Square(), stream, Progress())
+    with Image.open(stream) as found:
+        assert (found.format, found.info["loop"]) == ("GIF", 0)
+        frames = [(f.info["duration"], np.asarray(f.convert("RGB"))) for f in ImageSequence.Iterator(found)]
+    assert len(frames) == 12
+    assert [duration for duration, _ in frames] == 11 * [100] + [1500]
+    for index, (_, frame) in enumerate(frames):
+        assert np.array_equal(frame, Square()[index])
+
+
+class Counted(Progress):
+    def __init__(self, each: Callable[[int], None] = lambda _: None) -> None:
+        self.count, self._each = 0, each
+
+    def advance(self, count: int) -> None:
+        self.count += count
+        self._each(self.count)
+
+
+def test_progress_is_told_of_every_frame() -> None:
+    told = Counted()
+    write_gif(Square(), BytesIO(), told)
+    assert told.count == 12
+
+
+def test_an_end_from_outside_ends_it_between_two_frames() -> None:
+    def end(count: int) -> None:
+        if count == 5:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    told = Counted(end)
+    with pytest.raises(RunError, match="the animation was interrupted"):
+        write_gif(Square(), BytesIO(), told)
+    assert told.count == 5
+
+
+def test_signals_that_are_not_kept_are_named() -> None:
+    joints = ("lift", "tilt", "telescope")
+    names = [f"{joint}.plant.x_L" for joint in joints]
+    names += [f"machine.{x}[{i}]" for x in ("trajectory.x_d", "manipulator.F_L") for i in (1, 2, 3)]
+    check_animated("it", names, names)
+    with pytest.raises(CommandError) as found:
+        check_animated("it", names, names[2:])
+    assert str(found.value) == "an animation needs lift.plant.x_L and tilt.plant.x_L, which is not kept."
