@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from emla_cosim.master.slaves.calls import CALLS, code_of, decoded
 from emla_cosim.master.stepping.layout import PRESENT
 from emla_cosim.system.model import Alias, System
 from emla_cosim.units import LinearTransformation
+from tests.support.command_server import Call, CommandServer
 from tests.support.faulty_fmu import Fault, build_faulty_fmu
 from tests.support.faulty_systems import line_with_a_fault
 
@@ -66,6 +67,12 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return load(line(build_faulty_fmu(folder)), stop_time=1.0, step_size=0.1).export(folder / "line.ssp")
 
 
+@pytest.fixture(scope="module")
+def server(fmu_folder: Path) -> Iterator[CommandServer]:
+    with CommandServer(fmu_folder) as found:
+        yield found
+
+
 def started(folder: Path, *arguments: object, **how: Any) -> subprocess.Popen[str]:
     """The command, as a person calls it, with its temporary files in the folder."""
     temporary = folder / "temporary"
@@ -79,14 +86,31 @@ def started(folder: Path, *arguments: object, **how: Any) -> subprocess.Popen[st
 
 def running(folder: Path, package: Path, fault: Fault, *options: object) -> subprocess.Popen[str]:
     """A run of the line into the folder's `out`."""
-    given = ("--output", "out", "--no-plots", "--output-interval", 0.1, "--set", f"j.bad.fault={fault.value}")
-    return started(folder, "run", package, *given, *options)
+    return started(folder, *of_the_line(package, fault), *options)
+
+
+def of_the_line(package: Path, fault: Fault) -> tuple[str, ...]:
+    given = ("--output", "out", "--no-plots", "--output-interval", "0.1")
+    return ("run", str(package), *given, "--set", f"j.bad.fault={fault.value}")
+
+
+def failed_soon(server: CommandServer, folder: Path, *arguments: str) -> str:
+    """The sentence of the same command in a process that had everything imported, as of `failed`."""
+    (folder / "temporary").mkdir()
+    environment = {"TMPDIR": str(folder / "temporary")}
+    ended = server.call(Call(list(arguments), str(folder), environment=environment, patience=60.0))
+    assert ended.alone
+    return the_sentence(ended.code, ended.stderr, folder)
 
 
 def failed(process: subprocess.Popen[str], folder: Path) -> str:
     """The sentence with which it ended, and nothing else is left."""
     _, errors = process.communicate(timeout=60.0)
-    assert process.returncode == 1, errors
+    return the_sentence(process.returncode, errors, folder)
+
+
+def the_sentence(code: int, errors: str, folder: Path) -> str:
+    assert code == 1, errors
     assert "Traceback" not in errors
     assert not any((folder / "temporary").iterdir())
     (sentence,) = (text for text in errors.splitlines() if text.startswith("Error:"))
@@ -119,10 +143,10 @@ def whole(package: Path, **options: Any) -> polars.DataFrame:
 @pytest.mark.parametrize("stepped", STEPPED)
 @pytest.mark.parametrize("fault", DEADLY, ids=lambda f: f.name)
 def test_an_fmu_that_ends_the_process_is_named_and_every_row_is_kept(
-    fault: Fault, stepped: str, isolated: bool, package: Path, tmp_path: Path
+    fault: Fault, stepped: str, isolated: bool, package: Path, server: CommandServer, tmp_path: Path
 ) -> None:
     options = (*flags(STEPPED[stepped]), *(["--isolate", "j.bad"] if isolated else []))
-    sentence = failed(running(tmp_path, package, fault, *options), tmp_path)
+    sentence = failed_soon(server, tmp_path, *of_the_line(package, fault), *options)
     call = DEADLY[fault]
     if stepped == "error control" and fault is not Fault.SEGFAULT_GET_REAL:
         call = call.partition(" at ")[0]  # its steps are of its own choice
