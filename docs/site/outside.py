@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 MODELS = (
     *("EmlaPlant", "EmlaMotor", "EmlaObserver", "Reference", "Disturbance", "SignalFault"),
     *("RsbaController", "FocController", "CacController", "AnatcController"),
-    *("HdrmManipulator", "HdrmPlant"),
+    *("HdrmManipulator", "HdrmPlant", "Trajectory"),
 )
 OUTSIDE = {
     "CHANGELOG.md": "changelog.md",
