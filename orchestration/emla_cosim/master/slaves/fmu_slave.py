@@ -47,10 +47,8 @@ _PROTOTYPES = {
     "fmi2SerializeFMUstate": (_POINTER, _POINTER, _POINTER, _SIZE),
     "fmi2DeSerializeFMUstate": (_POINTER, _POINTER, _SIZE, _POINTER),
 }
-_DERIVATIVE = {
-    "fmi2GetDirectionalDerivative": (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER, _POINTER)
-}
-"""Needed only of FMUs that say that they have it."""
+_DERIVATIVE = "fmi2GetDirectionalDerivative"
+_DERIVATIVE_TYPES = (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER, _POINTER)
 _DEAD_LIBRARIES: set[Path] = set()
 
 LARGEST_STATE = 2**32
@@ -92,8 +90,9 @@ class FmuSlave(DescribedSlave):
                 )
             with self._doing("instantiate"):
                 self._fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
-            prototypes = _PROTOTYPES | (_DERIVATIVE if self.differentiates else {})
-            raw = {n: self._function(n, types) for n, types in prototypes.items()}
+            raw = {n: self._function(n, types) for n, types in _PROTOTYPES.items()}
+            if self.differentiates and hasattr(self._fmu.dll, _DERIVATIVE):
+                raw[_DERIVATIVE] = self._function(_DERIVATIVE, _DERIVATIVE_TYPES)
         except Exception as error:  # fmpy raises bare Exception
             reasons = " ".join([str(error), *log.lines(name)])
             raise CommandError(f"the FMU '{file.path}' of {name} cannot be started: {reasons}") from error
@@ -211,16 +210,20 @@ class FmuSlave(DescribedSlave):
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """How fast the outputs change at once when the inputs move in a direction."""
         found = np.zeros(len(self.outputs))
-        if len(found) and len(direction):
-            sizes = ((r.ctypes.data, len(r)) for r in (self._output_references, self._input_references))
-            (unknown, n), (known, m) = sizes
-            name, vectors = "fmi2GetDirectionalDerivative", (direction.ctypes.data, found.ctypes.data)
-            status = self._functions[name](self._component, unknown, n, known, m, *vectors)
-            if status == _DISCARD:
-                return None
-            if status not in _FINE:
-                raise self.error(_plain(name), status)
-        return found
+        if not len(found) or not len(direction):
+            return found
+        if _DERIVATIVE not in self._functions:
+            return None
+        unknown, known = self._output_references, self._input_references
+        status = self._functions[_DERIVATIVE](
+            self._component,
+            *(unknown.ctypes.data, len(unknown)),
+            *(known.ctypes.data, len(known)),
+            *(direction.ctypes.data, found.ctypes.data),
+        )
+        if status == _FATAL:
+            raise self.error(_plain(_DERIVATIVE), status)
+        return found if status in _FINE else None
 
     def save(self, state: Any = None) -> Any:
         """A copy of the FMU's state, in the memory of an earlier one if given."""
