@@ -1,0 +1,337 @@
+"""Three joints on one machine: what the scenarios promise, and that motion and force agree."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.arrays import Vector
+from emla_cosim.compare.contest import _joints as compared_joints
+from emla_cosim.loading import load
+from emla_cosim.simulation import Simulation
+from emla_cosim.study import machine
+from emla_cosim.study.figures import JOINT_FIGURES
+from emla_cosim.study.paper import TABLE_VI
+from emla_cosim.study.roles import JOINTS, joints, variable
+from emla_cosim.study.systems import STUDY
+from emla_fmu.parameters import EMLAS
+from hdrm_fmu import HDRM
+from hdrm_fmu.dynamics import inverse_dynamics
+from hdrm_fmu.spline import DEFAULT_FILE, default_spline
+from tests.support.commands import Emla
+
+Q_S = [STUDY[joint].q_S for joint in JOINTS]
+
+
+@pytest.fixture(scope="module")
+def replay(fmu_folder: Path) -> Iterator[Simulation]:
+    with load("hdrm-replay").prepare(fmus=fmu_folder) as simulation:
+        yield simulation
+
+
+@pytest.fixture(scope="module")
+def coupled(fmu_folder: Path) -> Iterator[Simulation]:
+    with load("hdrm-coupled").prepare(fmus=fmu_folder) as simulation:
+        yield simulation
+
+
+@pytest.fixture(scope="module")
+def merged(fmu_folder: Path) -> Iterator[Simulation]:
+    with load("hdrm-merged").prepare(fmus=fmu_folder) as simulation:
+        yield simulation
+
+
+@pytest.fixture(scope="module")
+def whole_replay(replay: Simulation) -> ec.Result:
+    return replay.run()
+
+
+@pytest.fixture(scope="module")
+def whole_coupled(coupled: Simulation) -> ec.Result:
+    return coupled.run()
+
+
+# ---- Table VI ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scenario", ["replay", "coupled"])
+def test_every_cell_of_table_vi_holds_over_the_whole_trajectory(
+    scenario: str, request: pytest.FixtureRequest
+) -> None:
+    result: ec.Result = request.getfixturevalue(f"whole_{scenario}")
+    assert result.problem is None and result.steps == 377_000
+    for joint in JOINTS:
+        printed, found = TABLE_VI.cells["study", joint]["rsba"], result.metrics["joints"][joint]
+        for name, limit in printed._asdict().items():
+            assert 0.0 < found[name] < limit, (joint, name)
+        assert found["saturated_after_convergence"] == 0.0
+
+
+def test_a_speed_that_ends_at_its_limit_is_left_by_what_shakes_the_machine(whole_coupled: ec.Result) -> None:
+    """The trajectory ends with 0.21 m/s, the most that the telescope may do."""
+    left = {joint: whole_coupled.metrics["joints"][joint]["left_limits"] for joint in JOINTS}
+    assert left["lift"] is None and left["tilt"] is None
+    assert left["telescope"]["signal"] == "telescope.plant.v_L" and left["telescope"]["time_s"] > 37.6
+    assert abs(left["telescope"]["value"]) < 0.21 * (1 + 1e-3)
+
+
+def test_robust_gains_hold_position_and_speed_of_table_vi(coupled: Simulation, fmu_folder: Path) -> None:
+    with load("hdrm-coupled", gains="robust").prepare(fmus=fmu_folder, stop_time=3.0) as robust:
+        found = robust.run().metrics["joints"]
+    for joint in JOINTS:
+        printed = TABLE_VI.cells["study", joint]["rsba"]
+        for name, limit in printed._asdict().items():
+            assert 0.0 < found[joint][name] < limit, (joint, name)
+
+
+# ---- forces and wiring -------------------------------------------------------------------------
+
+
+def column(result: ec.Result, role: str) -> Vector:
+    """The signal of a role, a column for each joint."""
+    names = [variable(joint, role, result.names) for joint in JOINTS]
+    return np.column_stack([np.asarray(result[str(name)]) for name in names])
+
+
+@pytest.mark.parametrize("scenario", ["replay", "coupled"])
+def test_load_forces_are_those_of_the_motion(scenario: str, request: pytest.FixtureRequest) -> None:
+    """Along the trajectory for replay, of the plants' own motion where they are coupled."""
+    result: ec.Result = request.getfixturevalue(f"whole_{scenario}")
+    rows = np.linspace(0, len(result.time) - 1, 40).astype(int)
+    forces = column(result, "F_L")[rows]
+    if scenario == "replay":
+        spline = default_spline()
+        motion = [spline.evaluated(result.time[rows], order) for order in range(3)]
+        assert column(result, "x_d")[rows] == pytest.approx(motion[0], abs=1e-12)
+    else:
+        motion = [column(result, role)[rows] for role in ("x_L", "v_L", "a_L")]
+    expected = [inverse_dynamics(HDRM, *state, 470.0) for state in zip(*motion, strict=True)]
+    # coupled: what the signals of one row agree to; plants see a disturbance later than others
+    error = np.abs(forces - np.array(expected)) / np.abs(forces).max(axis=0)
+    assert error.max() < (1e-9 if scenario == "replay" else 1e-6)
+
+
+def test_joints_start_beside_the_trajectory_as_in_the_study() -> None:
+    system = load("hdrm-coupled").system
+    for joint in JOINTS:
+        plant, observer = (system.component(f"{joint}.{role}").parameters for role in ("plant", "observer"))
+        assert plant["start.x_L"] == STUDY[joint].x_start == observer["start.x_hat"]
+        assert plant["uncertainty.F_2"] == 0.01 and plant["sensor.seed"] == STUDY[joint].seed
+    mechanics = load("hdrm-merged").system.component("machine.plant").parameters
+    for i, joint in enumerate(JOINTS, 1):
+        assert mechanics[f"start.x_L[{i}]"] == STUDY[joint].x_start
+        assert mechanics[f"motor.J_m[{i}]"] == EMLAS[joint].J_m
+        assert mechanics[f"uncertainty.F_2[{i}]"] == 0.01
+
+
+def test_three_values_close_the_loop(coupled: Simulation) -> None:
+    result = coupled.run(stop_time=1e-3)
+    (loop,) = result.record["stepping"]["loops"]
+    assert sorted(loop) == sorted([*(f"{joint}.plant" for joint in JOINTS), "machine.manipulator"])
+
+
+# ---- agreement with the merged plant -----------------------------------------------------------
+
+
+def smooth(merged: bool, quiet: bool) -> dict[str, float]:
+    """Start values without offset and resolution, so that errors are those of steps; `quiet`: without d_2."""
+    values = {f"{joint}.observer.start.x_hat": q for joint, q in zip(JOINTS, Q_S, strict=True)}
+    for i, (joint, q) in enumerate(zip(JOINTS, Q_S, strict=True), 1):
+        values[f"machine.plant.start.x_L[{i}]" if merged else f"{joint}.plant.start.x_L"] = q
+        values[f"{joint}.{'motor' if merged else 'plant'}.sensor.resolution"] = 0.0
+        if quiet:
+            terms = ("amplitude[1]", "amplitude[2]", "arctan", "high", "low")
+            values |= {f"{joint}.disturbance.d_2.{term}": 0.0 for term in terms}
+    return values
+
+
+def moved(simulation: Simulation, merged: bool, quiet: bool, parts: int, extrapolation: str) -> Vector:
+    """Positions at 10 kHz, stepped in `parts` of a sample; digital parts sample at 10 kHz all the same."""
+    sampled = {f"{j}.{role}": parts for j in JOINTS for role in ("disturbance", "observer", "controller")}
+    result = simulation.run(
+        set=smooth(merged, quiet),
+        step_size=1e-4 / parts,
+        output_interval=1e-4,
+        stop_time=0.02,
+        step_multiples=sampled,
+        extrapolation=extrapolation,
+        coupling_tolerance=1e-11,
+    )
+    assert result.problem is None
+    return column(result, "x_L")
+
+
+@pytest.mark.parametrize(
+    ("extrapolation", "quiet", "order"), [("none", False, 1.0), ("fmu", False, 1.0), ("fmu", True, 2.0)]
+)
+def test_coupled_comes_to_merged_as_steps_get_shorter(
+    coupled: Simulation, merged: Simulation, extrapolation: str, quiet: bool, order: float
+) -> None:
+    """To the second order where inputs are followed and no disturbance makes accelerations jump."""
+    reference = moved(merged, True, quiet, 64, extrapolation)
+    errors = [
+        np.abs(moved(coupled, False, quiet, parts, extrapolation) - reference).max(axis=0)
+        for parts in (1, 2, 4)
+    ]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.abs(orders - order).max() < 0.35, orders
+    assert (errors[-1] < 0.02 * np.ptp(reference, axis=0)).all()
+
+
+@pytest.mark.parametrize("algorithm", ["jacobi", "gauss-seidel"])
+def test_a_force_that_is_a_step_late_diverges_and_is_told_so(coupled: Simulation, algorithm: str) -> None:
+    for step in (1e-4, 2.5e-5):
+        result = coupled.attempt(algorithm=algorithm, step_size=step, stop_time=0.1)
+        assert result.end_s < 0.01
+        told = str(result.problem)
+        assert "telescope.plant.a_L" in told and "machine.manipulator.F_L[3]" in told
+        assert "controller" not in told.partition("discarded")[2]
+        assert "spectral radius" in told and "Use the algorithm strong" in told
+
+
+def test_a_failure_without_such_a_loop_is_not_told_of_one(replay: Simulation) -> None:
+    result = replay.attempt(set={"lift.plant.motor.L_q": 1e-9}, stop_time=0.01)
+    assert "discarded" in str(result.problem) and "spectral" not in str(result.problem)
+
+
+# ---- roles -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["study", *machine.SYSTEMS])
+def test_every_picture_finds_its_signals_in_every_system(name: str) -> None:
+    components = [c.name for c in load(name).system.components]
+    assert joints(components) == list(JOINTS)
+
+
+def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
+    result = merged.run(stop_time=0.5, output_interval=1e-4)
+    assert set(result.metrics["joints"]) == set(JOINTS)
+    for picture in JOINT_FIGURES.values():
+        for panel in picture.panels:
+            for curve in panel.curves:
+                for i, joint in enumerate(JOINTS, 1):
+                    name = picture.find(joint, curve.signal, result.names)
+                    assert name is not None and (name.startswith(f"{joint}.") or name.endswith(f"[{i}]"))
+    errors = {joint: result.metrics["joints"][joint]["position_error_m"] for joint in JOINTS}
+    late = result.time >= 0.3
+    found = np.abs(column(result, "x_L") - column(result, "x_d"))[late].max(axis=0)
+    assert found == pytest.approx(list(errors.values()), rel=1e-9)
+    assert variable("tilt", "tau_m", result.names) == "tilt.motor.tau_m"
+
+
+def test_ranges_of_the_merged_plant_are_watched(merged: Simulation) -> None:
+    result = merged.run(stop_time=0.05, set={"machine.plant.screw.v_max[2]": 0.01})
+    left = result.metrics["joints"]["tilt"]["left_limits"]
+    assert left["signal"] == "machine.plant.v_L[2]" and left["maximum"] == 0.01
+    assert any(
+        text.startswith("tilt left its speed range") and "machine.plant.v_L[2]" in text
+        for text in result.remarks
+    )
+    assert result.metrics["joints"]["lift"]["left_limits"] is None
+
+
+def test_controllers_are_compared_on_the_machine() -> None:
+    class Part:
+        system = load("hdrm-merged").system
+
+    assert compared_joints(Part()) == list(JOINTS)  # type: ignore[arg-type]
+
+
+# ---- trajectories from files -------------------------------------------------------------------
+
+
+def shifted(by: float) -> dict[str, Any]:
+    content = json.loads(DEFAULT_FILE.read_text())
+    content["coefficients"]["lift"] = [x + by for x in content["coefficients"]["lift"]]
+    return content
+
+
+def test_a_trajectory_of_a_file_leads_and_its_hash_is_recorded(emla: Emla, tmp_path: Path) -> None:
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps(shifted(0.01)))
+    result = emla("run", "hdrm-replay", "--trajectory", "mine.json", "--stop-time", "0.01", "--no-plots")
+    assert result.exit_code == 0, result.output
+    record = json.loads(Path("results/hdrm-replay/run.json").read_text())
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    assert record["settings"]["trajectory"] == {"file": "mine.json", "sha256": digest}
+    parameters = record["components"]["machine.trajectory"]["parameters"]
+    assert parameters["coefficient.lift[1]"] == pytest.approx(0.254)
+    assert record["components"]["lift.plant"]["parameters"]["start.x_L"] == pytest.approx(0.25)
+
+
+def test_a_scenario_file_names_a_trajectory_beside_itself(tmp_path: Path) -> None:
+    folder = tmp_path / "deep"
+    folder.mkdir()
+    (folder / "t.json").write_text(json.dumps(shifted(0.02)))
+    scenario = folder / "mine.toml"
+    scenario.write_text('system = "hdrm-merged"\ntrajectory = "t.json"\n')
+    start = load(scenario).system.component("machine.plant").parameters["start.x_L[1]"]
+    assert start == pytest.approx(STUDY["lift"].x_start + 0.02)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "text", "sentence"),
+    [
+        ("hdrm-replay", None, "the trajectory 't.json' cannot be read: No such file or directory."),
+        ("hdrm-merged", "{", "the trajectory 't.json' is no JSON: "),
+        ("hdrm-coupled", '{"degree": 5}', "the trajectory 't.json' cannot be used: it lacks 'knots'; "),
+        ("study", "{}", "'study' follows no trajectory; --trajectory is for hdrm-coupled, hdrm-merged and"),
+    ],
+)
+def test_what_is_no_trajectory_is_one_sentence(
+    emla: Emla, tmp_path: Path, scenario: str, text: str | None, sentence: str
+) -> None:
+    if text is not None:
+        (tmp_path / "t.json").write_text(text)
+    result = emla("run", scenario, "--trajectory", "t.json", "--stop-time", "0.01")
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"Error: {sentence}") and len(result.stderr.splitlines()) == 1
+
+
+def test_a_trajectory_with_more_knots_than_there_is_room_for_is_refused(emla: Emla, tmp_path: Path) -> None:
+    count = 60
+    content: Mapping[str, Any] = {
+        "degree": 1,
+        "knots": [0.0, *np.linspace(0.0, 1.0, count).tolist(), 1.0],
+        "coefficients": {joint: [0.3] * count for joint in JOINTS},
+    }
+    (tmp_path / "t.json").write_text(json.dumps(content))
+    result = emla("run", "hdrm-replay", "--trajectory", "t.json", "--stop-time", "0.01")
+    assert result.exit_code == 2 and "has room for" in result.stderr
+
+
+# ---- faults ------------------------------------------------------------------------------------
+
+
+def faulted(name: str, fault: str, folder: Path, stop_time: float) -> ec.Result:
+    with load(name, fault=[ec.Fault.of_text(fault)]).prepare(fmus=folder, stop_time=stop_time) as simulation:
+        return simulation.run()
+
+
+@pytest.mark.parametrize("name", ["hdrm-coupled", "hdrm-merged"])
+@pytest.mark.parametrize(("kind", "payload"), [("constant:0", 0.0), ("gain:2", 940.0)])
+def test_a_payload_that_is_dropped_or_doubled_is_held(
+    name: str, kind: str, payload: float, fmu_folder: Path
+) -> None:
+    carrier = "plant" if name == "hdrm-merged" else "manipulator"
+    result = faulted(name, f"machine.{carrier}.payload.m={kind}@0.6", fmu_folder, 1.0)
+    assert result.metrics["joints"]["telescope"]["position_error_m"] < 2e-4
+    static = inverse_dynamics(HDRM, column(result, "x_d")[-1], [0.0] * 3, [0.0] * 3, payload)
+    mean = column(result, "F_L")[result.time > 0.7].mean(axis=0)
+    assert mean == pytest.approx(static, rel=0.05, abs=300.0)
+
+
+def test_a_joint_without_power_falls_onto_its_stop_and_the_others_hold(fmu_folder: Path) -> None:
+    result = faulted("hdrm-coupled", "lift.plant.supply.sag=constant:1@0.5", fmu_folder, 5.5)
+    assert result.problem is None
+    lift, tilt = (result.metrics["joints"][joint] for joint in ("lift", "tilt"))
+    assert lift["converged"] is False and tilt["position_error_m"] < 6.5e-5
+    end = column(result, "x_L")[-1, 0]
+    assert -0.05 < end < 0.0 + 5e-3  # the stop of a stroke that begins at 0
+    assert abs(column(result, "v_L")[-1, 0]) < 1e-2
+    assert any(text.startswith("lift left its speed range") for text in result.remarks)
