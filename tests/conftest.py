@@ -39,18 +39,32 @@ for size in ("COLUMNS", "LINES"):
 
 
 LONGEST = (
-    "test_any_command.py",
-    "test_broken_fmus.py",
-    "test_pages.py",
-    "test_cli.py",
-    "test_site.py",
     "test_cluster_faults.py",
+    "test_broken_fmus.py",
+    "test_any_command.py",
+    "test_pages.py",
+    "test_ended_processes.py",
     "test_verify_command.py",
+    "test_surroundings.py",
+    "test_names.py",
+    "test_mutations.py",
+    "test_pytest_plugin.py",
+    "test_state_round_trips.py",
+    "test_site.py",
+    "test_workflow.py",
+    "test_flavours.py",
+    "test_cli.py",
     "test_sweeping.py",
-    "test_injected_failures.py",
-    "test_written_files.py",
+    "test_checkpoints.py",
 )
 """Files that begin first, the longest before all others, so that none is left over in the end."""
+
+
+@pytest.hookimpl(optionalhook=True)  # of pytest-xdist
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are cores: a third of the time tests wait for processes to start and end."""
+    known = hasattr(os, "sched_getaffinity")
+    return 1 + (len(os.sched_getaffinity(0)) if known else os.cpu_count() or 1)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
