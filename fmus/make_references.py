@@ -408,7 +408,7 @@ START = ((0.244, 0.389, 0.499), (0.01, -0.02, 0.03))
 def merged_plant() -> Solution:
     """1 s: torques that shake what they carry."""
     step, count = 5e-3, 201
-    bearing, shaking = np.array([30.0, 7.5, -5.7]), np.array([8.0, 8.0, 0.5])
+    bearing, shaking = np.array([30.0, 7.5, -5.2]), np.array([6.0, 8.0, 0.4])
 
     def given(k: int) -> Row:
         t = k * step
