@@ -67,13 +67,13 @@ def test_all_bounds_hold_on_a_dense_grid(spline: Spline, figures: Assessment) ->
 
 
 def test_the_one_in_the_package_is_found_again(spline: Spline, figures: Assessment) -> None:
-    """Where another machine rounds otherwise, IPOPT ends elsewhere within its tolerance."""
+    """All starts end 1e-7 of the cost apart here; another machine's linear algebra may add to that."""
     kept = default_spline()
     times = np.linspace(0.0, 37.7, 1001)
     assert kept.end == spline.end
-    assert spline.evaluated(times) == pytest.approx(kept.evaluated(times), abs=1e-4)
+    assert spline.evaluated(times) == pytest.approx(kept.evaluated(times), abs=1e-3)
     cost = assessed(kept, CLIPPED, USUAL.tie_break).cost
-    assert figures.cost == pytest.approx(cost, rel=1e-4)
+    assert figures.cost == pytest.approx(cost, rel=1e-3)
 
 
 def test_its_figures_are_those_of_the_motion(spline: Spline, figures: Assessment) -> None:

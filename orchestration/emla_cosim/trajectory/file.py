@@ -4,13 +4,15 @@ import json
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hdrm_fmu.spline import DEFAULT_FILE, Spline, TrajectoryError, spline_of
 
 from ..errors import CommandError
 from ..files import place_of, read_text, written_whole
-from .result import TrajectoryResult
+
+if TYPE_CHECKING:
+    from .result import TrajectoryResult
 
 __all__ = ["DEFAULT_FILE", "read_trajectory", "write_trajectory"]
 
@@ -29,7 +31,7 @@ def read_trajectory(path: str | Path) -> Spline:
         raise CommandError(f"{_WHAT} '{path}' is no JSON: {error}.") from error
 
 
-def write_trajectory(result: TrajectoryResult, path: Path) -> None:
+def write_trajectory(result: "TrajectoryResult", path: Path) -> None:
     """Write a motion to a file, whole or not at all. Raises CommandError where that cannot be."""
     place = place_of(path, _WHAT)
     content = json.dumps(document(result), indent=1, allow_nan=False) + "\n"
@@ -40,7 +42,7 @@ def write_trajectory(result: TrajectoryResult, path: Path) -> None:
         raise CommandError(f"{_WHAT} '{path}' cannot be written: {error.strerror or error}.") from error
 
 
-def document(result: TrajectoryResult) -> dict[str, Any]:
+def document(result: "TrajectoryResult") -> dict[str, Any]:
     """What a trajectory file holds, all in SI units."""
     spline, figures = result.spline, asdict(result.assessment)
     return {
