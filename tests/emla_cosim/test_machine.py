@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.arrays import Vector
 from emla_cosim.compare.contest import _joints as compared_joints
 from emla_cosim.loading import load
 from emla_cosim.simulation import Simulation
@@ -24,8 +23,7 @@ from hdrm_fmu import HDRM
 from hdrm_fmu.dynamics import inverse_dynamics
 from hdrm_fmu.spline import DEFAULT_FILE, default_spline
 from tests.support.commands import Emla
-
-Q_S = [STUDY[joint].q_S for joint in JOINTS]
+from tests.support.coupled_machine import column, positions
 
 
 @pytest.fixture(scope="module")
@@ -92,12 +90,6 @@ def test_robust_gains_hold_position_and_speed_of_table_vi(coupled: Simulation, f
 # ---- forces and wiring -------------------------------------------------------------------------
 
 
-def column(result: ec.Result, role: str) -> Vector:
-    """The signal of a role, a column for each joint."""
-    names = [variable(joint, role, result.names) for joint in JOINTS]
-    return np.column_stack([np.asarray(result[str(name)]) for name in names])
-
-
 @pytest.mark.parametrize("scenario", ["replay", "coupled"])
 def test_load_forces_are_those_of_the_motion(scenario: str, request: pytest.FixtureRequest) -> None:
     """Along the trajectory for replay, of the plants' own motion where they are coupled."""
@@ -138,34 +130,6 @@ def test_three_values_close_the_loop(coupled: Simulation) -> None:
 # ---- agreement with the merged plant -----------------------------------------------------------
 
 
-def smooth(merged: bool, quiet: bool) -> dict[str, float]:
-    """Start values without offset and resolution, so that errors are those of steps; `quiet`: without d_2."""
-    values = {f"{joint}.observer.start.x_hat": q for joint, q in zip(JOINTS, Q_S, strict=True)}
-    for i, (joint, q) in enumerate(zip(JOINTS, Q_S, strict=True), 1):
-        values[f"machine.plant.start.x_L[{i}]" if merged else f"{joint}.plant.start.x_L"] = q
-        values[f"{joint}.{'motor' if merged else 'plant'}.sensor.resolution"] = 0.0
-        if quiet:
-            terms = ("amplitude[1]", "amplitude[2]", "arctan", "high", "low")
-            values |= {f"{joint}.disturbance.d_2.{term}": 0.0 for term in terms}
-    return values
-
-
-def moved(simulation: Simulation, merged: bool, quiet: bool, parts: int, extrapolation: str) -> Vector:
-    """Positions at 10 kHz, stepped in `parts` of a sample; digital parts sample at 10 kHz all the same."""
-    sampled = {f"{j}.{role}": parts for j in JOINTS for role in ("disturbance", "observer", "controller")}
-    result = simulation.run(
-        set=smooth(merged, quiet),
-        step_size=1e-4 / parts,
-        output_interval=1e-4,
-        stop_time=0.02,
-        step_multiples=sampled,
-        extrapolation=extrapolation,
-        coupling_tolerance=1e-11,
-    )
-    assert result.problem is None
-    return column(result, "x_L")
-
-
 @pytest.mark.parametrize(
     ("extrapolation", "quiet", "order"), [("none", False, 1.0), ("fmu", False, 1.0), ("fmu", True, 2.0)]
 )
@@ -173,10 +137,9 @@ def test_coupled_comes_to_merged_as_steps_get_shorter(
     coupled: Simulation, merged: Simulation, extrapolation: str, quiet: bool, order: float
 ) -> None:
     """To the second order where inputs are followed and no disturbance makes accelerations jump."""
-    reference = moved(merged, True, quiet, 64, extrapolation)
+    reference = positions(merged, 64, extrapolation, quiet)
     errors = [
-        np.abs(moved(coupled, False, quiet, parts, extrapolation) - reference).max(axis=0)
-        for parts in (1, 2, 4)
+        np.abs(positions(coupled, parts, extrapolation, quiet) - reference).max(axis=0) for parts in (1, 2, 4)
     ]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.abs(orders - order).max() < 0.35, orders
