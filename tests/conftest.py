@@ -96,7 +96,10 @@ def user_cache(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the native FMUs of all models, which all processes of a test run share."""
     folder = _shared(tmp_path_factory) / "fmus"
-    for model in MODELS:
+    number = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+    processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    models, first = list(MODELS), number * len(MODELS) // processes  # so that none waits for another
+    for model in (*models[first:], *models[:first]):
         build(model, "native", [], folder)
     return folder
 
