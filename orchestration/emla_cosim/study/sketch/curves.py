@@ -18,7 +18,7 @@ _PARTS = 300
 """Of longer curves the lowest and the highest value of so many parts are drawn; a panel is that wide."""
 
 _TRANSIENT = 0.3
-"""Time in s after which errors are small enough to show."""
+"""Time in s of the initial transient, whose forces and errors would dwarf all others."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,14 @@ class Curves:
 
 
 def curves(found: Movement) -> list[Curves]:
-    """What a movement has values for."""
+    """What a movement has values for, once the initial transient is over."""
+    late = found.time >= found.time[0] + _TRANSIENT
+    part = late if late.sum() > 1 else np.full_like(late, True)
     wanted = []
     if found.forces is not None:
-        wanted.append(Curves("load force / kN", *_shortened(found.time, 1e-3 * found.forces)))
+        wanted.append(Curves("load force / kN", *_shortened(found.time[part], 1e-3 * found.forces[part])))
     if found.errors is not None:
-        late = found.time >= found.time[0] + _TRANSIENT
-        part = late if late.sum() > 1 else np.full_like(late, True)
-        errors = _shortened(found.time[part], 1e6 * found.errors[part])
-        wanted.append(Curves("position error / µm", *errors))
+        wanted.append(Curves("position error / µm", *_shortened(found.time[part], 1e6 * found.errors[part])))
     return wanted
 
 
@@ -60,9 +59,6 @@ def dress(axes: "list[Axes]", shown: list[Curves]) -> None:
         tidied(panel)
     if not axes:
         return
-    begin, end = min(x.time.min() for x in shown), max(x.time.max() for x in shown)
-    for panel in axes:
-        panel.set_xlim(begin, end)
     axes[-1].set_xlabel("time / s", fontsize=9)
     lines = axes[0].lines[: len(JOINTS)]
     axes[0].legend(
