@@ -265,7 +265,7 @@ def test_affine_problems_take_two_sweeps_once_they_are_known(count: int, seed: i
     assume(problem.condition < 100.0)
     start = np.zeros(count)
     assert newton.solve(start, problem, problem.agreed, SWEEPS, problem.sizes) <= count + 3
-    problem.b = -0.5 * problem.b[::-1]
+    problem.b = -2.0 * problem.b[::-1]
     assert newton.solve(start, problem, problem.agreed, SWEEPS, problem.sizes) == 2
     solution = problem.sizes * np.linalg.solve(np.eye(count) - problem.G, problem.b)
     assert newton.solve(solution, problem, problem.agreed, SWEEPS, problem.sizes) == 1

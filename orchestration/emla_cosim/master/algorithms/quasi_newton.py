@@ -94,7 +94,7 @@ class QuasiNewton:
             agrees = agreed(residual)
             if not np.isfinite(residual).all():
                 break
-            if sweep == 1 or not agrees:  # later differences in agreement are small, and mostly rounding
+            if 0 < sweep <= n or not agrees:  # of more than n differences the small last tells the least
                 improve(n, sweep + 1, residuals, answers, scales, earlier, jacobian, *room)
                 self.jacobian.reshape(-1)[:] = jacobian
                 x = np.array(room[-1])

@@ -124,7 +124,7 @@ def _agree(loop, group, present, time, length):
         agreed, finite = _compare(loop, group, sweep)
         if not finite:
             return _NOT_IN_ONE, sweep + 1
-        if sweep == 1 or not agreed:
+        if 0 < sweep <= n or not agreed:
             _improve(
                 n,
                 sweep + 1,
