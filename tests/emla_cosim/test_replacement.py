@@ -121,7 +121,7 @@ def foreign(foreign_plant: Path) -> tuple[str, ...]:
         ("--algorithm jacobi", TOLERANCE),
         ("--algorithm jacobi --no-kernel", TOLERANCE),
         ("--algorithm jacobi --extrapolation master", 10.0 * TOLERANCE),
-        ("--algorithm strong", 100.0 * TOLERANCE),
+        ("--algorithm strong --coupling-tolerance 1e-10", 100.0 * TOLERANCE),
     ],
 )
 def test_other_names_and_units_give_the_same_results(
