@@ -98,6 +98,19 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         COMPARED,
     ),
     "SignalFault": ({"kind": FaultKind.FREEZE, "start": 0.1, "duration": 0.2}, {"u": 0.5}),
+    "HdrmManipulator": (
+        {"lift.a": 1.2, "tube.share": 0.4},
+        {"payload.m": 100, "x_L[1]": 0.05, "x_L[2]": 0.05, "x_L[3]": 0.5}
+        | {f"{name}_L[{i}]": scale for name, scale in (("v", 0.3), ("a", 3)) for i in (1, 2, 3)},
+    ),
+    "HdrmPlant": (
+        {
+            "gravity": 1.0,  # so that nothing falls beyond its stroke
+            "screw.B_BS[1]": 50.0, "screw.C_eq[2]": 2.0, "uncertainty.F_2[3]": 0.1, "start.v_L[1]": 0.02,
+        },
+        {"payload.m": 100, "tau_m[1]": 20, "tau_m[2]": 10, "tau_m[3]": 1}
+        | {f"d_2[{i}]": 0.3 for i in (1, 2, 3)},
+    ),
 }  # fmt: skip
 
 
