@@ -16,13 +16,14 @@ from ..trajectory.summary import costs, lines, peaks, remarks
 from .options import pairs
 
 _WHAT, _HOW, _OUT = "What is asked", "How it is found", "What comes out"
+_USUAL = trajectory.__kwdefaults__
 
 
 def command(
     problem: Annotated[
         Path | None,
         typer.Argument(
-            help="Problem (.toml) that differs from the paper's: docs/trajectory.md.", metavar="[PROBLEM]"
+            help="Problem (.toml) that differs from the paper's: docs/trajectory.md.", metavar="PROBLEM"
         ),
     ] = None,
     set: Annotated[
@@ -39,24 +40,26 @@ def command(
             help="How an end speed beyond its bound is read: clip, exempt, decimal, rest.",
             rich_help_panel=_WHAT,
         ),
-    ] = "clip",
+    ] = _USUAL["end_speed"],
     tie_break: Annotated[
         float,
         typer.Option(
             help="Weight of the joints' own powers beside the square of their sum; 0 is as printed.",
             rich_help_panel=_WHAT,
         ),
-    ] = 1e-3,
-    degree: Annotated[int, typer.Option(help="Degree of the spline, 3 to 5.", rich_help_panel=_HOW)] = 5,
+    ] = _USUAL["tie_break"],
+    degree: Annotated[int, typer.Option(help="Degree of the spline, 3 to 5.", rich_help_panel=_HOW)] = _USUAL[
+        "degree"
+    ],
     knots: Annotated[
         int, typer.Option(help="Different knots, closer together at both ends.", rich_help_panel=_HOW)
-    ] = 20,
+    ] = _USUAL["knots"],
     points: Annotated[
         int, typer.Option(help="Collocation points between two knots.", rich_help_panel=_HOW)
-    ] = 10,
+    ] = _USUAL["points"],
     starts: Annotated[
         int, typer.Option(help="Starts, of which the best result counts.", rich_help_panel=_HOW)
-    ] = 1,
+    ] = _USUAL["starts"],
     output: Annotated[
         Path | None,
         typer.Option(

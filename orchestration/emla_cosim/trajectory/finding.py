@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hdrm_fmu.optimisation.assessment import Assessment
+from hdrm_fmu.optimisation.assessment import Assessment, assessed
 from hdrm_fmu.optimisation.narrowing import narrowed
 from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
 from hdrm_fmu.optimisation.solving import (
@@ -28,6 +28,7 @@ _RANGES = {"degree": (3, 5), "knots": (2, 48), "points": (3, 50), "starts": (1, 
 """Least and largest of what may be chosen; the acceleration must have no jumps."""
 
 _LEAST_COEFFICIENTS = 6
+"""Two at either end for position and speed, and two between that can be chosen."""
 
 
 def trajectory(
@@ -97,7 +98,7 @@ def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
 def _size(name: str, value: int) -> int:
     least, most = _RANGES[name]
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise CommandError(f"the number of {name} {value!r} must be a whole number of {least} to {most}.")
+        raise CommandError(f"{name} is {value!r}; it must be a whole number of {least} to {most}.")
     return value
 
 
@@ -132,4 +133,9 @@ def _best(
                 raise RunError(str(error)) from error
         told.finish()
     best = min(found, key=lambda solution: solution.cost)
-    return narrowed(best, problem, how, lambda: told.advance(1))
+    figures = assessed(best.spline(how), problem, how.tie_break)
+    if not figures.within_bounds:
+        told.begin("narrower bounds", MOST_ITERATIONS, "iterations")
+        best, figures = narrowed(best, problem, how, lambda: told.advance(1))
+        told.finish()
+    return best, figures
