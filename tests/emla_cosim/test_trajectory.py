@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
+from typer.testing import CliRunner
 
 import emla_cosim as ec
+from emla_cosim.cli import app
 from emla_cosim.progress import Progress
 from emla_cosim.trajectory import finding
 from emla_cosim.trajectory.file import DEFAULT_FILE
@@ -21,6 +23,14 @@ COARSE = ("--knots", "10", "--points", "5")
 FAST: dict[str, Any] = {"knots": 10, "points": 5}
 
 
+@pytest.fixture
+def emla(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Emla:
+    """Run `emla` in an empty folder; nothing here needs an FMU."""
+    monkeypatch.chdir(tmp_path)
+    widen_terminal(monkeypatch, 200)
+    return lambda *arguments: CliRunner().invoke(app, list(arguments))
+
+
 @pytest.fixture(scope="module")
 def coarse() -> ec.TrajectoryResult:
     return ec.trajectory(**FAST)
@@ -29,10 +39,7 @@ def coarse() -> ec.TrajectoryResult:
 # ---- what comes out ----------------------------------------------------------------------------
 
 
-def test_the_command_says_what_it_found_and_writes_it(
-    emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    widen_terminal(monkeypatch, 200)
+def test_the_command_says_what_it_found_and_writes_it(emla: Emla, tmp_path: Path) -> None:
     shown = emla("trajectory", *COARSE, "--output", "motion.json")
     assert shown.exit_code == 0, shown.output
     for words in (

@@ -16,7 +16,7 @@ from ..trajectory.summary import costs, lines, peaks, remarks
 from .options import pairs
 
 _WHAT, _HOW, _OUT = "What is asked", "How it is found", "What comes out"
-_USUAL = trajectory.__kwdefaults__
+_USUAL = trajectory.__kwdefaults__ or {}
 
 
 def command(
