@@ -112,9 +112,9 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
     return fmu_folder
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def machine() -> "Iterator[Place]":
-    """A local cluster of two workers that lives as long as this process of the test run."""
+    """A local cluster of two workers for a file of tests; one that idles costs a twentieth of a core."""
     from emla_cosim.sweep.local_cluster import local_cluster
 
     with ExitStack() as stack:
@@ -123,7 +123,7 @@ def machine() -> "Iterator[Place]":
         yield place
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def cluster(machine: "Place") -> "Iterator[Client]":
     """A client of that cluster, for sweeps that end none of its workers."""
     from distributed import Client
