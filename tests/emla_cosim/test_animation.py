@@ -73,4 +73,6 @@ def test_signals_that_are_not_kept_are_named() -> None:
     check_animated("it", names, names)
     with pytest.raises(CommandError) as found:
         check_animated("it", names, names[2:])
-    assert str(found.value) == "an animation needs lift.plant.x_L and tilt.plant.x_L, which is not kept."
+    assert (
+        str(found.value) == "an animation needs signals that are not kept: lift.plant.x_L and tilt.plant.x_L."
+    )

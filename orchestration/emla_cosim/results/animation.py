@@ -21,10 +21,8 @@ if TYPE_CHECKING:
 Pixels = npt.NDArray[np.uint8]
 """A frame: rows, columns, and red, green and blue."""
 
-
 _LAST = 1500
 """How long the last frame is seen before the first one comes again, ms."""
-
 
 _ALIKE = 8
 """Colours that differ by less, of 255, are one where Pillow looks for the nearest."""
@@ -73,7 +71,9 @@ def check_animated(name: str, all_names: Collection[str], kept: Collection[str])
         raise CommandError(f"'{name}' has nothing to animate: that takes {takes}.", name=name)
     missing = [[n for n in names if n not in kept] for names in needed]
     if all(missing):
-        raise CommandError(f"an animation needs {listed(missing[0])}, which is not kept.", missing=missing[0])
+        raise CommandError(
+            f"an animation needs signals that are not kept: {listed(missing[0])}.", missing=missing[0]
+        )
 
 
 def animate(result: "Result", folder: Path, progress: Progress) -> list[Path]:

@@ -137,6 +137,13 @@ def test_a_run_is_drawn_as_far_as_its_triangles_close(wrong: float, tmp_path: Pa
         assert len(film(replayed(lift=strokes))) == 30
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_machine_that_stands_still_is_drawn(tmp_path: Path) -> None:
+    still = replayed(lift=0.2, tilt=0.3, telescope=0.4, leave_out=("machine.trajectory",))
+    assert np.ptp(moved(still).path) == np.ptp(moved(still).path[0])
+    assert drawn(still, tmp_path) == {"manipulator.png"}
+
+
 def test_the_tip_stays_where_it_can_be() -> None:
     from matplotlib.path import Path as Line
 

@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 INSTANTS = 5
 """So many postures are drawn, the first and the last among them."""
 
-
 _INSET = (0.04, 0.62, 0.46, 0.33)
 """Where the path is shown large: left, bottom, width and height in parts of the machine's axes."""
+
+_SMALLEST = 1e-2
+"""A path that is smaller, in m, is not shown larger."""
 
 
 class ManipulatorPicture(Drawing):
@@ -83,9 +85,12 @@ def _draw_path(axes: "Axes", found: Movement) -> None:
         axes.annotate(
             f"{found.time[row]:.3g} s", found.path[row], place, textcoords="offset points", fontsize=8
         )
-    square = _grid(np.ptp(found.path, axis=0).max())
-    axes.set_title(f"path of the tip, squares of {square:g} m", fontsize=9)
+    low, high = found.path.min(axis=0), found.path.max(axis=0)
+    size, (x, y) = max((high - low).max(), _SMALLEST), 0.5 * (low + high)
+    square = _grid(size)
+    axes.set_title(f"path of the tip, squares of {square:g} m", fontsize=9, loc="left")
     axes.set_aspect("equal", adjustable="datalim")
+    axes.update_datalim([(x - 0.5 * size, y - 0.5 * size), (x + 0.5 * size, y + 0.5 * size)])
     axes.margins(0.15)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(square))
@@ -108,5 +113,5 @@ def _apart(path: Vector, rows: Sequence[int]) -> list[int]:
 
 def _grid(size: float) -> float:
     """The side of squares, a round number, of which some five are as long as `size`."""
-    power = 10.0 ** math.floor(math.log10(max(size / 5.0, 1e-9)))
+    power = 10.0 ** math.floor(math.log10(size / 5.0))
     return next(power * n for n in (1, 2, 5, 10) if power * n >= 0.99 * size / 5.0)
