@@ -102,7 +102,7 @@ def test_load_forces_are_those_of_the_motion(scenario: str, request: pytest.Fixt
         assert column(result, "x_d")[rows] == pytest.approx(motion[0], abs=1e-12)
     else:
         motion = [column(result, role)[rows] for role in ("x_L", "v_L", "a_L")]
-    expected = [inverse_dynamics(HDRM, *state, 470.0) for state in zip(*motion, strict=True)]
+    expected = [inverse_dynamics(HDRM, q, v, a, 470.0) for q, v, a in zip(*motion, strict=True)]
     # coupled: what the signals of one row agree to; plants see a disturbance later than others
     error = np.abs(forces - np.array(expected)) / np.abs(forces).max(axis=0)
     assert error.max() < (1e-9 if scenario == "replay" else 1e-6)

@@ -9,7 +9,7 @@ import polars
 from ..patterns import fits
 from ..results.result import Result
 from ..study.registration import JOINTS
-from ..study.roles import patterns, variable
+from ..study.roles import patterns, tracked
 from ..sweep.measures import Measures
 
 
@@ -27,10 +27,7 @@ class JointMeasures(Measures):
 
     def series(self, result: Result) -> polars.DataFrame:
         """The position error of each joint in m over time in s, in columns of their names."""
-        ends = {
-            joint: [str(variable(joint, role, result.names)) for role in ("x_L", "x_d")]
-            for joint in result.metrics.get(JOINTS, {})
-        }
+        ends = tracked(result.names)
         table = polars.DataFrame(result.read(["time", *(name for pair in ends.values() for name in pair)]))
         errors = [
             (polars.col(position) - polars.col(reference)).alias(joint)

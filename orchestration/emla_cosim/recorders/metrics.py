@@ -1,7 +1,7 @@
 """Figures computed while a run goes on, from every communication point."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +55,10 @@ class Metrics(ABC):
 
 METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}
 """What makes metrics for a run, or None, by the name of their part in metrics.json."""
+
+
+TRACKED: dict[str, Callable[[Collection[str]], Mapping[str, tuple[str, str]]]] = {}
+"""What finds signals that follow others among names: both of them by what they are of; by kind of metrics."""
 
 
 class MetricsRecorder(Recorder):

@@ -4,15 +4,13 @@ from collections.abc import Callable
 from functools import partial
 from importlib.resources import files
 
-from ..recorders.metrics import METRICS
-from ..results.animation import ANIMATIONS
+from ..recorders.metrics import METRICS, TRACKED
 from ..results.plotting import FIGURES
 from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS, TUNINGS
 from . import experiments, systems
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .metrics import joint_metrics
-from .sketch.film import ManipulatorAnimation
-from .sketch.picture import ManipulatorPicture
+from .roles import tracked
 from .tuning_plans import tuning_plans
 
 JOINTS = "joints"
@@ -30,9 +28,8 @@ def register() -> None:
         PLANS[name] = _text("plans", name)
     TUNINGS.update(tuning_plans())
     METRICS[JOINTS] = joint_metrics
-    FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
-    FIGURES["manipulator"] = ManipulatorPicture()
-    ANIMATIONS["manipulator"] = ManipulatorAnimation()
+    TRACKED[JOINTS] = tracked
+    FIGURES.update(JOINT_FIGURES)
 
 
 def _text(folder: str, name: str) -> Callable[[], str]:

@@ -46,6 +46,15 @@ def variable(joint: str, role: str, names: Collection[str]) -> str | None:
     return next((name for name in _names(joint, _PLACES[role]) if name in names), None)
 
 
+def tracked(names: Collection[str]) -> dict[str, tuple[str, str]]:
+    """Position and reference of each joint that has both among these names."""
+    ends = {
+        joint: [variable(joint, role, names) for role in ("x_L", "x_d")]
+        for joint in dict.fromkeys(name.partition(".")[0] for name in names)
+    }
+    return {joint: (x, x_d) for joint, (x, x_d) in ends.items() if x is not None and x_d is not None}
+
+
 def patterns(*roles: str) -> list[str]:
     """Patterns for all names that these roles may have."""
     return list(

@@ -94,12 +94,27 @@ Choice = str | type | None
 """A controller, or a set of gains: by name, the controller also as a block; None for the usual one."""
 
 
-def _study_joint(name: str, controller: Choice, gains: Choice, **variant: bool) -> System:
-    """One joint of the study."""
+def _study_joint(
+    name: str,
+    controller: Choice,
+    gains: Choice,
+    *,
+    as_printed: bool = False,
+    true_feedback: bool = False,
+    drive: bool = False,
+) -> System:
+    """One joint of the study; see `study_joint`."""
     study = STUDY[name]
-    reference = rest_to_rest(study.q_S, study.q_E, study.v_peak)
-    load = {"level": (study.load,) * LEVELS}
-    return study_joint(name, controller, gains, reference=reference, load=load, **variant).alone()
+    return study_joint(
+        name,
+        controller,
+        gains,
+        reference=rest_to_rest(study.q_S, study.q_E, study.v_peak),
+        load={"level": (study.load,) * LEVELS},
+        as_printed=as_printed,
+        true_feedback=true_feedback,
+        drive=drive,
+    ).alone()
 
 
 def study_joint(

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Vector
-from ..recorders.metrics import METRICS, Figures, Metrics
+from ..recorders.metrics import METRICS, TRACKED, Figures, Metrics
 from ..recorders.recorder import Outline
-from ..study.roles import variable
 
 MISS = "miss"
 """Mean of log10(1 + |x_L - x_d| / 1 µm) over all rows: 1 for 9 µm, 6 for a metre."""
@@ -52,11 +51,11 @@ class _Misses(Metrics):
 def misses(outline: Outline) -> Metrics | None:
     """The metrics of all joints of a run; None where it has none."""
     column = {name: i + 1 for i, name in enumerate(outline.names)}
-    found = {}
-    for joint in dict.fromkeys(name.partition(".")[0] for name in outline.names):
-        position, reference = (variable(joint, role, column) for role in ("x_L", "x_d"))
-        if position is not None and reference is not None:
-            found[joint] = (column[position], column[reference])
+    found = {
+        joint: (column[position], column[reference])
+        for find in TRACKED.values()
+        for joint, (position, reference) in find(column).items()
+    }
     return _Misses(found) if found else None
 
 
