@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from emla_cosim.errors import RunError
+from emla_cosim.loading import load
 from emla_cosim.master.algorithms.group import loop_derivatives
 from emla_cosim.master.algorithms.quasi_newton import QuasiNewton
 from emla_cosim.master.algorithms.strong import HALVINGS, Strong
@@ -121,6 +122,9 @@ def stepped(
     assert stepping.compiled == compiled
     rows = recorded(stepping, interrupted=interrupted)
     return rows, stepping.memory(), sum(len(getattr(s, "states", ())) for s in network.slaves)
+
+
+MACHINE = ["lift.plant", "tilt.plant", "telescope.plant"]
 
 
 def same(found: np.ndarray, expected: np.ndarray) -> bool:
@@ -321,6 +325,21 @@ def test_a_function_that_fails_in_a_loop_is_named(function: str, call: str) -> N
 
 
 # ---- FMUs --------------------------------------------------------------------------------------
+
+
+def test_the_machine_has_the_bits_of_python(fmu_folder: Path) -> None:
+    """Thirteen FMUs, three forces to agree on, and controllers that sample."""
+    with load("hdrm-coupled").prepare(fmus=fmu_folder, output_interval=1e-4) as machine:
+        for extrapolation in ("none", "fmu"):
+            expected, found = (
+                machine.run(stop_time=0.01, extrapolation=extrapolation, compiled=compiled)
+                for compiled in (False, True)
+            )
+            assert [r.stepping["compiled"] for r in (expected, found)] == [False, True]
+            assert expected.stepping["loops"] == [[*MACHINE, "machine.manipulator"]]
+            assert found.stepping["sweeps_over_loops"] == expected.stepping["sweeps_over_loops"] > 200
+            assert len(found["time"]) == 101
+            assert all(same(found[name], expected[name]) for name in expected.names)
 
 
 def test_saved_states_are_freed_and_only_kept_where_they_serve(faulty_fmu: Path) -> None:
