@@ -13,7 +13,6 @@ from .trajectory import JOINTS
 if TYPE_CHECKING:
     import numpy as np
 
-
 DEFAULT_FILE = Path(__file__).parent / "default_trajectory.json"
 """The file of `default_spline`."""
 

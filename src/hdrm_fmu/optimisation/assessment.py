@@ -30,10 +30,10 @@ class Course:
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest values of a joint over the motion, each with the bound that is next to it.
+    """The largest values of a joint over the motion, force and speed each with the bound on its side.
 
-    `force` in N and `speed` in m/s have the sign that the joint had there; `excess` is the part of a bound
-    by which the motion is beyond it at most; 0 for none.
+    `force` in N and `speed` in m/s have the sign that the joint had there; `excess` is how far
+    the motion is beyond any of its bounds at most, as a part of the width between both; 0 for none.
     """
 
     joint: str

@@ -44,7 +44,7 @@ SLACKS = (
     "the start speeds v_S",
     "the end speeds v_E",
 )
-"""Groups of constraints that an elastic programme lets give way."""
+"""Groups of constraints that an elastic programme lets give way; beyond their strokes triangles may not close."""
 
 _FORCE, _SPEED, _TIME, _START, _END = 0, 3, 6, 7, 8
 
