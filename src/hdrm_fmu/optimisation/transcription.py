@@ -44,7 +44,7 @@ SLACKS = (
     "the start speeds v_S",
     "the end speeds v_E",
 )
-"""Groups of constraints that an elastic programme lets give way; beyond their strokes triangles may not close."""
+"""What an elastic programme lets give way: not the strokes, as triangles may not close beyond them."""
 
 _FORCE, _SPEED, _TIME, _START, _END = 0, 3, 6, 7, 8
 
