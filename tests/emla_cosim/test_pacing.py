@@ -103,3 +103,7 @@ def test_a_run_takes_its_time(options: dict, faulty_fmu: Path, tmp_path: Path) -
 def test_a_run_without_a_pace_has_no_report(faulty_fmu: Path, tmp_path: Path) -> None:
     run_system(line_with_a_fault(faulty_fmu, Fault.NONE, 0.0), tmp_path)
     assert "real_time" not in json.loads((tmp_path / "metrics.json").read_text())["run"]
+
+
+def test_a_pace_without_bounds_has_a_number_of_steps() -> None:
+    assert Pacing(1e308).steps(1e-6) == Pacing(1e300).steps(1e-4) > 10**6

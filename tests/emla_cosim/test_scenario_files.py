@@ -100,8 +100,10 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 }
 """Keys by what they bring to the settings in run.json."""
 
-ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"}
-"""Keys of the tests below; `mapping` is in test_replacement.py."""
+ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"} | {
+    "trajectory"
+}
+"""Keys of the tests below; `mapping` is in test_replacement.py, `trajectory` in test_machine.py."""
 
 
 @pytest.mark.parametrize("key", SETTINGS)

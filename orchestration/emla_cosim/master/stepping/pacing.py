@@ -8,6 +8,9 @@ from ...errors import CommandError
 SHORTEST_WAIT = 1e-3
 """Wall time in s between two points at which time is compared, unless steps are longer."""
 
+_MOST_STEPS = 2**31
+"""So many steps are done at once at most, however fast the pace."""
+
 _NAP = 0.1
 
 
@@ -45,7 +48,7 @@ class Pacing:
 
     def steps(self, step: float) -> int:
         """Steps of this length in s to do between two points."""
-        return max(1, round(SHORTEST_WAIT * self.factor / step))
+        return max(1, round(min(SHORTEST_WAIT * self.factor / step, _MOST_STEPS)))
 
     def wait(self, simulated: float, interrupted: Callable[[], bool]) -> None:
         """Wait for the clock to reach this simulated time in s, or for an interruption."""

@@ -7,7 +7,7 @@ from ..documents.structure import Connection, SystemElement
 
 Corners = tuple[float, float, float, float]
 
-_FLOW = ("reference", "disturbance", "controller", "plant", "observer")
+_FLOW = ("trajectory", "reference", "disturbance", "controller", "motor", "plant", "observer")
 """What parts of a control loop are called, in the order of its signal flow."""
 
 _WIDTH, _GAP_Y, _PITCH = 40.0, 12.5, 5.0
