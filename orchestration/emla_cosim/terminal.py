@@ -136,10 +136,11 @@ def _speed(result: "Result") -> Iterator[str]:
     )
     if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
         yield f"The compiled loop could not be kept, the next run has to compile it again: {reason}"
-    sweeps = result.stepping.get("sweeps_over_loops")
-    if sweeps is not None:
-        loops = result.stepping["loops"]
-        yield f"{len(loops)} loops agreed, {sweeps / max(len(loops), 1):,.0f} sweeps each"
+    loops = result.stepping.get("loops", [])
+    if loops:
+        each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps
+        what = "A loop" if len(loops) == 1 else f"{len(loops)} loops"
+        yield f"{what} agreed after {each:.3g} sweeps a step"
     late = result.stepping["late_connections"]
     if late:
         yield f"{len(late)} connections come one step late; run.json names them"

@@ -78,5 +78,4 @@ def _excess(peak: Peak) -> str:
 
 
 def _part(value: float, bound: float) -> str:
-    part = f" ({100.0 * value / bound:.0f} %)" if bound else ""
-    return f"{value:.4g} of {bound:.4g}{part}"
+    return f"{value:.4g} of {bound:.4g}"
