@@ -162,7 +162,8 @@ class Run:
     def _fail(self, error: RunError, cause: Exception) -> None:
         """Something other than a recorder ends the run."""
         if self.error is None:
-            at, warning = self.stepping.time, self.stepping.algorithm.warning()
+            at, stepped = self.stepping.time, isinstance(cause, RunError) and self.stepping.steps > 0
+            warning = self.stepping.algorithm.warning() if stepped else None
             said = str(error) if warning is None else f"{error} {warning}"
             self.error = RunError(f"the run ended at t = {at:.6g} s: {said}", time=at, **error.fields)
             self.error.__cause__ = cause

@@ -16,7 +16,7 @@ from emla_cosim.simulation import Simulation
 from emla_cosim.study import machine
 from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.paper import TABLE_VI
-from emla_cosim.study.roles import JOINTS, joints, variable
+from emla_cosim.study.roles import JOINTS, joints, tracked, variable
 from emla_cosim.study.systems import STUDY
 from emla_fmu.parameters import EMLAS
 from hdrm_fmu import HDRM
@@ -185,6 +185,7 @@ def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
     found = np.abs(column(result, "x_L") - column(result, "x_d"))[late].max(axis=0)
     assert found == pytest.approx(list(errors.values()), rel=1e-9)
     assert variable("tilt", "tau_m", result.names) == "tilt.motor.tau_m"
+    assert tracked(result.names)["tilt"] == ("machine.plant.x_L[2]", "machine.trajectory.x_d[2]")
 
 
 def test_ranges_of_the_merged_plant_are_watched(merged: Simulation) -> None:

@@ -17,7 +17,8 @@ class Link:
     """One output that drives one input, by positions of slaves and of variables in their vectors.
 
     `direct` says whether an output of the target that is connected itself depends on this input
-    without delay; `initial` says the same of the initial values. The input is `factor` times the
+    without delay, and `through` has the positions of these outputs; `initial` says the same of the
+    initial values. The input is `factor` times the
     output plus `offset`, which is in the unit of the input. `name` is what people call it.
     """
 
