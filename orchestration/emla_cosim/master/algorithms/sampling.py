@@ -73,7 +73,7 @@ class Sampling(Algorithm):
         self._calls = [(int(o.call), o.slave, int(self.multiples[o.slave])) for o in operations]
 
     def operate(self, time: float, step: float, span: Span) -> None:
-        """Work through the table, at the end of the step from `time` of length `step`, both in s."""
+        """Work through the table in the step from `time` of length `step`, both in s."""
         exchange, slaves, reached = self.exchange, self.network.slaves, self.steps + 1
         for call, i, multiple in self._calls:
             if reached % multiple:
