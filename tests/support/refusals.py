@@ -49,7 +49,8 @@ def _is_progress(line: str) -> bool:
 
 
 def _listing(folder: Path) -> dict[Path, int]:
-    """All files and folders around, but for the results of a run, with their sizes."""
+    """All files with their sizes, and folders, around, but for the results of a run."""
     results = folder / "work" / "results"
     around = [*folder.parent.iterdir(), *folder.rglob("*")]
-    return {p: p.lstat().st_size for p in around if results not in (p, *p.parents) and p != folder}
+    kept = (p for p in around if results not in (p, *p.parents) and p != folder)
+    return {p: 0 if p.is_dir() else p.lstat().st_size for p in kept}
