@@ -36,12 +36,20 @@ def started(module: str, *arguments: str) -> subprocess.Popen[bytes]:
 
     It finds what this one finds, and Ctrl-C in a terminal does not reach it. Raises OSError.
     """
-    found = os.pathsep.join(folder or str(Path.cwd()) for folder in sys.path)
     return subprocess.Popen(
         [sys.executable, "-P", "-m", module, *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         bufsize=0,
-        env={**os.environ, "PYTHONPATH": found},
+        env=environment(),
         start_new_session=True,
     )
+
+
+def environment() -> dict[str, str]:
+    """The environment of a process that finds what this one finds.
+
+    Each folder once, and none that is gone: FMUs leave theirs behind, and the system limits the length.
+    """
+    folders = dict.fromkeys(folder or str(Path.cwd()) for folder in sys.path)
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(x for x in folders if Path(x).exists())}

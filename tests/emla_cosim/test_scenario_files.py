@@ -101,7 +101,8 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 """Keys by what they bring to the settings in run.json."""
 
 ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"} | {
-    "trajectory"
+    "animate",
+    "trajectory",
 }
 """Keys of the tests below; `mapping` is in test_replacement.py, `trajectory` in test_machine.py."""
 
@@ -118,6 +119,11 @@ def test_a_key_reaches_the_run(key: str, emla: Emla, python_fmu_folder: Path, tm
     record = ran(emla, "my.toml")
     assert record["settings"][setting] == expected
     assert record["status"] == "completed"
+
+
+def test_an_animation_can_be_asked_for(emla: Emla) -> None:
+    write(f"{SHORT}animate = true\n")
+    assert "has nothing to animate" in sentence(emla("run", "my.toml"), 2)
 
 
 def test_these_are_all_keys(emla: Emla) -> None:

@@ -29,6 +29,8 @@ class Point:
     """Parameters whose value 0 means none: nothing is continuous there."""
     reach: dict[str, float] = field(default_factory=dict)
     """Distance over which a known matters, where that is not its own magnitude."""
+    terms: dict[str, float] = field(default_factory=dict)
+    """How large the terms are of which an unknown is the sum, where they can cancel each other."""
 
 
 def magnitude(draw: Draw, low: float, high: float) -> float:
@@ -482,7 +484,7 @@ def manipulator_points(draw: Draw) -> Point:
             f"v_L[{i}]": signed(draw, 0.03, 0.3),
             f"a_L[{i}]": signed(draw, 0.1, 3.0),
         }
-    return Point(values)
+    return Point(values, terms={f"F_L[{i}]": 1e3 for i in (1, 2, 3)})
 
 
 @st.composite
@@ -506,7 +508,9 @@ def merged_points(draw: Draw) -> Point:
             f"start.x_L[{i}]": draw(st.floats(0.1, 0.5)),
             f"start.v_L[{i}]": signed(draw, 0.03, 0.3),
         }
-    return Point({**values, "solver.internal_step": 1e-4})
+    terms = {f"{name}[{i}]": size for name, size in (("F_L", 1e3), ("a_L", 1.0)) for i in (1, 2, 3)}
+    accelerations = {f"der(v_L[{i}])": 1.0 for i in (1, 2, 3)}
+    return Point({**values, "solver.internal_step": 1e-4}, terms={**terms, **accelerations, "energy": 1e3})
 
 
 @st.composite

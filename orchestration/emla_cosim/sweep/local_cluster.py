@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, cast
 import psutil
 
 from ..errors import RunError
-from ..processes import end_with
+from ..processes import end_with, environment
 
 
 class Place(NamedTuple):
@@ -46,14 +46,13 @@ def local_cluster(workers: int | None = None) -> Iterator[Place]:
     Raises RunError where it does not come up.
     """
     command = [sys.executable, "-m", __spec__.name, str(workers or 0)]
-    found = os.pathsep.join(path for path in sys.path if path)  # this package, wherever it was found
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=said,
-            env={**os.environ, "PYTHONPATH": found},
+            env=environment(),
             start_new_session=True,  # Ctrl-C is for who asked for it
         )
         assert process.stdin is not None and process.stdout is not None
