@@ -63,7 +63,7 @@ def draw_errors(axes: Axes, found: Mapping[str, list[float]]) -> None:
     axes.set_xlabel("communication step / µs")
     axes.set_ylabel("largest error of a position / its range")
     axes.set_title("hdrm-coupled against hdrm-merged", fontsize=10, loc="left")
-    axes.legend(fontsize=8, frameon=False)
+    axes.legend(fontsize=8, frameon=False, loc="lower right")
 
 
 def draw_forces(axes: Axes, found: Mapping[str, tuple[Vector, Vector]]) -> None:

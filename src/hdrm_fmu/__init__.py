@@ -1,8 +1,22 @@
-"""The heavy-duty robotic manipulator of the paper: its motion."""
+"""The paper's manipulator of lift, tilt and telescope, which three EMLAs move.
 
-from .spline import Spline, TrajectoryError, trajectory_parameters
+Closed-chain kinematics, inverse and forward dynamics and the motion along a B-spline as functions, and as
+blocks. The paper is the one that `emla_fmu` names; numbers in parentheses are those of its equations as
+printed.
+"""
+
+from .manipulator import HdrmManipulator
+from .parameters import HDRM, HdrmParameters
+from .plant import HdrmPlant
 from .trajectory import Trajectory
 
-BLOCKS = (Trajectory,)
+BLOCKS = (HdrmManipulator, HdrmPlant, Trajectory)
 
-__all__ = ["BLOCKS", "Spline", "Trajectory", "TrajectoryError", "trajectory_parameters"]
+__all__ = [
+    "BLOCKS",
+    "HDRM",
+    "HdrmManipulator",
+    "HdrmParameters",
+    "HdrmPlant",
+    "Trajectory",
+]

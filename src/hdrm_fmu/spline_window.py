@@ -1,6 +1,5 @@
 """B-splines of up to a degree of 5 by arithmetic alone, for a block that cannot index with a value."""
 
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 from fmublock import logical_and, where
@@ -29,14 +28,6 @@ class Basis(NamedTuple):
         """The same where the condition holds, else the other."""
         pairs = (zip(own, others, strict=True) for own, others in zip(self, other, strict=True))
         return Basis(*([where(condition, a, b) for a, b in pair] for pair in pairs))
-
-
-def in_order(knots: list[Any]) -> Any:
-    """Whether no knot comes before the one in front of it, and the last one after the first."""
-    ordered = knots[-1] > knots[0]
-    for a, b in pairwise(knots):
-        ordered = logical_and(ordered, b >= a)
-    return ordered
 
 
 def window(t: Any, knots: list[Any], rows: list[list[Any]]) -> tuple[list[Any], list[list[Any]]]:

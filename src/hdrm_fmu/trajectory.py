@@ -1,21 +1,21 @@
 """The motion that the three joints shall follow together, as a B-spline."""
 
-import math
+from itertools import pairwise
 from typing import Any
 
 from fmublock import (
     Block,
     DefaultExperiment,
-    DiscreteState,
     Output,
     Parameter,
     clamp,
     dot,
     logical_and,
+    logical_or,
     where,
 )
 
-from .spline_window import COEFFICIENTS, DEGREE, KNOTS, basis, in_order, window
+from .spline_window import COEFFICIENTS, DEGREE, KNOTS, basis, window
 
 _ROUNDING = 1e-9
 """Time in s beyond first and last knot that still belongs to the spline: tools round their times."""
@@ -56,17 +56,24 @@ class Trajectory(Block):
     c_tilt = _coefficients("tilt", 0.389, 0.442)
     c_telescope = _coefficients("telescope", 0.499, 0.348)
 
-    order = DiscreteState(
-        1.0, name="knots_in_increasing_order", description="1; infinite, which ends the run, if they are not"
-    )
-
     x_d = Output(shape=3, unit="m", nominal=0.1, description="Reference position of lift, tilt and telescope")
     v_d = Output(shape=3, unit="m/s", nominal=0.1, description="Reference speed of lift, tilt and telescope")
     a_d = Output(shape=3, unit="m/s2", description="Reference acceleration of lift, tilt and telescope")
 
-    def update(self, v: Any) -> dict[str, Any]:
-        """Knots out of order end the run: nothing else would say so."""
-        return {"order": where(in_order(v.knot), 1.0, math.inf)}
+    def conditions(self, v: Any) -> dict[str, Any]:
+        """Knots in increasing order, of which the first is there degree + 1 times."""
+        last = {f"knot[{KNOTS}] must come after knot[1]": v.knot[-1] > v.knot[0]}
+        clamped = {
+            f"knot[{i + 1}] must be knot[1] with a degree of {i} or more": logical_or(
+                v.degree < i, v.knot[i] == v.knot[0]
+            )
+            for i in range(1, DEGREE + 1)
+        }
+        ordered = {
+            f"knot[{i + 1}] must not come before knot[{i}]": b >= a
+            for i, (a, b) in enumerate(pairwise(v.knot), 1)
+        }
+        return last | clamped | ordered
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """The spline and its derivatives; beyond its ends the position there and no motion."""

@@ -24,7 +24,7 @@ CONSTANTS = ["NEVER", "pi"]
 
 PACKAGES = ["Types", "Interfaces", "Functions"]
 
-PARTS = ["Actuator", "Machine"]
+PARTS = ["Actuator", "Electrics", "Machine"]
 """Data, and what blocks extend."""
 
 # ---- the package's text -------------------------------------------------------------------------

@@ -183,6 +183,12 @@ def _links(
             factor=(x.transformation or IDENTITY).factor,
             offset=(x.transformation or IDENTITY).offset,
             name=str(x),
+            through=tuple(
+                i
+                for i, output in enumerate(outputs[x.target])
+                if output in used[x.target]
+                and _depends({output}, files[x.target].description.outputs, x.input)
+            ),
         )
         for x in system.connections
     ]

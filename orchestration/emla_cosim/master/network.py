@@ -31,6 +31,7 @@ class Link:
     factor: float = 1.0
     offset: float = 0.0
     name: str = ""
+    through: tuple[int, ...] = ()
 
 
 class Network:
@@ -174,6 +175,18 @@ class Network:
         inside = set(group)
         links = [x for i in inside for x in self._against[i] if x.source in inside and counts(x)]
         return np.array(sorted({self.signal(x) for x in links}), dtype=np.intp)
+
+    def loops_without_delay(self) -> list[list[str]]:
+        """Names of signals that depend on themselves through others within one instant, loop by loop."""
+        import networkx  # takes longer than a short run, which mostly does without
+
+        graph = networkx.DiGraph(
+            (self.signal(x), int(self.parts[x.target].start) + output)
+            for x in self.links
+            for output in x.through
+        )
+        loops = networkx.strongly_connected_components(graph)
+        return [[self.names[s] for s in sorted(loop)] for loop in loops if len(loop) > 1]
 
     def loop_name(self, group: Sequence[int]) -> str:
         """The slaves of a group as a loop: a -> b -> a."""

@@ -1,6 +1,7 @@
 """Pictures of results: those that are registered for what a run has, and of any signals."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,6 +26,18 @@ _MOST_ROWS = 20_000
 
 _TRANSIENT = 0.3
 """Time in s after which errors are small enough to show on a scale of their own."""
+
+
+class Drawing(ABC):
+    """What a picture of a run is drawn by, whatever it shows."""
+
+    @abstractmethod
+    def signals(self, result: "Result") -> Iterable[str]:
+        """The full names of the signals that it would show, of those that the run kept."""
+
+    @abstractmethod
+    def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
+        """The picture; None where the signals at hand, `time` among them, are not enough for one."""
 
 
 def _inside(column: str, signal: str, names: Collection[str]) -> str | None:
@@ -57,7 +70,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Picture:
+class Picture(Drawing):
     """A grid of panels: a column for everything that metrics of the kind `of` were computed for.
 
     `find` gives the full name of a column's signal, of those that there are, or None: it takes the column,
@@ -71,14 +84,16 @@ class Picture:
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Those of the curves, of every column."""
-        return {
-            f"{column}.{signal}"
+        names = set(result.names)
+        found = (
+            self.find(column, signal, names)
             for column in result.metrics.get(self.of, ())
             for panel in self.panels
             for curve in panel.curves
             for signal in (curve.signal, curve.less)
             if signal is not None
-        }
+        )
+        return [name for name in found if name is not None]
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
         """The panels with the curves that there are signals for."""
@@ -111,16 +126,7 @@ def draw(result: "Result", folder: Path, done: Callable[[str], None]) -> list[Pa
 
 def _wanted(result: "Result") -> list[str]:
     """Signals that pictures show, of those that the result has, and time."""
-    names = set(result.names)
-    wanted = {
-        picture.find(column, signal, names)
-        for picture in FIGURES.values()
-        for column in result.metrics.get(picture.of, ())
-        for panel in picture.panels
-        for curve in panel.curves
-        for signal in (curve.signal, curve.less)
-        if signal is not None
-    }
+    wanted = {name for picture in FIGURES.values() for name in picture.signals(result)}
     return ["time", *(name for name in result.names if name in wanted)]
 
 

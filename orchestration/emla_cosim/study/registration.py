@@ -5,12 +5,15 @@ from functools import partial
 from importlib.resources import files
 
 from ..recorders.metrics import METRICS, TRACKED
+from ..results.animation import ANIMATIONS
 from ..results.plotting import FIGURES
-from ..scenarios.built_in import PLANS, SCENARIOS, SYSTEMS, TUNINGS
-from . import experiments, systems
+from ..scenarios.built_in import FOLLOWING, PLANS, SCENARIOS, SYSTEMS, TUNINGS
+from . import experiments, machine, systems
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .metrics import joint_metrics
 from .roles import tracked
+from .sketch.film import ManipulatorAnimation
+from .sketch.picture import ManipulatorPicture
 from .tuning_plans import tuning_plans
 
 JOINTS = "joints"
@@ -29,7 +32,9 @@ def register() -> None:
     TUNINGS.update(tuning_plans())
     METRICS[JOINTS] = joint_metrics
     TRACKED[JOINTS] = tracked
-    FIGURES.update(JOINT_FIGURES)
+    FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
+    FIGURES["manipulator"] = ManipulatorPicture()
+    ANIMATIONS["manipulator"] = ManipulatorAnimation()
 
 
 def _text(folder: str, name: str) -> Callable[[], str]:

@@ -132,11 +132,12 @@ def study_joint(
     electrical: bool = False,
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
-    """One joint of the study, or `on_machine` of the manipulator, which starts where the study has it, or by `ahead` m farther out.
+    """One joint of the study, or `on_machine` of the manipulator.
 
-    `load` is the load force as parameters of the disturbance, `reference` the motion as those of the
-    reference; see `joint` for `electrical` and `elsewhere`. `as_printed` is the paper's plant: driven by the
-    commanded current, with an ideal sensor. `drive` is a drive as it is (`emla_fmu.drive`).
+    It starts where the study has it, or by `ahead` m farther out. `load` is the load force as parameters of
+    the disturbance, `reference` the motion as those of the reference; see `joint` for `electrical` and
+    `elsewhere`. `as_printed` is the paper's plant: driven by the commanded current, with an ideal sensor.
+    `drive` is a drive as it is (`emla_fmu.drive`).
     """
     study, emla = STUDY[name], EMLAS[name]
     plant: dict[str, Any] = {"x_L_start": study.x_start + ahead, "seed": study.seed, **UNCERTAINTIES}

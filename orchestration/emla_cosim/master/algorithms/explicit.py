@@ -24,16 +24,15 @@ class Explicit(Sampling):
         """The operations of one step, in order."""
 
     def warning(self) -> str | None:
-        """That components answer each other at once, which this algorithm hands on a step late."""
-        loops = [group for group in self.network.groups(lambda link: link.direct) if len(group) > 1]
+        """That signals answer each other at once, some of which this algorithm hands on a step late."""
+        loops = self.network.loops_without_delay()
         if not loops:
             return None
-        names = [self.network.slaves[i].name for i in loops[0]]
         return (
-            f"Outputs of {listed(names)} depend on each other without delay, and this algorithm hands some of "
-            "them on a step late: where a round through such a loop amplifies (its spectral radius is more "
-            "than 1, as where a force answers an acceleration of less mass), that diverges at any step size. "
-            "The algorithm strong makes them agree."
+            f"{listed(loops[0])} depend on each other without delay, but here some are a step late: where a "
+            "round through such a loop amplifies (a spectral radius of more than 1, as of a load with more "
+            "mass than what drives it), that diverges at any step size. Use the algorithm strong, which lets "
+            "them agree."
         )
 
     def _step(self, time: float, step: float, span: Span) -> None:
