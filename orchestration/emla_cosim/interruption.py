@@ -75,6 +75,18 @@ def ending_at_once(end: Callable[[], None]) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Let these signals act at the end of the block: an exception in what C calls would be lost."""
+    held: list[int] = []
+    try:
+        with _handled(lambda signum, frame: held.append(signum)):
+            yield
+    finally:
+        if held:
+            signal.raise_signal(held[0])
+
+
 def ask_no_more() -> None:
     """From now on these signals do nothing: nothing is left that could be ended early."""
     for number in POLITE:

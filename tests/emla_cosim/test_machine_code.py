@@ -1,11 +1,13 @@
 """Machine code is compiled once, and again where what was kept does not serve."""
 
 import ctypes
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from emla_cosim.interruption import ending_as_ctrl_c
 from emla_cosim.master.stepping import machine_code
 
 TRIPLE = """
@@ -65,6 +67,22 @@ def test_damaged_code_is_compiled_again(
 def test_without_a_place_to_keep_it_code_is_compiled_every_time(triple: Load, tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("no folder")
     assert [triple(), triple()] == [1, 2]
+
+
+def test_ctrl_c_ends_it_once_code_is_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not before: where LLVM calls Python it would be lost, with a traceback."""
+    monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path / "cache"))
+    done = []
+
+    def generate() -> str:
+        signal.raise_signal(signal.SIGINT)
+        done.append(1)
+        return TRIPLE
+
+    with ending_as_ctrl_c(), pytest.raises(KeyboardInterrupt):
+        machine_code.load("triple", b"x * 3", generate)
+    assert done == [1]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_code_that_needs_a_runtime_is_refused(triple: Load) -> None:

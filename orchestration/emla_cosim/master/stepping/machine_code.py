@@ -13,6 +13,7 @@ import llvmlite
 import llvmlite.binding as llvm
 
 from ...files import CacheError, cache_folder, written_whole
+from ...interruption import held_back
 
 _DIGEST = hashlib.sha256
 
@@ -32,7 +33,8 @@ def load(name: str, source: bytes, generate: Callable[[], str]) -> int:
     path = _path(f"{name}-{_key(source)}.o")
     code = _read(path)
     if code is None:
-        code = _compiled(generate())
+        with held_back():  # LLVM calls Python as it compiles
+            code = _compiled(generate())
         _keep(path, code)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
