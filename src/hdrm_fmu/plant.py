@@ -8,6 +8,7 @@ from fmublock import DefaultExperiment, Input, Output, Parameter, State
 from . import kinematics
 from .dynamics import energy, forward_dynamics, inverse_dynamics
 from .machine import Machine, closes_at
+from .manipulator import HdrmManipulator
 
 
 class HdrmPlant(Machine):
@@ -132,14 +133,7 @@ class HdrmPlant(Machine):
     )
 
     a_L = Output(shape=3, unit="m/s2", description="Screw acceleration")
-    F_L = Output(
-        shape=3,
-        unit="N",
-        nominal=1e4,
-        description="Load force, positive against extension",
-    )
-    tip_x = Output(unit="m", name="tip.x", description="Tip from O1, horizontally")
-    tip_y = Output(unit="m", name="tip.y", description="Tip from O1, upwards")
+    F_L, tip_x, tip_y = HdrmManipulator.F_L, HdrmManipulator.tip_x, HdrmManipulator.tip_y
     energy = Output(
         unit="J", nominal=1e4, description="Energy of manipulator and actuators; weight against O1"
     )
