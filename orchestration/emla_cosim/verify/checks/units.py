@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterator, Mapping
 
+from ...unit_names import counts_turns, meaning
 from ...units import BASE_UNITS
 from ..check import check
 from ..declared import Declared, Unit, Variable, repeated
 from ..saying import judged, listed
 from ..subject import Subject
-from ..unit_names import counts_turns, meaning
 from ..verdict import Clause, Outcome
 
 _CLOSE = 1e-4

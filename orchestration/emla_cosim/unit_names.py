@@ -7,7 +7,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from ..units import BASE_UNITS
+from .units import BASE_UNITS
 
 _LONGEST = 100
 _TOKEN = re.compile(r"([./()*]|\^?[+-]?[0-9]{1,2}(?![0-9])|[^\W\d_]+|[°%])")
@@ -68,6 +68,7 @@ _ALONE = {
     "kHz": _unit(1e3, s=-1),
     "MHz": _unit(1e6, s=-1),
     "rpm": _unit(2 * math.pi / 60, s=-1, rad=1),
+    "krpm": _unit(2000 * math.pi / 60, s=-1, rad=1),
     "rev": _unit(2 * math.pi, rad=1),
     "deg": _unit(math.pi / 180, rad=1),
     "°": _unit(math.pi / 180, rad=1),
@@ -99,7 +100,7 @@ _PREFIXES = {
 }
 _AMBIGUOUS = {"C", "F", "g", "dT", "cd"}
 """Names that people use for something else too: `C` often is a temperature, and `g` an acceleration."""
-_TURNS = ("Hz", "kHz", "MHz", "rpm", "rev")
+_TURNS = ("Hz", "kHz", "MHz", "rpm", "krpm", "rev")
 
 
 def meaning(name: str) -> Meaning | None:

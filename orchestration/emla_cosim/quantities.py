@@ -1,0 +1,53 @@
+"""Quantities as people write them: a number and the name of a unit, such as "30 kN" or "12.5 kg cm^2"."""
+
+import re
+from dataclasses import dataclass
+
+from .errors import CommandError
+from .unit_names import meaning
+from .units import Unit, conversion
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(\S.*?)?\s*")
+_PRODUCT = re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])|(?<=[0-9])\s+(?=[^\W\d_])")
+_POWERS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number, and the unit that stands beside it; None where none does."""
+
+    number: float
+    unit: Unit | None = None
+
+    def in_unit(self, unit: Unit | None, label: str) -> float:
+        """The number in this unit; without one beside it, it is taken to be in it.
+
+        Raises CommandError, with `label` for the quantity, where both measure different things.
+        """
+        try:
+            return conversion(self.unit, unit)(self.number)
+        except ValueError as error:
+            raise CommandError(f"{label} has {error}, of which one cannot become the other.") from error
+
+
+def unit_named(name: str, label: str) -> Unit:
+    """The unit that a person calls so: `kg cm^2`, `N·m/A`, `min⁻¹` as much as `kg.cm2`.
+
+    Raises CommandError, with `label` for where it stands, for a name that does not say which unit it is.
+    """
+    known = meaning(_PRODUCT.sub(".", name.strip().translate(_POWERS)))
+    if known is None:
+        raise CommandError(
+            f"{label} has the unit '{name}', which is none; write one such as kN, mm/s, N.m or kg.cm2.",
+            unit=name,
+        )
+    return Unit(name, known.exponents, known.factor, known.offset)
+
+
+def quantity(text: str, label: str) -> Quantity:
+    """What a text says: "30 kN", "-3.4e3 N", "0.2"; CommandError, with `label` for it, for any other."""
+    found = _QUANTITY.fullmatch(text)
+    if found is None:
+        raise CommandError(f"{label} is '{text}'; it must be a number, or a number and a unit such as 30 kN.")
+    unit = None if found[2] is None else unit_named(found[2], label)
+    return Quantity(float(found[1]), unit)

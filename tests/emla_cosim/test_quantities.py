@@ -1,0 +1,55 @@
+"""Quantities as people write them."""
+
+import math
+
+import pytest
+
+from emla_cosim.errors import CommandError
+from emla_cosim.quantities import quantity, unit_named
+from emla_cosim.units import BASE_UNITS, Unit
+
+
+def si(**exponents: int) -> Unit:
+    return Unit("SI", tuple(exponents.get(base, 0) for base in BASE_UNITS))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("30 kN", si(kg=1, m=1, s=-2), 30e3),
+        ("30kN", si(kg=1, m=1, s=-2), 30e3),
+        ("-3.4e3 N", si(kg=1, m=1, s=-2), -3400.0),
+        ("0.2", si(m=1), 0.2),
+        (" .5 mm ", si(m=1), 5e-4),
+        ("12.5 kg cm^2", si(kg=1, m=2), 12.5e-4),
+        ("12.5 kg·cm²", si(kg=1, m=2), 12.5e-4),
+        ("3000 rpm", si(s=-1, rad=1), 100 * math.pi),
+        ("60 min⁻¹", si(s=-1), 1.0),
+        ("1.6 N m/A", si(kg=1, m=2, s=-2, A=-1), 1.6),
+        ("95 V/krpm", si(kg=1, m=2, s=-2, A=-1, rad=-1), 95 / (1000 * 2 * math.pi / 60)),
+        ("40 °C", si(K=1), 313.15),
+        ("1 e3", None, None),
+    ],
+)
+def test_text_means_a_quantity(text: str, unit: Unit | None, value: float | None) -> None:
+    if value is None:
+        with pytest.raises(CommandError, match="has the unit 'e3', which is none"):
+            quantity(text, "the mass")
+    else:
+        assert quantity(text, "the value").in_unit(unit, "the value") == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["", "kN", "1,5 kN", "0x10", "1 2 kN", "nan", "1e3e3", "30 kN kN2 m"])
+def test_any_other_text_is_refused_by_its_label(text: str) -> None:
+    with pytest.raises(CommandError, match="the load"):
+        quantity(text, "the load").in_unit(si(kg=1, m=1, s=-2), "the load")
+
+
+def test_unit_of_something_else_is_refused() -> None:
+    with pytest.raises(CommandError, match="the load has the units mm and SI"):
+        quantity("30 mm", "the load").in_unit(si(kg=1, m=1, s=-2), "the load")
+
+
+def test_unit_without_one_meaning_is_refused() -> None:
+    with pytest.raises(CommandError, match="the axis has the unit 'F', which is none"):
+        unit_named("F", "the axis")
