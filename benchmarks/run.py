@@ -14,7 +14,7 @@ from benchmarks.study import study_job
 from benchmarks.table import as_json, in_readme, markdown, text
 from benchmarks.tools.c_loop import run_loop
 
-README = ROOT / "README.md"
+README = ROOT / "benchmarks" / "README.md"
 
 
 def main() -> None:
@@ -56,7 +56,7 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--tools", nargs="+", choices=[t.name for t in TOOLS], help="these tools only")
     parser.add_argument("--json", type=Path, help="write all measurements to this file")
-    parser.add_argument("--write", action="store_true", help="write the table to README.md")
+    parser.add_argument("--write", action="store_true", help="write the table to benchmarks/README.md")
     return parser.parse_args()
 
 

@@ -84,7 +84,9 @@ def in_readme(readme: str, table: str) -> str:
     before, begin, rest = readme.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
-        raise BenchmarkError(f"README.md has no place for the table: it needs the lines {BEGIN} and {END}.")
+        raise BenchmarkError(
+            f"benchmarks/README.md has no place for the table: it needs the lines {BEGIN} and {END}."
+        )
     return f"{before}{BEGIN}\n{table}\n{END}{after}"
 
 

@@ -1,4 +1,4 @@
-"""Put the tables of a comparison into a page: `python -m docs.paste README.md comparison results/study`.
+"""Put the tables of a comparison into a page: `python -m docs.paste docs/paper.md comparison results/study`.
 
 What stands in the page between `<!-- NAME begins -->` and `<!-- NAME ends -->` gives way to the folder's
 comparison.md.

@@ -1,7 +1,10 @@
 """What is imported is declared in pyproject.toml, and what is declared is used."""
 
 import ast
+import json
+import os
 import re
+import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable
@@ -9,6 +12,10 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
+import yaml
+
+from docs.weight import PARTS
+from emla_cosim.cli import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -82,6 +89,20 @@ def test_what_is_declared_is_used() -> None:
     assert words >= EXECUTED
 
 
+def test_it_is_said_what_every_requirement_is_for() -> None:
+    told = [name for part in PARTS.values() for name in part]
+    assert sorted(told) == sorted({normalized(r) for r in PROJECT["dependencies"]})
+
+
+def test_the_citation_is_of_this_version() -> None:
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert (cited["cff-version"], cited["version"]) == ("1.2.0", PROJECT["version"])
+    assert {"message", "title", "authors"} <= set(cited)  # what the format demands
+    assert cited["license"] == PROJECT["license"].split(" AND ")
+    for reference in cited["references"]:
+        assert {"type", "title", "authors"} <= set(reference)
+
+
 def test_an_import_that_nobody_declares_is_found(tmp_path: Path) -> None:
     """Also one inside a function, and not those of the standard library or of the same package."""
     file = tmp_path / "module.py"
@@ -97,3 +118,56 @@ def test_an_import_that_nobody_declares_is_found(tmp_path: Path) -> None:
 )
 def test_names_of_requirements(requirement: str, name: str) -> None:
     assert normalized(requirement) == name
+
+
+HEAVY = {
+    "bokeh",
+    "casadi",
+    "cma",
+    "dask",
+    "jinja2",
+    "lief",
+    "matplotlib",
+    "networkx",
+    "numba",
+    "pandas",
+    "scipy",
+}
+"""Packages that take long to import, or much memory."""
+
+MANY_RUNS = {"dask", "jinja2", "scipy"}
+TAKEN = {
+    "sweep": MANY_RUNS,
+    "compare": MANY_RUNS | {"networkx"},
+    "tune": MANY_RUNS,
+    "trajectory": {"casadi", "scipy"},
+}
+"""Those that a command takes with it before it does anything; the others none."""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes divide on POSIX only")
+def test_what_only_some_commands_need_is_imported_only_there() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _IMPORTED, *COMMANDS], capture_output=True, text=True, check=True
+    )
+    imported = {command: set(modules) & HEAVY for command, modules in json.loads(done.stdout).items()}
+    assert imported == {command: TAKEN.get(command, set()) for command in COMMANDS}
+
+
+_IMPORTED = """
+import importlib, json, os, sys
+
+found = {}
+for command in sys.argv[1:]:
+    out, into = os.pipe()
+    if os.fork() == 0:
+        importlib.import_module(f"emla_cosim.commands.{command}")
+        os.write(into, json.dumps([m for m in sys.modules if "." not in m]).encode())
+        os._exit(0)
+    os.close(into)
+    with os.fdopen(out) as stream:
+        found[command] = json.load(stream)
+    os.wait()
+print(json.dumps(found))
+"""
+"""Which modules each command needs, in a process of its own that has nothing yet."""

@@ -1,0 +1,75 @@
+"""What the installation weighs, by what its parts are for: `python -m docs.weight`.
+
+Prints the table of docs/installation.md: megabytes of the files of every distribution that the project
+needs. One that several parts need is counted with the first.
+"""
+
+import re
+from collections.abc import Iterator
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+
+OURS = "emla-cosim"
+
+PARTS = {
+    "stepping FMUs": ("fmpy", "numpy", "numba", "llvmlite", "psutil", "filelock", "platformdirs", "msgspec"),
+    "tables: CSV and Parquet, millions of rows": ("polars",),
+    "the command line": ("typer", "rich", "lazy-loader"),
+    "building FMUs: symbols and a C compiler for all platforms": ("casadi", "ziglang", "pythonfmu"),
+    "documents in FMUs, SSP": ("latex2mathml", "markdown-it-py", "mdit-py-plugins", "lxml"),
+    "pictures and pages": ("matplotlib", "pillow", "bokeh", "jinja2", "markupsafe"),
+    "tuning, trajectories, samplings": ("scipy", "cma"),
+    "sweeps, on all cores and on clusters": ("dask", "distributed", "cloudpickle", "cryptography"),
+    "sensitivities of sweeps": ("salib",),
+    "loops of connections": ("networkx",),
+    "verifying binaries": ("lief",),
+}
+"""What our requirements are for; each stands once."""
+
+
+def main() -> None:
+    """Print the table."""
+    counted: set[str] = set()
+    print("| For | Packages | MB |")
+    print("|---|---|---:|")
+    whole = 0.0
+    for part, roots in {**PARTS, "EMLA-Cosim itself": (OURS,)}.items():
+        found = {name: megabytes(d) for name, d in needed(roots) if name not in counted}
+        counted |= set(found)
+        whole += sum(found.values())
+        heavy = sorted((name for name, size in found.items() if size >= 5), key=lambda name: -found[name])
+        named = ", ".join(f"{name} {found[name]:.0f}" for name in heavy)
+        print(f"| {part} | {named} | {sum(found.values()):.0f} |")
+    print(f"| together | | {whole:.0f} |")
+
+
+def needed(roots: tuple[str, ...]) -> Iterator[tuple[str, Distribution]]:
+    """Distributions by name: these, and what they need in turn; ours without what it needs."""
+    left, seen = list(roots), set[str]()
+    while left:
+        name = left.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        try:
+            found = distribution(name)
+        except PackageNotFoundError:  # of another platform
+            continue
+        yield name, found
+        if name != OURS:
+            left += [normalized(r) for r in found.requires or [] if "extra ==" not in r]
+
+
+def normalized(requirement: str) -> str:
+    """The name of a distribution, as PyPI compares it."""
+    return re.sub(r"[-_.]+", "-", re.match(r"[\w.-]+", requirement)[0]).lower()  # type: ignore[index]
+
+
+def megabytes(found: Distribution) -> float:
+    """The size of its files."""
+    paths = (Path(str(file.locate())) for file in found.files or [])
+    return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
+
+
+if __name__ == "__main__":
+    main()
