@@ -43,7 +43,7 @@ def steps_per_row(options: Options, times: Timing) -> int:
     Raises CommandError where the interval is not a whole number of steps.
     """
     interval = options.output_interval
-    chosen = DEFAULT_INTERVAL if interval is None else interval
+    chosen = max(DEFAULT_INTERVAL, times.step) if interval is None else interval
     if not 0.0 < chosen < float("inf"):
         raise CommandError(f"the output interval {chosen:g} s must be a positive number of seconds.")
     if (times.stop - times.start) / chosen > MAXIMUM_STEPS:

@@ -12,7 +12,7 @@ register()
 
 
 def load(source: str | Path | System, **options: Any) -> Scenario:
-    """A scenario: built-in by its name, from a file (.toml, .ssp, .ssd, a folder), or of a system.
+    """A scenario: built-in by its name, from a file (.toml, .ssp, .ssd, .fmu, a folder), or of a system.
 
     `options` are those of `Options`, by name, and win over what a file says. Raises CommandError for
     whatever is wrong.

@@ -14,7 +14,7 @@ from ..errors import CommandError
 from ..option import Option
 from ..options import table
 
-SOURCE = "Name of a scenario (`emla list` shows them), scenario file (.toml), or SSP (.ssp, .ssd, folder)."
+SOURCE = "Name of a scenario (`emla list` shows them), or a file: .toml, SSP (.ssp, .ssd, folder) or .fmu."
 """What commands that take a scenario say of it."""
 
 PLAN = "Plan (.toml, or its name), or scenario as `emla run` takes it."

@@ -64,28 +64,51 @@ class Interface:
 
 def read_interface(path: Path) -> Interface:
     """Read it from an FMU file; CommandError where that is missing, or nothing this master can run."""
-    if not path.is_file():
+    try:
+        interface = described(path)
+    except ValidationError as error:
+        raise CommandError(
+            f"'{path}' is not a valid FMU: {first_problem(error)} (`fmpy validate` shows more)."
+        ) from error
+    if (reason := unfit(interface)) is not None:
+        raise CommandError(f"'{path}' {reason}.")
+    for unit in interface.description.unitDefinitions:
+        if unit.baseUnit is not None and not (math.isfinite(f := float(unit.baseUnit.factor)) and f != 0.0):
+            raise CommandError(f"'{path}' has the unit '{unit.name}' with the factor {f:g}.")
+    return interface
+
+
+def described(path: Path, validate: bool = True) -> Interface:
+    """What any FMU says of itself, of whatever version and kind.
+
+    Raises CommandError for what is missing or unreadable, and, with `validate`, fmpy's ValidationError for
+    what the standard does not allow.
+    """
+    try:
+        present = path.is_file()
+    except (OSError, ValueError):  # too long a name, or one that no file can have
+        present = False
+    if not present:
         raise CommandError(f"there is no FMU file '{path}'.")
     try:
         _check_size(path)
-        description = fmpy.read_model_description(str(path))
+        description = fmpy.read_model_description(str(path), validate=validate)
         _mark_differences(description, path)
-    except ValidationError as error:
-        raise CommandError(
-            f"'{path}' is not a valid FMU: {_first(error.problems)} (`fmpy validate` shows more)."
-        ) from error
-    except (CommandError, ImportError, MemoryError):
+    except (CommandError, ValidationError, ImportError, MemoryError):
         raise
     except Exception as error:  # fmpy raises whatever zip and XML readers raise
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    if description.fmiVersion != "2.0":
-        raise CommandError(f"'{path}' is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0.")
-    if description.coSimulation is None:
-        raise CommandError(f"'{path}' is for model exchange only; this master needs co-simulation.")
-    for unit in description.unitDefinitions:
-        if unit.baseUnit is not None and not (math.isfinite(f := float(unit.baseUnit.factor)) and f != 0.0):
-            raise CommandError(f"'{path}' has the unit '{unit.name}' with the factor {f:g}.")
     return Interface(description)
+
+
+def unfit(interface: Interface) -> str | None:
+    """Why this master cannot run an FMU, as the end of a sentence; None where its kind is right."""
+    description = interface.description
+    if description.fmiVersion != "2.0":
+        return f"is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0"
+    if description.coSimulation is None:
+        return "is for model exchange only; this master needs co-simulation"
+    return None
 
 
 def read_interfaces(fmus: Mapping[str, Path]) -> dict[str, Interface]:
@@ -116,8 +139,9 @@ def _mark_differences(description: ModelDescription, path: Path) -> None:
         variable.relativeQuantity = real.get("relativeQuantity") in ("true", "1")
 
 
-def _first(problems: list[str]) -> str:
+def first_problem(error: ValidationError) -> str:
     """The first of several problems, in one line and without a full stop."""
+    problems = error.problems
     return " ".join(problems[0].split()).rstrip(".") if problems else "it has problems"
 
 

@@ -1,4 +1,4 @@
-"""One way to scenarios: built-in ones by name, scenario files, SSPs, and systems made in Python."""
+"""One way to scenarios: built-in ones by name, scenario files, SSPs, FMUs, and systems made in Python."""
 
 import contextlib
 import weakref
@@ -14,8 +14,10 @@ from ..system.model import System
 from .built_in import FOLLOWING, SCENARIOS, SYSTEMS, built_in
 from .scenario import Scenario
 from .scenario_file import ScenarioFile, parse_scenario
+from .single_fmu import single_fmu
 
 _SSP = (".ssp", ".ssd")
+_FMU = ".fmu"
 _OF_BUILT_IN = ("controller", "gains", "trajectory")
 """Options that decide how a built-in system is made."""
 
@@ -24,7 +26,8 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     """The scenario that a name or a path means, or that runs a system; with these options.
 
     A path leads to a scenario file (.toml) or to an SSP: package, folder or SSD, with `#Variant.ssd`
-    for another SSD than the default one. Raises CommandError for whatever is wrong with it.
+    for another SSD than the default one; or to an FMU (.fmu), which runs alone. Raises CommandError for
+    whatever is wrong with it.
     """
     if isinstance(source, System):
         return Scenario("system", "", source, Options().updated(given))
@@ -36,11 +39,14 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     if path.suffix.lower() == ".toml":
         read = parse_scenario(read_text(path, "the scenario"), str(path), path.parent)
         return _of_file(read, path.stem, given)
+    read = ScenarioFile("", "", {}, str(path), Path())
+    if _is_fmu(path):
+        return _of_fmu(path, None, read, given)
     if _is_ssp(path):
-        return _of_ssp(path, None, ScenarioFile("", "", {}, str(path), Path()), given)
+        return _of_ssp(path, None, read, given)
     raise CommandError(
         f"there is no scenario '{name}'; choose from {listed(SCENARIOS)}, or name a file that "
-        "ends in .toml, .ssp or .ssd.",
+        "ends in .toml, .ssp, .ssd or .fmu.",
         name=name,
         choices=list(SCENARIOS),
     )
@@ -50,10 +56,12 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenari
     """The scenario of a file: its system, and the options of the usual one, of the file, and given."""
     if read.system not in SYSTEMS:
         file = read.folder / read.system
+        if _is_fmu(file):
+            return _of_fmu(file, name, read, given)
         if not _is_ssp(file):
             raise CommandError(
-                f"the scenario '{read.where}' names the system '{read.system}', which is neither an SSP nor "
-                f"one of {listed(SYSTEMS)}."
+                f"the scenario '{read.where}' names the system '{read.system}', which is neither an SSP, "
+                f"nor an FMU, nor one of {listed(SYSTEMS)}."
             )
         return _of_ssp(file, name, read, given)
     options = Options()
@@ -76,12 +84,32 @@ def _with_gains(given: Mapping[str, Any]) -> Mapping[str, Any]:
     return {"gains": None, **given} if given.get("controller") is not None else given
 
 
-def _of_ssp(path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any]) -> Scenario:
-    """The scenario of an SSP, with what a scenario file says about it."""
+def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
+    """Raise CommandError where an option of built-in systems is given to another system."""
     for option in _OF_BUILT_IN:
         if option in given or option in read.options:
             has = "reference" if option == "trajectory" else "gains"
             raise CommandError(f"'{read.where}' has its own {has}; --{option} is for built-in systems.")
+
+
+def _of_fmu(path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any]) -> Scenario:
+    """The scenario of one FMU, with what a scenario file says about it."""
+    _refuse_of_built_in(read, given)
+    alone = single_fmu(path, {**read.options, **given})
+    options = Options().updated(alone.times)
+    options = options.updated(read.options, f"the scenario '{read.where}'", read.folder)
+    return Scenario(
+        name or alone.name,
+        read.description or alone.description,
+        alone.system,
+        options.updated(given),
+        alone.notes,
+    )
+
+
+def _of_ssp(path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any]) -> Scenario:
+    """The scenario of an SSP, with what a scenario file says about it."""
+    _refuse_of_built_in(read, given)
     held = Held()
     document = held.stack.enter_context(read_ssp(path))
     options = Options().updated(_times(document))
@@ -115,6 +143,11 @@ class Held:
         self._finalizer = weakref.finalize(self, self.stack.close)
 
 
+def _is_fmu(path: Path) -> bool:
+    """Whether a path means an FMU; PACKAGE.ssp#x.fmu would be a variant of a package."""
+    return path.suffix.lower() == _FMU and not _is_folder(path) and (_is_file(path) or not _is_ssp(path))
+
+
 def _is_ssp(path: Path) -> bool:
     """Whether a path means an SSP, without or with the name of a variant in it."""
     return any(x.suffix.lower() in _SSP or _is_folder(x) for x in (path, _without_variant(path)))
@@ -128,4 +161,11 @@ def _is_folder(path: Path) -> bool:
     try:
         return path.is_dir()
     except (OSError, ValueError):  # too long a name, or one that no file can have
+        return False
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
         return False

@@ -1,0 +1,190 @@
+"""One FMU as a scenario: what its component is called, when it stops, and what else may be said of it."""
+
+import json
+import zipfile
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from emla_cosim.errors import CommandError
+from emla_cosim.loading import load
+from emla_cosim.scenarios.single_fmu import component_name
+from emla_cosim.system.model import System
+from fmublock.archive import write_archive
+from tests.support.commands import Emla, sentence
+
+DESCRIPTION = "modelDescription.xml"
+EXPERIMENT = '<DefaultExperiment startTime="0" stopTime="10.0" tolerance="1e-06" stepSize="0.001" />'
+NO_STOP = "the FMU does not say when to stop; it runs for 10 s without --stop-time"
+
+
+@pytest.fixture(scope="module")
+def reference(fmu_folder: Path) -> Path:
+    return fmu_folder / "Reference" / "Reference.fmu"
+
+
+def with_description(fmu: Path, target: Path, *edits: tuple[str, str]) -> Path:
+    """The FMU with other text in its model description; what is replaced has to be there."""
+    with zipfile.ZipFile(fmu) as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    text = content[DESCRIPTION].decode()
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write_archive(target, {**content, DESCRIPTION: text.encode()})
+    return target
+
+
+def experiment(**times: float | str) -> tuple[str, str]:
+    """Another default experiment."""
+    attributes = " ".join(f'{name}="{time}"' for name, time in times.items())
+    return EXPERIMENT, f"<DefaultExperiment {attributes} />"
+
+
+def test_an_fmu_runs_as_a_system_of_its_own(reference: Path) -> None:
+    scenario = load(
+        reference, stop_time=2.0, set={"Reference.waypoint[1]": 0.0, "Reference.waypoint[2]": 0.3}
+    )
+    assert (scenario.name, scenario.notes) == ("Reference", ())
+    result = scenario.prepare().run()
+    assert result.steps == 2000
+    assert str(result.units["Reference.v_d"]) == "m/s"
+    same = System.of({"Reference": reference})
+    values = {"Reference.waypoint[1]": 0.0, "Reference.waypoint[2]": 0.3}
+    other = load(same, stop_time=2.0, step_size=1e-3, set=values).prepare().run()
+    assert (result["Reference.x_d"] == other["Reference.x_d"]).all()
+    assert result["Reference.x_d"].max() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("said", "times", "notes"),
+    [
+        ({"startTime": 1, "stopTime": 3, "stepSize": 0.5}, (1.0, 3.0, 0.5), 0),
+        ({"stopTime": 5}, (0.0, 5.0, 0.005), 1),
+        ({"stepSize": 0.1}, (0.0, 10.0, 0.1), 1),
+        ({"startTime": 4}, (4.0, 14.0, 0.01), 2),
+        ({"stopTime": 1, "stepSize": 0.3}, (0.0, 1.0, 0.25), 1),
+        ({"startTime": 9, "stopTime": 3, "stepSize": 0.5}, (9.0, 19.0, 0.5), 1),
+        ({"stopTime": "INF", "stepSize": "NaN"}, (0.0, 10.0, 0.01), 2),
+        ({"stopTime": 2, "stepSize": -1}, (0.0, 2.0, 0.002), 1),
+        ({"stopTime": 31536000, "stepSize": 3600}, (0.0, 31536000.0, 3600.0), 0),
+    ],
+)
+def test_times_are_those_of_the_default_experiment_as_far_as_it_goes(
+    said: dict[str, float | str], times: tuple[float, ...], notes: int, reference: Path, tmp_path: Path
+) -> None:
+    scenario = load(with_description(reference, tmp_path / "x.fmu", experiment(**said)))
+    options = scenario.options
+    assert (options.start_time, options.stop_time, options.step_size) == times
+    assert len(scenario.notes) == notes
+
+
+def test_an_fmu_without_an_experiment_takes_the_times_that_are_given(reference: Path, tmp_path: Path) -> None:
+    fmu = with_description(reference, tmp_path / "x.fmu", (EXPERIMENT, ""))
+    assert load(fmu).options.step_size == 0.01
+    given = load(fmu, stop_time=2.0).options
+    assert (given.stop_time, given.step_size) == (2.0, 0.002)
+    assert not load(fmu, stop_time=2.0, step_size=0.5).notes
+
+
+def test_a_long_run_in_long_steps_has_a_row_for_each(reference: Path, tmp_path: Path) -> None:
+    fmu = with_description(reference, tmp_path / "x.fmu", experiment(stopTime=31536000, stepSize=86400))
+    result = load(fmu).prepare().run()
+    assert len(result["Reference.x_d"]) == 366
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [
+        ("Modelica.Blocks.Examples.PID_Controller", "PID_Controller"),
+        ("my motor (v2)", "my_motor_v2"),
+        ("Müller·Kupplung", "Müller_Kupplung"),
+        ("2ndOrder", "model_2ndOrder"),
+        ("a=b,c@d#*?[1]", "a_b_c_d_1"),
+        ("...", "model"),
+        ("", "model"),
+    ],
+)
+def test_the_component_is_called_as_the_model(model: str, name: str) -> None:
+    assert component_name(model) == name
+
+
+@given(st.text(max_size=80))
+@example("study")
+def test_any_model_gives_a_name_that_options_can_say(model: str) -> None:
+    name = component_name(model)
+    assert 0 < len(name) < 80
+    assert not set(name) & set(".=,@:*?[] \t\n")
+    assert System.of({name: "x.fmu"}).split(f"{name}.a.b")[1] == "a.b"
+
+
+@pytest.mark.parametrize("name", ["study.fmu", "a#b.fmu", "with space.FMU", "[bold]é.fmu", "a.ssp.fmu"])
+def test_files_may_be_called_anything(name: str, emla: Emla, reference: Path, tmp_path: Path) -> None:
+    file = with_description(
+        reference, tmp_path / name, ('modelName="Reference"', 'modelName="[bold]&#233; é"')
+    )
+    done = emla(
+        "run", str(file), "--no-plots", "--stop-time", "0.01", "--output", "out", "--set", "bold_é_é.period=2"
+    )
+    assert done.exit_code == 0, done.output
+    record = json.loads(Path("out/run.json").read_text(encoding="utf-8"))
+    assert record["scenario"] == "bold_é_é"
+    header = Path("out/results.csv").read_text(encoding="utf-8").partition("\n")[0]
+    assert header.startswith("time,bold_é_é.x_d")
+
+
+def test_a_scenario_file_may_name_an_fmu(reference: Path, tmp_path: Path) -> None:
+    with_description(reference, tmp_path / "x.fmu")
+    file = tmp_path / "mine.toml"
+    file.write_text('system = "x.fmu"\nstop_time = 0.5\n[set]\nReference.period = 3.0\n')
+    scenario = load(file)
+    assert (scenario.name, scenario.options.stop_time) == ("mine", 0.5)
+    assert dict(scenario.options.set) == {"Reference.period": 3.0}
+
+
+def test_an_fmu_can_be_exported(reference: Path, tmp_path: Path) -> None:
+    package = load(reference, set={"Reference.period": 3.0}).export(tmp_path / "x.ssp")
+    again = load(package)
+    assert again.options.stop_time == 10.0
+    assert again.system.component("Reference").parameters["period"] == 3.0
+
+
+def test_options_of_built_in_systems_are_refused(emla: Emla, reference: Path) -> None:
+    refused = emla("run", str(reference), "--controller", "foc")
+    says = f"Error: '{reference}' has its own gains; --controller is for built-in systems."
+    assert sentence(refused, 2) == says
+
+
+@pytest.mark.parametrize(
+    ("edits", "says"),
+    [
+        ([('fmiVersion="2.0"', 'fmiVersion="3.0"')], "is not a valid FMU"),
+        ([('fmiVersion="2.0"', 'fmiVersion="9"')], "Unsupported FMI version"),
+        ([("<ModelVariables>", "<ModelVariables")], "is not an FMU that can be read"),
+    ],
+)
+def test_what_is_no_fmu_is_one_sentence(
+    edits: list[tuple[str, str]], says: str, emla: Emla, reference: Path, tmp_path: Path
+) -> None:
+    refused = emla("run", str(with_description(reference, tmp_path / "x.fmu", *edits)))
+    assert says in sentence(refused, 2)
+
+
+def test_an_fmu_for_model_exchange_only_is_one_sentence(emla: Emla, tmp_path: Path) -> None:
+    text = """<fmiModelDescription fmiVersion="2.0" modelName="m" guid="1" numberOfEventIndicators="0">
+        <ModelExchange modelIdentifier="m"/><ModelVariables><ScalarVariable name="x" valueReference="0">
+        <Real/></ScalarVariable></ModelVariables><ModelStructure/></fmiModelDescription>"""
+    write_archive(tmp_path / "m.fmu", {DESCRIPTION: text.encode()})
+    refused = emla("run", "m.fmu")
+    assert (
+        sentence(refused, 2) == "Error: 'm.fmu' is for model exchange only; this master needs co-simulation."
+    )
+
+
+@pytest.mark.parametrize("name", ["none.fmu", "a" * 300 + ".fmu", "x\0y.fmu", "p.ssp/x.fmu"])
+def test_a_missing_file_is_one_sentence(name: str) -> None:
+    with pytest.raises(CommandError, match="there is no FMU file"):
+        load(name)
