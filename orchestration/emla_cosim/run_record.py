@@ -12,8 +12,12 @@ from typing import Any
 from .master.algorithms.algorithm import Algorithm
 from .master.assembly import Assembly
 from .master.stepping.timing import Timing
-from .options import Options
+from .options import Options, table
+from .origin import Origin
 from .system.model import System
+
+PYTHON = "python"
+"""The key of an object that exists in Python alone, by the name of its class."""
 
 COMPLETED = "completed"
 """The status of a run that came to its end."""
@@ -23,6 +27,7 @@ _PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pytho
 
 def run_record(
     scenario: str,
+    origin: Origin,
     system: System,
     assembly: Assembly,
     options: Options,
@@ -39,6 +44,9 @@ def run_record(
     """
     return {
         "scenario": scenario,
+        "source": origin.source,
+        "source_sha256": origin.sha256,
+        "changed": changed(origin),
         "status": COMPLETED if problem is None else problem,
         "settings": _settings(options, times, every),
         "stepping": stepping,
@@ -99,6 +107,25 @@ def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
         "replace": {name: plain(r) for name, r in options.replacements().items()},
         "trajectory": None if options.trajectory is None else _content(options.trajectory),
     }
+
+
+def changed(origin: Origin) -> dict[str, Any]:
+    """What was given beside the scenario, by option, but for what no result depends on.
+
+    In the place of an object of Python there is the name of its class, as `{"python": name}`.
+    """
+    known = table()
+    given = {name: value for name, value in origin.changed.items() if known[name].about.recorded}
+    return {name: _repeatable(value, known[name].about.takes) for name, value in given.items()}
+
+
+def _repeatable(value: Any, takes: type | None) -> Any:
+    """A value of an option as JSON from which it can be made again, objects of the type `takes` marked."""
+    if isinstance(value, Mapping):
+        return {key: _repeatable(inner, takes) for key, inner in value.items()}
+    if takes not in (None, bool) and isinstance(value, takes):
+        return {PYTHON: plain(value if isinstance(value, type) else type(value))}
+    return plain(value)
 
 
 def _content(path: Path) -> dict[str, str | None]:

@@ -24,6 +24,7 @@ from .master.stepping.pacing import Pacing
 from .master.stepping.stepping import ROUNDING, Stepping
 from .master.stepping.timing import Timing
 from .options import Options
+from .origin import Origin
 from .preparation import prepared
 from .progress import Progress
 from .recorders.checkpoints import Checkpoints, resumable
@@ -77,10 +78,12 @@ class Simulation:
         progress: Progress | None = None,
         unpacked: Path | None = None,
         holds: object = None,
+        origin: Origin | None = None,
     ) -> None:
         """Prepare a system with these options.
 
-        FMUs of a package are in the folder `unpacked`; `holds` is what must live as long as this.
+        FMUs of a package are in the folder `unpacked`; `holds` is what must live as long as this. `origin`
+        is told by the records of runs.
 
         Raises CommandError for what does not fit, RunError where FMUs cannot be built or refuse their
         start values.
@@ -88,6 +91,7 @@ class Simulation:
         self.name = name
         self.options = options or Options()
         self._unpacked, self._holds = unpacked, holds
+        self._origin = origin or Origin()
         told = progress or Progress()
         self._here = present_folder()  # an FMU may go elsewhere
         apart = isolated(self.options.isolated, system)  # a wrong name is told before anything is built
@@ -180,7 +184,7 @@ class Simulation:
     def _start(self, recorders: Sequence[Recorder] | None, fresh: bool, options: Mapping[str, Any]) -> None:
         if not self._finalizer.alive:
             raise CommandError("the simulation is closed; prepare it anew.")
-        chosen = self._chosen(options)
+        chosen, origin = self._chosen(options), self._origin.updated(options)
         self._abandon()
         required = [requirement(text) for text in chosen.require]
         stored = stored_run(chosen.reference) if chosen.reference is not None else None
@@ -217,7 +221,7 @@ class Simulation:
         except BaseException:
             _freed(stepping)
             raise
-        self._run = _Going(run, system, chosen, metrics, taking, every, required, stored)
+        self._run = _Going(run, system, chosen, origin, metrics, taking, every, required, stored)
         with self._abandoning_on_error():
             # the states in a checkpoint would hold a continued run to this run's stop time
             run.begin(times.stop if chosen.checkpoint is None else None)
@@ -405,6 +409,7 @@ class Simulation:
         report, units = stepping.report(), self.units
         record = run_record(
             self.name,
+            going.origin,
             going.system,
             self._assembly,
             going.options,
@@ -443,6 +448,7 @@ class _Going:
     run: Run
     system: System
     options: Options
+    origin: Origin
     metrics: MetricsRecorder
     recorders: Sequence[Recorder]
     every: int

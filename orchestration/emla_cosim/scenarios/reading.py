@@ -9,6 +9,7 @@ from typing import Any
 from ..errors import CommandError, listed
 from ..files import read_text
 from ..options import Options
+from ..origin import Origin, of_file, with_gains
 from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
 from .built_in import FOLLOWING, SCENARIOS, SYSTEMS, built_in
@@ -30,20 +31,18 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     whatever is wrong with it.
     """
     if isinstance(source, System):
-        return Scenario("system", "", source, Options().updated(given))
+        return Scenario("system", "", source, Options().updated(given), origin=Origin().updated(given))
     if not isinstance(source, (str, Path)):
         raise CommandError(f"a scenario is a name, a path or a System, not {source!r}.")
     name, path = str(source), Path(source)
     if name in SCENARIOS:
-        return _of_file(built_in(name), name, given)
+        return _of_file(built_in(name), name, given, Origin(name))
     if path.suffix.lower() == ".toml":
-        read = parse_scenario(read_text(path, "the scenario"), str(path), path.parent)
-        return _of_file(read, path.stem, given)
-    read = ScenarioFile("", "", {}, str(path), Path())
-    if _is_fmu(path):
-        return _of_fmu(path, None, read, given)
+        text = read_text(path, "the scenario")
+        read = parse_scenario(text, str(path), path.parent)
+        return _of_file(read, path.stem, given, of_file(path, text.encode()))
     if _is_ssp(path):
-        return _of_ssp(path, None, read, given)
+        return _of_ssp(path, None, ScenarioFile("", "", {}, str(path), Path()), given, _of_package(path))
     raise CommandError(
         f"there is no scenario '{name}'; choose from {listed(SCENARIOS)}, or name a file that "
         "ends in .toml, .ssp, .ssd or .fmu.",
@@ -52,7 +51,7 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     )
 
 
-def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenario:
+def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Origin) -> Scenario:
     """The scenario of a file: its system, and the options of the usual one, of the file, and given."""
     if read.system not in SYSTEMS:
         file = read.folder / read.system
@@ -63,11 +62,11 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenari
                 f"the scenario '{read.where}' names the system '{read.system}', which is neither an SSP, "
                 f"nor an FMU, nor one of {listed(SYSTEMS)}."
             )
-        return _of_ssp(file, name, read, given)
+        return _of_ssp(file, name, read, given, origin)
     options = Options()
     for layer in (built_in(read.system), read):
-        options = options.updated(_with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
-    options = options.updated(_with_gains(given))
+        options = options.updated(with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
+    options = options.updated(with_gains(given))
     led = {}
     if options.trajectory is not None:
         if read.system not in FOLLOWING:
@@ -76,16 +75,13 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any]) -> Scenari
             )
         led = {"trajectory": options.trajectory}
     system = SYSTEMS[read.system](options.controller, options.gains, **led)
-    return Scenario(name, read.description, system, options)
+    return Scenario(name, read.description, system, options, origin=origin.updated(given))
 
 
-def _with_gains(given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Whoever names a controller without gains wants its usual ones, not those of the one before."""
-    return {"gains": None, **given} if given.get("controller") is not None else given
-
-
-def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
-    """Raise CommandError where an option of built-in systems is given to another system."""
+def _of_ssp(
+    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: Origin
+) -> Scenario:
+    """The scenario of an SSP, with what a scenario file says about it."""
     for option in _OF_BUILT_IN:
         if option in given or option in read.options:
             has = "reference" if option == "trajectory" else "gains"
@@ -122,7 +118,14 @@ def _of_ssp(path: Path, name: str | None, read: ScenarioFile, given: Mapping[str
         tuple(document.notes),
         document.unpacked,
         held,
+        origin.updated(given),
     )
+
+
+def _of_package(path: Path) -> Origin:
+    """The origin that an SSP is, by the content of its one file where it is one."""
+    file = path if path.is_file() else _without_variant(path)
+    return of_file(path, file.read_bytes() if file.is_file() else None)
 
 
 def _times(document: Document) -> dict[str, float]:

@@ -1,13 +1,14 @@
 """What a scenario is: a system, and how it is run."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import called_as_in
 from ..experiment import run_times
 from ..options import Options
+from ..origin import Origin
 from ..preparation import prepared
 from ..progress import Progress
 from ..simulation import Simulation
@@ -20,7 +21,8 @@ class Scenario:
     """A system and how it is run.
 
     `notes` are sentences for the user on what was read but means nothing. FMUs of a package are in the
-    folder `unpacked` as long as the scenario, or a simulation of it, lives.
+    folder `unpacked` as long as the scenario, or a simulation of it, lives. `origin` is what was named
+    and given to make it.
     """
 
     name: str
@@ -30,6 +32,11 @@ class Scenario:
     notes: Sequence[str] = ()
     unpacked: Path | None = field(default=None, compare=False)
     holds: object = field(default=None, compare=False, repr=False)
+    origin: Origin = field(default_factory=Origin, compare=False, repr=False)
+
+    def updated(self, options: Mapping[str, Any]) -> "Scenario":
+        """The scenario with further options, by name; CommandError for what does not fit."""
+        return replace(self, options=self.options.updated(options), origin=self.origin.updated(options))
 
     def prepare(self, progress: Progress | None = None, **options: Any) -> Simulation:
         """Build and load all FMUs and compile the loop, so that it can be run many times.
@@ -37,8 +44,10 @@ class Scenario:
         `options` are those of `Options`, by name. Raises CommandError for what does not fit,
         RunError where FMUs cannot be built.
         """
-        chosen = self.options.updated(options)
-        return Simulation(self.system, chosen, self.name, progress, self.unpacked, self.holds)
+        chosen = self.updated(options)
+        return Simulation(
+            self.system, chosen.options, self.name, progress, self.unpacked, self.holds, chosen.origin
+        )
 
     def export(
         self, file: str | Path, nested: bool = False, progress: Progress | None = None, **options: Any

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -165,7 +165,7 @@ def _scenario(plan: Plan, options: Mapping[str, Any]) -> Scenario:
     """The scenario of a plan with these options over those of the plan."""
     given = merged([plan.options, options])
     if isinstance(plan.scenario, Scenario):
-        return replace(plan.scenario, options=plan.scenario.options.updated(given))
+        return plan.scenario.updated(given)
     return load(plan.scenario, **given)
 
 

@@ -98,7 +98,7 @@ class TuningPlan:
     def loaded(self) -> Scenario:
         """The scenario, with the options of the plan. Raises CommandError for whatever is wrong with it."""
         if isinstance(self.scenario, Scenario):
-            return replace(self.scenario, options=self.scenario.options.updated(self.options))
+            return self.scenario.updated(self.options)
         return load(self.scenario, **self.options)
 
     def check(self) -> None:
