@@ -1,5 +1,6 @@
 """Curves made small: fewer points, fewer digits, nothing that cannot be drawn."""
 
+from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any
@@ -73,3 +74,62 @@ def rounded(values: Iterable[float], grain: float = 0.0) -> list[float | None]:
     if grain > 0 and largest > 0:
         digits = int(np.clip(np.ceil(np.log10(largest / grain)), 3, 16))
     return [float(f"{v:.{digits}g}") if np.isfinite(v) else None for v in found]
+
+
+def condensed(time: Vector, values: Vector, most: int) -> np.ndarray:
+    """Indices of about `most` points of one curve: extremes of parts that are short where much happens.
+
+    Half of the parts share the time evenly, half the way that the curve goes up and down: who looks at
+    a short transient closely still sees it. Ends and the beginnings of gaps are kept.
+    """
+    count = len(values)
+    if count <= most:
+        return np.arange(count)
+    known = np.isfinite(values)
+    part = _parts(time, values, max(most // 2, 1))
+    starts = np.flatnonzero(np.diff(part, prepend=-1))
+    within = np.repeat(np.arange(len(starts)), np.diff(starts, append=count))
+    kept = [np.array([0, count - 1])]
+    for reduced, none in ((np.minimum, np.inf), (np.maximum, -np.inf)):
+        filled = np.where(known, values, none)
+        kept.append(_firsts(known & (filled == reduced.reduceat(filled, starts)[within]), within))
+    kept.append(_firsts(~known, within))
+    return np.unique(np.concatenate(kept))
+
+
+def _parts(time: Vector, values: Vector, count: int) -> np.ndarray:
+    """In which of so many parts each point is, in order."""
+    with np.errstate(invalid="ignore"):
+        ways = [np.nan_to_num(np.abs(np.diff(of, prepend=of[:1]))) for of in (time, values)]
+    ways = [way / largest for way in ways if (largest := way.max(initial=0.0)) > 0]  # sums stay finite
+    if not ways:
+        return np.zeros(len(values), int)
+    shares = [np.cumsum(way) / way.sum() / len(ways) for way in ways]
+    return np.minimum(np.sum(shares, axis=0) * count, count - 1).astype(int)
+
+
+def _firsts(mask: np.ndarray, within: np.ndarray) -> np.ndarray:
+    """The first index of each part at which the mask is true."""
+    found = np.flatnonzero(mask)
+    return found[np.unique(within[found], return_index=True)[1]]
+
+
+def packed(values: Vector) -> dict[str, Any]:
+    """Numbers as 32 bits each, relative to their range: `middle` + `half` * the floats in `data`."""
+    low, high = span([values])
+    middle, half = low + (high - low) / 2, (high - low) / 2 or 1.0
+    with np.errstate(invalid="ignore", over="ignore"):
+        small = ((values - middle) / half).astype("<f4")
+    return {"middle": middle, "half": half, "data": b64encode(small.tobytes()).decode()}
+
+
+def small(time: Vector, values: Vector, most: int) -> dict[str, Any]:
+    """A curve of about `most` points or fewer as data of a page: x, y, and how many cannot be drawn."""
+    values = drawable(values)
+    known = np.isfinite(values)
+    missing = int(len(values) - known.sum())
+    if not missing and len(values) > 2 and values.min() == values.max():
+        kept = np.array([0, len(values) - 1])
+    else:
+        kept = condensed(time, values, most)
+    return {"missing": missing, "x": packed(time[kept]), "y": packed(values[kept])}

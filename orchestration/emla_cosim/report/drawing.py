@@ -5,6 +5,8 @@ import re
 from functools import cache
 from typing import Any
 
+from .plot import Shape
+
 
 @cache
 def library() -> str:
@@ -16,18 +18,22 @@ def library() -> str:
 
 
 @cache
-def template(lines: int, band: bool) -> str:
-    """A figure of so many lines as JSON: its models have names, by which they are given data and colours."""
+def template(shape: Shape) -> str:
+    """A figure of this shape as JSON: its models have names, by which they are given data and colours."""
     from bokeh.embed import json_item
-    from bokeh.models import CrosshairTool, Span
+    from bokeh.models import BoxAnnotation, CrosshairTool, Span
 
     figure = _figure()
-    if band:
+    for k in range(shape.limits):
+        for end in ("low", "high"):
+            beyond = BoxAnnotation(name=f"limit-{k}-{end}", visible=False, line_dash="dashed", level="underlay")
+            figure.add_layout(beyond)
+    if shape.band:
         source = _source("band", "x", "lower", "upper")
         figure.varea("x", "lower", "upper", source=source, name="band")
         for edge in ("lower", "upper"):
             figure.line("x", edge, source=source, name=f"band-{edge}", line_width=0.75)
-    for k in reversed(range(lines)):  # the first on top
+    for k in reversed(range(shape.lines)):  # the first on top
         figure.line("x", "y", source=_source(f"line-{k}", "x", "y"), name=f"line-{k}", line_width=1.5)
     figure.scatter(
         "x", "y", source=_source("mark", "x", "y"), name="mark", size=9, line_width=1.75, fill_color=None
@@ -38,15 +44,14 @@ def template(lines: int, band: bool) -> str:
 
 
 def _figure() -> Any:
-    from bokeh.models import Range1d
+    from bokeh.models import Range1d, WheelZoomTool
     from bokeh.plotting import figure
 
     made = figure(
         height=250,
         sizing_mode="stretch_width",
-        tools="pan,box_zoom,wheel_zoom,reset,save",
+        tools="pan,box_zoom,reset,save",
         active_drag="box_zoom",
-        active_scroll=None,
         x_range=Range1d(start=0, end=1),
         y_range=Range1d(start=0, end=1),
         background_fill_color=None,
@@ -54,6 +59,9 @@ def _figure() -> Any:
         outline_line_color=None,
         min_border=8,
     )
+    wheel = WheelZoomTool(modifiers={"ctrl": True})  # alone it scrolls the page
+    made.add_tools(wheel)
+    made.toolbar.active_scroll = wheel
     made.toolbar.logo, made.toolbar.group = None, False
     made.toolbar.stylesheets = [".bk-divider { opacity: 0.25; }"]
     made.xaxis.axis_label = "time / s"

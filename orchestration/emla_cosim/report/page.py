@@ -1,5 +1,6 @@
 """A page that needs nothing else: a template, with the style, the scripts and the plots of all pages."""
 
+from collections.abc import Iterable
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -7,9 +8,9 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from ..results import style
+from .. import colors
 from .drawing import library, template
-from .plot import Plot
+from .plot import Plot, Shape
 from .text import number, shortened, visible
 
 
@@ -18,19 +19,27 @@ class Plots:
 
     def __init__(self) -> None:
         self._found: list[Plot] = []
+        self._own: dict[str, str] = {}
+        self._shapes: set[Shape] = set()
 
     def add(self, plot: Plot) -> str:
         """The id under which a template places it: `{{ figure(id, label) }}`."""
         self._found.append(plot)
         return f"plot-{len(self._found)}"
 
+    def hold(self, name: str, content: str, shapes: Iterable[Shape]) -> None:
+        """Keep JSON for a script of the page, which makes plots of these shapes of it."""
+        self._own[name] = content
+        self._shapes.update(shapes)
+
     def scripts(self) -> Markup:
         """The elements that hold data, templates and the library; nothing where nothing is to be drawn."""
-        if not self._found:
+        shapes = self._shapes.union(plot.shape for plot in self._found)
+        if not shapes:
             return Markup()
-        shapes = {plot.shape for plot in self._found}
         data = [_script(f"plot-{k}-data", plot.as_json()) for k, plot in enumerate(self._found, 1)]
-        figures = [_script(f"figure-{n}-{int(band)}", template(n, band)) for n, band in sorted(shapes)]
+        data += [_script(name, content) for name, content in self._own.items()]
+        figures = [_script(f"figure-{shape}", template(shape)) for shape in sorted(shapes)]
         bokeh = Markup('<script type="text/plain" id="bokeh">\n{}\n</script>').format(Markup(library()))
         return Markup("\n").join([*data, *figures, bokeh])
 
@@ -41,7 +50,7 @@ def rendered(package: str, name: str, plots: Plots, **context: Any) -> str:
     Whatever stands in `context` may come from anybody: it is shown as it is, and does nothing.
     """
     asked = _environment(package).get_template(name)
-    return asked.render(plots=plots, style=style, **context)
+    return asked.render(plots=plots, colors=colors, **context)
 
 
 @cache

@@ -3,13 +3,24 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arrays import Vector
-from .curves import drawable, padded, rounded, span, thinned, times
+from .curves import drawable, padded, rounded, small, span, thinned, times
 from .text import shortened, visible
+
+
+class Shape(NamedTuple):
+    """What a template of plots is for: so many lines, a band or none, so many limits."""
+
+    lines: int
+    band: bool = False
+    limits: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.lines}-{int(self.band)}-{self.limits}"
 
 
 @dataclass(frozen=True)
@@ -34,12 +45,22 @@ class Band:
 
 
 @dataclass(frozen=True)
+class Limit:
+    """What values should not leave, in the unit of the plot; None where there is no such end."""
+
+    label: str
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
 class Plot:
     """Lines over time in s, all in `unit`.
 
     `mark` is a time to look at, on the first line, and `since` the time from which all is otherwise; both
     with the words for it. With `against`, an index of the lines, everything can also be shown as its
-    difference from that line.
+    difference from that line. What is beyond `limits` is shaded. Plots of one `group` show the same time.
+    Lines have a few hundred points each, for a look; with `points` about so many, to look closely.
     """
 
     unit: str
@@ -48,11 +69,14 @@ class Plot:
     mark: tuple[float, str] | None = None
     since: tuple[float, str] | None = None
     against: int | None = None
+    limits: tuple[Limit, ...] = ()
+    group: str = ""
+    points: int | None = None
 
     @property
-    def shape(self) -> tuple[int, bool]:
-        """How many lines, and whether there is a band: what is alike is drawn from one template."""
-        return len(self.lines), self.band is not None
+    def shape(self) -> "Shape":
+        """What is alike is drawn from one template."""
+        return Shape(len(self.lines), self.band is not None, len(self.limits))
 
     def as_json(self) -> str:
         """What the page needs to draw it, as JSON: thinned out, rounded, without what is not finite."""
@@ -60,7 +84,7 @@ class Plot:
         grain = self._grain(high - low)
         lines, band = self.lines, self.band
         content: dict[str, Any] = {
-            "shape": "-".join(str(int(part)) for part in self.shape),
+            "shape": str(self.shape),
             "unit": shortened(visible(self.unit), 40),
             "x": rounded(padded(*span([line.time for line in lines]), 0.01)),
             "y": rounded([low, high]),
@@ -69,6 +93,8 @@ class Plot:
             "mark": self._mark(),
             "since": None,
             "base": None if self.against is None else visible(lines[self.against].label),
+            "limits": [{"label": visible(x.label), "low": x.low, "high": x.high} for x in self._limits()],
+            "group": self.group or None,
         }
         if self.since is not None and np.isfinite(self.since[0]):
             content["since"] = {"at": float(self.since[0]), "label": visible(self.since[1])}
@@ -77,11 +103,23 @@ class Plot:
     def _range(self) -> tuple[float, float]:
         """What to show first: the band, and lines as far as they are near it."""
         if self.band is None:
-            return padded(*span([line.values for line in self.lines]))
+            low, high = span([line.values for line in self.lines])
+            near = 0.5 * (high - low)
+            edges = [e for x in self._limits() for e in (x.low, x.high) if e is not None]
+            edges = [e for e in edges if low - near <= e <= high + near]
+            return padded(min([low, *edges]), max([high, *edges]))
         low, high = span([self.band.lower, self.band.upper])
         first, last = span([line.values for line in self.lines])
         room = (high - low) or abs(high) or 1.0  # a line that runs away leaves the picture
         return padded(max(min(low, first), low - room), min(max(high, last), high + room))
+
+    def _limits(self) -> list[Limit]:
+        """Those that can be drawn, each with the ends that can."""
+
+        def end(value: float | None) -> float | None:
+            return None if value is None or not np.isfinite(drawable(np.array([value]))[0]) else float(value)
+
+        return [Limit(x.label, end(x.low), end(x.high)) for x in self.limits]
 
     def _grain(self, size: float) -> float:
         """What is too small to be seen, however far one zooms to see where a band is left."""
@@ -102,12 +140,13 @@ class Plot:
         return [np.interp(time, line.time, drawable(line.values))]
 
     def _line(self, line: Line, grain: float) -> dict[str, Any]:
+        look = {"label": visible(line.label), "color": line.color, "dashed": line.dashed}
+        if self.points is not None:
+            return {**look, **small(line.time, line.values, self.points)}
         values, base = drawable(line.values), self._base(line.time)
         kept = thinned(values, *(values - b for b in base))
         return {
-            "label": visible(line.label),
-            "color": line.color,
-            "dashed": line.dashed,
+            **look,
             "missing": int(np.isnan(values).sum()),
             "x": times(line.time[kept]),
             "y": rounded(values[kept], grain),

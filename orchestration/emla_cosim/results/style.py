@@ -7,12 +7,13 @@ from typing import IO, TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ..colors import BLUE, COLORS, GREEN, GREY, ORANGE, PURPLE, RED
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#2f6db3", "#d9822b", "#3d8f5f", "#b0413e", "#7b5ea7", "#7a7a7a"
-COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY)
+__all__ = ["BLUE", "COLORS", "GREEN", "GREY", "ORANGE", "PURPLE", "RED", "new_figure", "save", "tidied"]
 
 
 def new_figure(

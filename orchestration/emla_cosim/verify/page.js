@@ -78,12 +78,6 @@
     fmu.element.querySelector("summary").addEventListener("click", () => {
       if (!status.textContent) fmu.open = !fmu.element.open;
     });
-  for (const button of all(".signal button"))
-    button.addEventListener("click", () => {
-      const row = document.getElementById(button.getAttribute("aria-controls"));
-      row.hidden = !row.hidden;
-      button.ariaExpanded = String(!row.hidden);
-    });
   document.addEventListener("keydown", (event) => {
     if (event.key === "/" && document.activeElement !== search) {
       event.preventDefault();

@@ -1,6 +1,5 @@
 """The report as one page for people: searchable, with plots of results beside references."""
 
-import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -10,19 +9,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..report.comparisons import compared
 from ..report.page import Plots, rendered
-from ..report.plot import Band, Line, Plot
 from ..report.writing import write_text
-from ..tubes.comparison import Comparison
 from .labels import labels
 from .verdict import Verdict
 
 if TYPE_CHECKING:
     from .report import Examined, Finding, Report
-
-_OPEN_PLOTS = 3
-"""Signals of a finding whose plots are open from the beginning, where so many left their tubes."""
-
 
 def save(report: "Report", path: Path) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
@@ -102,57 +96,12 @@ class _Row:
 
     def __init__(self, name: str, finding: "Finding", plots: Plots) -> None:
         self.id, self.finding, self.outcome = name, finding, finding.outcome
-        ordered = sorted(self.outcome.comparisons, key=_urgency)
-        many = sum(not one.inside for one in ordered)
-        self.signals = [
-            _Signal(one, plots.add(_plot(one)), k < max(1, min(many, _OPEN_PLOTS)))
-            for k, one in enumerate(ordered)
-        ]
+        self.signals = compared(self.outcome.comparisons, plots)
 
     @property
     def advised(self) -> bool:
         """Whether there is something to be done about it."""
         return self.finding.verdict in (Verdict.FAILED, Verdict.WARNING) and bool(self.finding.hint)
-
-
-@dataclass(frozen=True)
-class _Signal:
-    """One signal beside its reference, its plot, and whether that is shown without being asked for."""
-
-    comparison: Comparison
-    plot: str
-    open: bool
-
-    @property
-    def share(self) -> float | None:
-        """The worst deviation as a part of the tube's width; None where that is no number."""
-        return _share(self.comparison)
-
-
-def _share(one: Comparison) -> float | None:
-    share = abs(one.worst) / one.tube.value if one.tube.value > 0 else math.nan
-    return share if math.isfinite(share) else None
-
-
-def _urgency(one: Comparison) -> tuple[bool, float]:
-    """What left its tube stands first, by when it did; then what came nearest to an edge."""
-    if one.left_at is not None:
-        return False, one.left_at
-    return True, -(_share(one) or 0.0)
-
-
-def _plot(one: Comparison) -> Plot:
-    return Plot(
-        one.unit,
-        (
-            Line("result", one.time, one.values, "blue" if one.inside else "red"),
-            Line("reference", one.reference_time, one.reference, "grey", dashed=True),
-        ),
-        Band("tube", one.time, one.lower, one.upper),
-        mark=(one.worst_at, "worst"),
-        since=None if one.left_at is None else (one.left_at, "left the tube"),
-        against=1,
-    )
 
 
 def _worst(rows: Sequence[_Row]) -> Verdict:

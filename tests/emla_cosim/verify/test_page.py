@@ -212,7 +212,7 @@ def test_plots_of_one_shape_share_a_figure() -> None:
     plots = Plots()
     names = [plots.add(Plot("", lines)) for lines in ((line,), (line,), (line, line))]
     assert names == ["plot-1", "plot-2", "plot-3"]
-    assert re.findall(r'id="(figure[^"]*)"', str(plots.scripts())) == ["figure-1-0", "figure-2-0"]
+    assert re.findall(r'id="(figure[^"]*)"', str(plots.scripts())) == ["figure-1-0-0", "figure-2-0-0"]
 
 
 def test_a_page_without_plots_has_no_library() -> None:

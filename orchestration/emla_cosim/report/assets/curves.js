@@ -1,9 +1,18 @@
 // The data of a plot, as curves.py writes them: read, and turned into differences.
 "use strict";
 const curves = (() => {
-  const numbers = (values) => Float64Array.from(values, (v) => (v === null ? NaN : v));
+  const unpacked = ({ middle, half, data }) => {
+    const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0)),
+      view = new DataView(bytes.buffer);
+    return Float64Array.from(
+      { length: bytes.length / 4 },
+      (_, k) => middle + half * view.getFloat32(4 * k, true),
+    );
+  };
+  const numbers = (values) =>
+    values.data === undefined ? Float64Array.from(values, (v) => (v === null ? NaN : v)) : unpacked(values);
   const times = (x) =>
-    Array.isArray(x)
+    x.count === undefined
       ? numbers(x)
       : Float64Array.from({ length: x.count }, (_, k) => x.first + (k * (x.last - x.first)) / (x.count - 1));
 
@@ -95,5 +104,16 @@ const curves = (() => {
     return k + 1 < times.length && times[k + 1] - x < x - times[k] ? k + 1 : k;
   }
 
-  return { read, difference, thin, nearest };
+  // The lowest and the highest of a curve between two times.
+  function extent({ x, y }, start, end) {
+    let low = Infinity,
+      high = -Infinity;
+    for (let k = before(x, start); k < x.length && (k === 0 || x[k - 1] < end); k++) {
+      if (y[k] < low) low = y[k];
+      if (y[k] > high) high = y[k];
+    }
+    return [low, high];
+  }
+
+  return { read, difference, thin, nearest, extent };
 })();

@@ -2,7 +2,7 @@
 "use strict";
 const drawn = new Map(); // figure elements and what is drawn in them
 
-(() => {
+const plots = (() => {
   const parsed = (id) => JSON.parse(document.getElementById(id).textContent);
   const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(6))) : "–");
   const make = (tag, className, text) =>
@@ -25,10 +25,10 @@ const drawn = new Map(); // figure elements and what is drawn in them
     return Bokeh;
   }
 
-  async function draw(element) {
+  async function draw(element, given) {
     if (drawn.has(element)) return;
     drawn.set(element, null);
-    const data = parsed(`${element.dataset.plot}-data`);
+    const data = given ?? parsed(`${element.dataset.plot}-data`);
     const canvas = make("div", "canvas");
     element.replaceChildren(canvas);
     const views = await withBokeh().embed.embed_item(parsed(`figure-${data.shape}`), canvas);
@@ -37,11 +37,14 @@ const drawn = new Map(); // figure elements and what is drawn in them
     if (data.since) model("since").setv({ location: data.since.at, visible: true });
     const one = { element, plot, model, given: curves.read(data), unit: data.unit };
     one.data = one.given;
+    if (!element.isConnected) return drawn.delete(element);
     drawn.set(element, one);
     const button = legend(one);
     show(one, one.given);
     if (data.since && button && curves.thin(one.given)) button.click();
+    limit(one);
     paint(one);
+    if (data.group) join(one);
     plot.on_event("doubletap", () => view(one));
     element.addEventListener("keydown", (event) => keys(one, event));
     element.dataset.drawn = "yes";
@@ -67,6 +70,46 @@ const drawn = new Map(); // figure elements and what is drawn in them
       [plot.y_range, data.y],
     ])
       range.setv({ start, end, reset_start: start, reset_end: end });
+  }
+
+  function limit({ model, data }) {
+    // shades what is beyond
+    for (const [k, { low, high }] of data.limits.entries()) {
+      if (low !== null) model(`limit-${k}-low`).setv({ top: low, visible: true });
+      if (high !== null) model(`limit-${k}-high`).setv({ bottom: high, visible: true });
+    }
+  }
+
+  // Plots of a group show the same time; those that follow show all values that are in it.
+  let leading = false;
+  function join(one) {
+    const range = one.plot.x_range;
+    const others = () =>
+      [...drawn.values()].filter((o) => o && o !== one && o.data.group === one.data.group);
+    const [other] = others();
+    if (other) follow(one, other.plot.x_range);
+    range.change.connect(() => {
+      if (leading) return;
+      leading = true;
+      for (const other of others()) follow(other, range);
+      leading = false;
+    });
+  }
+
+  function follow({ plot, data, model }, { start, end }) {
+    const [first, last] = data.x;
+    plot.x_range.setv({ start, end });
+    if (start <= first && last <= end) return plot.y_range.setv({ start: data.y[0], end: data.y[1] });
+    let low = Infinity,
+      high = -Infinity;
+    for (const [k, line] of data.lines.entries()) {
+      if (!model(`line-${k}`).visible) continue;
+      const [least, most] = curves.extent(line, start, end);
+      low = Math.min(low, least);
+      high = Math.max(high, most);
+    }
+    const room = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;
+    if (low <= high) plot.y_range.setv({ start: low - room, end: high + room });
   }
 
   function keys(one, event) {
@@ -113,6 +156,14 @@ const drawn = new Map(); // figure elements and what is drawn in them
       model("band").glyph.setv({ fill_color: color("band"), fill_alpha: 1 });
       for (const edge of ["lower", "upper"]) model(`band-${edge}`).glyph.line_color = color("band-edge");
     }
+    for (const k of data.limits.keys())
+      for (const end of ["low", "high"])
+        model(`limit-${k}-${end}`).setv({
+          fill_color: color("red"),
+          fill_alpha: 0.08,
+          line_color: color("red"),
+          line_alpha: 0.6,
+        });
     model("mark").glyph.line_color = color("red");
     model("since").line_color = color("red");
     model("crosshair").line_color = ink;
@@ -120,16 +171,24 @@ const drawn = new Map(); // figure elements and what is drawn in them
 
   // Says what is what, and what it is where the mouse points.
   function legend(one) {
-    const { element, plot, data } = one;
+    const { element, plot, data, model } = one;
     const list = make("figcaption", "legend"),
       entries = [];
-    const entry = (label, className, curve, told) => {
-      const item = make("span", "entry"),
+    const entry = (label, className, curve, told, toggled) => {
+      const item = make(toggled ? "button" : "span", "entry"),
         swatch = make("i", `swatch ${className}`),
         value = make("span", "value");
       item.append(swatch, make("bdi", "", label), value);
       list.append(item);
       entries.push([value, curve, told]);
+      if (toggled) {
+        Object.assign(item, { type: "button", ariaPressed: "true", title: "Show or hide this line" });
+        item.addEventListener("click", () => {
+          const on = item.ariaPressed !== "true";
+          item.ariaPressed = String(on);
+          toggled(on);
+        });
+      }
       return swatch;
     };
     const time = make("span", "entry at");
@@ -140,6 +199,7 @@ const drawn = new Map(); // figure elements and what is drawn in them
         line.dashed ? "dashed" : "",
         () => one.data.lines[k],
         (curve, i) => shown(curve.y[i]),
+        data.lines.length > 1 && ((visible) => (model(`line-${k}`).visible = visible)),
       );
       swatch.style.setProperty("--swatch", `var(--${line.color})`);
     }
@@ -150,6 +210,10 @@ const drawn = new Map(); // figure elements and what is drawn in them
         () => one.data.band,
         (curve, i) => `${shown(curve.lower[i])} … ${shown(curve.upper[i])}`,
       );
+    for (const { label, low, high } of data.limits) {
+      const ends = [low, high].map((end) => (end === null ? "" : shown(end)));
+      entry(`${label} ${ends.join(" … ")}`, "limit");
+    }
     if (data.mark) entry(`${data.mark.label} at ${shown(data.mark.x)} s`, "ring");
     if (data.since) entry(`${data.since.label} at ${shown(data.since.at)} s`, "upright");
     list.append(time);
@@ -194,8 +258,29 @@ const drawn = new Map(); // figure elements and what is drawn in them
     { rootMargin: "200px" },
   );
   document.body.append(probe);
-  for (const element of document.querySelectorAll("[data-plot]")) eyes.observe(element);
+  const waiting = [...document.querySelectorAll("[data-plot]")];
+  for (const element of waiting) eyes.observe(element);
+
+  // Draw what nobody has looked at yet while there is nothing else to do, as paper shows all.
+  async function rest() {
+    for (const element of waiting)
+      if (!drawn.has(element) && element.checkVisibility()) {
+        await new Promise((done) => (globalThis.requestIdleCallback ?? setTimeout)(done));
+        await draw(element);
+      }
+  }
+  function forget(element) {
+    drawn.delete(element);
+    element.remove();
+  }
   document.addEventListener("theme", () => {
     for (const one of drawn.values()) if (one) paint(one);
   });
+  for (const button of document.querySelectorAll(".signal button[aria-controls]"))
+    button.addEventListener("click", () => {
+      const row = document.getElementById(button.getAttribute("aria-controls"));
+      row.hidden = !row.hidden;
+      button.ariaExpanded = String(!row.hidden);
+    });
+  return { draw, rest, forget };
 })();
