@@ -3,7 +3,7 @@
 import hashlib
 import uuid
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,13 +56,18 @@ def read_built(path: Path) -> Built:
     return Built(comment.removeprefix(_KEY) if comment.startswith(_KEY) else None, platforms)
 
 
-def write_archive(path: Path, files: Mapping[str, bytes], comment: bytes = b"") -> None:
-    """Zip the files to `path`; a reader never sees half a file there. Raises OSError."""
+def write_archive(
+    path: Path, files: Mapping[str, bytes], comment: bytes = b"", stored: Collection[str] = ()
+) -> None:
+    """Zip the files to `path`, those that are `stored` as they are; a reader never sees half a file there.
+
+    Raises OSError.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     with written_whole(path) as stream, zipfile.ZipFile(stream, "w") as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(name, _ZIP_EPOCH)
-            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.compress_type = zipfile.ZIP_STORED if name in stored else zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, files[name], compresslevel=9)
         archive.comment = comment

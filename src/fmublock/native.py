@@ -1,32 +1,19 @@
 """Native FMUs: the block's equations as C inside a generic FMI 2.0 shim, compiled by zig."""
 
 import json
-import math
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
-from importlib.resources import files
-from pathlib import Path
 
 import casadi
 
-from . import instance
 from .block import Block
-from .cache import tool_environment
+from .compiling import c_number, compiled, constants, sources
 from .description import Offers, offers_model_exchange
-from .errors import BuildError
 from .export import Draft, draft
-from .platforms import TARGETS
 from .recipe import Documents, Producer
 from .symbolic import SymbolicBlock, evaluate_symbolically
 
 _SHIM = "fmi2_block.c"  # the only file to compile; it includes all others
-_FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"]
 
 
 def native_draft(block: Block, producer: Producer, documents: Documents) -> Draft:
@@ -38,7 +25,7 @@ def native_draft(block: Block, producer: Producer, documents: Documents) -> Draf
     content = {
         "sources/generated.h": _equations(symbolic).encode(),
         "sources/model.h": _model_header(block, symbolic.demands).encode(),
-        **_shim(),
+        **sources("shim"),
     }
     offers = Offers(derivatives=True, model_exchange=offers_model_exchange(block), source_files=(_SHIM,))
     anonymous = draft(block, symbolic, producer, documents, content, offers)
@@ -53,43 +40,7 @@ def native_binaries(
 
     Raises BuildError where the compiler fails or does not know a platform.
     """
-    name = type(draft.block).__name__
-    binaries = {}
-    for platform in platforms:
-        if platform not in TARGETS:
-            raise BuildError(f"there is no platform '{platform}'; choose from {', '.join(TARGETS)}.")
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        compiled = pool.map(partial(_compile, draft), platforms)
-        for platform, binary in zip(platforms, compiled, strict=True):
-            binaries[f"binaries/{platform}/{name}{TARGETS[platform][1]}"] = binary
-            advance()
-    return binaries
-
-
-def _shim() -> dict[str, bytes]:
-    folder = files("fmublock").joinpath("shim")
-    return {f"sources/{f.name}": f.read_bytes() for f in folder.iterdir() if f.name.endswith((".c", ".h"))}
-
-
-def _compile(draft: Draft, fmi_platform: str) -> bytes:
-    name = type(draft.block).__name__
-    target, suffix = TARGETS[fmi_platform]
-    headers = Path(str(files("fmpy"))) / "c-code"
-    with tempfile.TemporaryDirectory() as folder:
-        for file, text in draft.files.items():
-            if file.startswith("sources/"):
-                Path(folder, Path(file).name).write_bytes(text)
-        output = f"{name}{suffix}"
-        libraries = [] if fmi_platform == "win64" else ["-lm"]
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS]
-        command += ["-I", str(headers), _SHIM, "-o", output, *libraries]
-        environment = {**os.environ, **tool_environment()}
-        compiled = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, text=True, check=False
-        )
-        if compiled.returncode != 0:
-            raise BuildError(f"the C compiler failed on {name} for {fmi_platform}: {compiled.stderr.strip()}")
-        return Path(folder, output).read_bytes()
+    return compiled(type(draft.block).__name__, _SHIM, draft.files, platforms, advance)
 
 
 def _equations(symbolic: SymbolicBlock) -> str:
@@ -111,7 +62,7 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
         f"#define N_DISCRETE_STATES {len(layout.references(layout.discrete_states))}",
         f"#define N_OUTPUTS {len(layout.references(layout.outputs))}",
     ]
-    lines += _constants()
+    lines += constants()
     if offers_model_exchange(block):
         lines.append("#define MODEL_EXCHANGE")
     if layout.states:
@@ -136,7 +87,7 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
         if variable.start_parameter is not None:
             start_reference = layout.start_reference(reference)
         nominal = 1.0 if variable.nominal is None else variable.nominal
-        values = ", ".join(_c_number(x) for x in (scalar.start, *variable.range, nominal))
+        values = ", ".join(c_number(x) for x in (scalar.start, *variable.range, nominal))
         letter = letters[variable.fmi_type]
         lines.append(f"    {{\"{scalar.name}\", '{letter}', {values}, {start_reference}}},")
     return "\n".join([*lines, "};", *_limits(block), *_conditions(demands), ""])
@@ -164,33 +115,3 @@ def _limits(block: Block) -> list[str]:
         *(rows or ["    {-1, -1, -1},"]),
         "};",
     ]
-
-
-def _constants() -> list[str]:
-    """What the shim shares with `Instance`: its numbers, and the phases with their names."""
-    numbers = {
-        "STEP_TOLERANCE": instance.STEP_TOLERANCE,
-        "SAME_TIME": instance.SAME_TIME,
-        "SAME_STEP": instance.SAME_STEP,
-        "TIME_ROUNDING": instance.TIME_ROUNDING,
-        "SAME_COUNT": instance.SAME_COUNT,
-        "MAXIMUM_SUBSTEPS": instance.MAXIMUM_SUBSTEPS,
-    }
-    defined = [f"#define {name} {_c_number(x)}" for name, x in numbers.items()]
-    bits = ", ".join(f"{phase.name} = {phase.value}" for phase in instance.Phase)
-    phases = [f'    {{{phase.name}, "{phase.name.lower().replace("_", "-")}"}},' for phase in instance.Phase]
-    table = [
-        "static const struct {",
-        "    int bit;",
-        "    const char *name;",
-        "} phases[] = {",
-        *phases,
-        "};",
-    ]
-    return [*defined, f"enum {{ {bits} }};", *table]
-
-
-def _c_number(value: float) -> str:
-    if math.isinf(value):
-        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
-    return repr(float(value))

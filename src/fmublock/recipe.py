@@ -95,6 +95,11 @@ class Recipe:
         return digest.hexdigest()
 
 
+def made_by(*tools: str) -> str:
+    """A text that changes with fmublock itself and with the versions of these tools."""
+    return "\0".join([*_own_files(), *(f"{tool} {_version(tool)}" for tool in tools)])
+
+
 def _instance(block: Block | type[Block]) -> Block:
     """The block of a class or instance, looked through. Raises BuildError for anything else."""
     try:

@@ -4,16 +4,16 @@
 
 typedef int Equations(const casadi_real **, casadi_real **, casadi_int *, casadi_real *, int);
 
-static void evaluate(Equations *equations, double time, const double *values, double *result) {
-    const double *arguments[2] = {&time, values};
+static void evaluate(Equations *equations, const State *now, double time, double *result) {
+    const double *arguments[3] = {&time, now->values, now->resource};
     double *results[1] = {result};
     equations(arguments, results, NULL, NULL, 0);
 }
 
 /* Derivative of derivatives or outputs in a direction. */
-static void evaluate_tangent(Equations *tangent, double time, const double *values, double time_direction,
+static void evaluate_tangent(Equations *tangent, const State *now, double time_direction,
                              const double *direction, double *result) {
-    const double *arguments[4] = {&time, values, &time_direction, direction};
+    const double *arguments[5] = {&now->time, now->values, &time_direction, direction, now->resource};
     double *results[1] = {result};
     tangent(arguments, results, NULL, NULL, 0);
 }
@@ -26,17 +26,17 @@ static void evaluate_derivatives(State *now) {
     const int frozen = now->type == fmi2CoSimulation && now->phase & (STEP | TERMINATED);
     memcpy(set, now->values, N_INPUTS * sizeof(double));
     if (frozen) memcpy(now->values, now->held, N_INPUTS * sizeof(double));
-    evaluate(derivatives, now->time, now->values, now->values + FIRST_DERIVATIVE);
+    evaluate(derivatives, now, now->time, now->values + FIRST_DERIVATIVE);
     memcpy(now->values, set, N_INPUTS * sizeof(double));
 }
 
 static void evaluate_outputs(State *now) {
-    evaluate(outputs, now->time, now->values, now->values + FIRST_OUTPUT);
+    evaluate(outputs, now, now->time, now->values + FIRST_OUTPUT);
 }
 
 static void update_discrete_states(State *now) {
     double next[ROOM(N_DISCRETE_STATES)];
-    evaluate(update, now->time, now->values, next);
+    evaluate(update, now, now->time, next);
     memcpy(now->values + FIRST_DISCRETE_STATE, next, N_DISCRETE_STATES * sizeof(double));
 }
 
@@ -74,7 +74,7 @@ static double substeps(const State *now, double step) {
 #if N_STATES > 0
 static void slope(State *now, const double *u0, double start, double time, double *k) {
     if (now->inputs_move) move_inputs(now, u0, time - start);
-    evaluate(derivatives, time, now->values, k);
+    evaluate(derivatives, now, time, k);
 }
 
 static void set_states(double *x, const double *x0, double factor, const double *k) {
@@ -109,8 +109,10 @@ static void integrate(State *now, const double *u0, double time, double step) {
 /* ---- start values ---------------------------------------------------------------------- */
 
 static void set_start_values(State *now, int type) {
+    const double *resource = now->resource;
     memset(now, 0, sizeof *now);
-    memcpy(now->guid, MODEL_GUID, sizeof now->guid);
+    now->resource = resource;
+    memcpy(now->guid, GUID(now), sizeof now->guid);
     now->type = type;
     now->phase = INSTANTIATED;
     now->stop_time = HUGE_VAL;

@@ -36,6 +36,15 @@ static fmi2Status check_step(const Instance *instance, double time, double step)
     return fmi2OK;
 }
 
+/* A step past the end of the resource is discarded: the FMU asks the host to end the run there. */
+static fmi2Status check_end(Instance *instance, double time, double step) {
+    const double last = RESOURCE_END(&instance->now);
+    instance->ended = time + step > last + STEP_TOLERANCE * step + TIME_ROUNDING * fabs(time);
+    if (!instance->ended) return fmi2OK;
+    return report(instance, fmi2Discard, "the data end at t = %.9g s, and the step to t = %.9g s goes past it.",
+                  last, time + step);
+}
+
 /* Begin a step on the instance's own clock, which counts steps of the same length instead of adding
    them up: results are then the same bits however a host rounds its times. */
 static void begin_step(State *now, double time, double step) {
@@ -83,6 +92,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
     if (require(instance, STEP, "do a step") != fmi2OK) return fmi2Error;
     if (check_step(instance, time, step) != fmi2OK) return fmi2Error;
     if (is_sliver(now, time, step)) return end_step(instance, start, noSetFMUStatePriorToCurrentPoint);
+    if (check_end(instance, time, step) != fmi2OK) return fmi2Discard;
     memcpy(u0, now->values, N_INPUTS * sizeof(double));
     memcpy(before, now->values + FIRST_STATE, N_EVOLVING * sizeof(double));
     begin_step(now, time, step);
@@ -131,7 +141,7 @@ fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Int
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value) {
     if (s != fmi2Terminated) return no_status(c);
     if (check_place(c, value, "the status") != fmi2OK) return fmi2Error;
-    *value = fmi2False; /* the block never ends a run by itself */
+    *value = ((Instance *)c)->ended ? fmi2True : fmi2False; /* equations never end a run by themselves */
     return fmi2OK;
 }
 

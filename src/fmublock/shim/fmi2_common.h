@@ -16,16 +16,16 @@ static fmi2Status check_identity(const Instance *instance, fmi2String name, fmi2
 #endif
     if (type != fmi2CoSimulation && type != fmi2ModelExchange)
         return report(instance, fmi2Error, "there is no FMU type %d.", (int)type);
-    if (guid == NULL || strcmp(guid, MODEL_GUID) != 0)
+    if (guid == NULL || strcmp(guid, GUID(&instance->now)) != 0)
         return report(instance, fmi2Error, "the GUID %.100s is not this FMU's, %s.",
-                      guid == NULL ? "(none)" : guid, MODEL_GUID);
+                      guid == NULL ? "(none)" : guid, GUID(&instance->now));
     return fmi2OK;
 }
 
 fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
                               fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions,
                               fmi2Boolean visible, fmi2Boolean loggingOn) {
-    (void)fmuResourceLocation, (void)visible;
+    (void)visible;
     const char *own_name = instanceName != NULL && *instanceName ? instanceName : MODEL_IDENTIFIER;
     Instance *instance = calloc(1, sizeof *instance);
     char *name = malloc(strlen(own_name) + 1);
@@ -39,8 +39,10 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     instance->environment = functions != NULL ? functions->componentEnvironment : NULL;
     instance->logged = loggingOn ? EVERYTHING : PROBLEMS;
     instance->no_return_before = -HUGE_VAL;
-    set_start_values(&instance->now, (int)fmuType);
-    if (check_identity(instance, instanceName, fmuType, fmuGUID) == fmi2OK) return instance;
+    if (open_resource(instance, fmuResourceLocation) == fmi2OK) {
+        set_start_values(&instance->now, (int)fmuType);
+        if (check_identity(instance, instanceName, fmuType, fmuGUID) == fmi2OK) return instance;
+    }
     fmi2FreeInstance(instance);
     return NULL;
 }
@@ -48,6 +50,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
 void fmi2FreeInstance(fmi2Component c) {
     Instance *instance = c;
     if (instance == NULL) return;
+    free((void *)instance->now.resource);
     free(instance->name);
     free(instance);
 }
@@ -110,7 +113,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
 static fmi2Status check_conditions(const Instance *instance) {
 #if N_CONDITIONS > 0
     double holds[N_CONDITIONS];
-    evaluate(conditions, instance->now.time, instance->now.values, holds);
+    evaluate(conditions, &instance->now, instance->now.time, holds);
     for (int i = 0; i < N_CONDITIONS; i++)
         if (holds[i] == 0.0) return report(instance, fmi2Error, "%s.", demands[i]);
 #else
@@ -146,6 +149,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
     set_start_values(&instance->now, instance->now.type);
     instance->no_return_before = -HUGE_VAL;
     memset(instance->left, 0, sizeof instance->left);
+    instance->ended = 0;
     return fmi2OK;
 }
 

@@ -14,8 +14,9 @@ static uint64_t checksum(const State *state) {
 }
 
 static fmi2Status check_state(const Instance *instance, const State *state) {
-    if (state == NULL || memcmp(state->guid, MODEL_GUID, sizeof state->guid) != 0)
-        return report(instance, fmi2Error, "this is not a state of %s.", MODEL_IDENTIFIER " " MODEL_GUID);
+    if (state == NULL || memcmp(state->guid, GUID(&instance->now), sizeof state->guid) != 0)
+        return report(instance, fmi2Error, "this is not a state of %s %s.", MODEL_IDENTIFIER,
+                      GUID(&instance->now));
     if (state->type != instance->now.type)
         return report(instance, fmi2Error, "a state of co-simulation does not fit Model Exchange, nor back.");
     return fmi2OK;
@@ -27,6 +28,7 @@ static fmi2Status copy_state(const Instance *instance, const State *source, fmi2
     if (*target == NULL) *target = malloc(sizeof(State));
     if (*target == NULL) return report(instance, fmi2Error, "out of memory.");
     memcpy(*target, source, sizeof(State));
+    ((State *)*target)->resource = NULL;
     return fmi2OK;
 }
 
@@ -38,8 +40,10 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {
 /* Going back further than the host promised works, but deserves a warning: other FMUs may fail. */
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate) {
     Instance *instance = c;
+    const double *resource = instance->now.resource;
     if (check_state(instance, FMUstate) != fmi2OK) return fmi2Error;
     memcpy(&instance->now, FMUstate, sizeof instance->now);
+    instance->now.resource = resource;
     if (instance->now.time >= instance->no_return_before) return fmi2OK;
     return report(instance, fmi2Warning,
                   "set back to t = %.9g s, though noSetFMUStatePriorToCurrentPoint was given at t = %.9g s.",

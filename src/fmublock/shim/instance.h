@@ -10,6 +10,7 @@
 
 #define INPUT_ORDERS 3 /* polynomials that the internal Runge-Kutta steps integrate exactly */
 #define MESSAGE_LENGTH 512
+#define GUID_SIZE 39 /* {8-4-4-4-12} and its end */
 
 /* Phases of the FMI state machine are bits, so that a call can name several. */
 #define MODEL_EXCHANGE_RUNNING (EVENT | CONTINUOUS_TIME)
@@ -22,12 +23,13 @@ typedef struct {
 
 /* Everything that evolves or was set; begins with the GUID so that a foreign one is recognized. */
 typedef struct {
-    char guid[sizeof MODEL_GUID];
+    char guid[GUID_SIZE];
     int type; /* fmi2CoSimulation or fmi2ModelExchange */
     int phase;
     int inputs_move; /* whether any input derivative is not zero */
     double time, stop_time;
     Clock clock;
+    const double *resource; /* what the instance read when it was made, or NULL; in no state that is handed out */
     double values[ROOM(N_VALUES)];
     double input_derivatives[ROOM(N_INPUTS)][INPUT_ORDERS]; /* for the next step */
     double held[ROOM(N_INPUTS)];       /* inputs that the present outputs were computed with */
@@ -41,6 +43,7 @@ typedef struct {
     fmi2ComponentEnvironment environment;
     unsigned logged;         /* categories that are switched on, as bits */
     unsigned char left[ROOM(N_LIMITS)]; /* which of the limits were reported to have been left */
+    int ended; /* the last step was refused since it goes past the end of the resource */
     double no_return_before; /* the host said that it will not go back to earlier times */
 } Instance;
 
@@ -82,6 +85,21 @@ static fmi2Status report(const Instance *instance, fmi2Status status, const char
     instance->logger(instance->environment, instance->name, status, categories[category], message);
     return status;
 }
+
+/* ---- the resource ---------------------------------------------------------------------- */
+
+/* An FMU whose numbers are in its resources has a header that reads them, and its GUID there too. */
+#ifdef RESOURCE_HEADER
+#include RESOURCE_HEADER
+#else
+#define GUID(state) MODEL_GUID
+#define SHOWN(instance) N_VALUES
+#define RESOURCE_END(state) HUGE_VAL
+static fmi2Status open_resource(Instance *instance, fmi2String location) {
+    (void)instance, (void)location;
+    return fmi2OK;
+}
+#endif
 
 /* ---- checks ---------------------------------------------------------------------------- */
 
@@ -130,7 +148,7 @@ static void report_limits(Instance *instance) {
 }
 
 static fmi2Status check_type(const Instance *instance, fmi2ValueReference reference, char type) {
-    if (reference >= N_VALUES)
+    if (reference >= SHOWN(instance))
         return report(instance, fmi2Error, "there is no variable with value reference %u.", reference);
     const Variable *variable = &variables[reference];
     if (variable->type == type) return fmi2OK;

@@ -1,0 +1,100 @@
+"""C sources of FMUs, and the libraries that zig makes of them for any platform."""
+
+import math
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from importlib.resources import files
+from pathlib import Path
+
+from . import instance
+from .cache import tool_environment
+from .errors import BuildError
+from .platforms import TARGETS
+
+_FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"]
+
+
+def sources(folder: str) -> dict[str, bytes]:
+    """The C files in a folder of this package, by their path in an FMU."""
+    inside = files("fmublock").joinpath(folder)
+    return {f"sources/{f.name}": f.read_bytes() for f in inside.iterdir() if f.name.endswith((".c", ".h"))}
+
+
+def compiled(
+    name: str,
+    main: str,
+    content: Mapping[str, bytes],
+    platforms: Sequence[str],
+    advance: Callable[[], None] = lambda: None,
+) -> dict[str, bytes]:
+    """The libraries of an FMU for these FMI platforms, by path; `advance` is called once per library.
+
+    `name` is its model identifier, `main` the only one of the sources in its `content` to compile. Raises
+    BuildError where the compiler fails or does not know a platform.
+    """
+    for platform in platforms:
+        if platform not in TARGETS:
+            raise BuildError(f"there is no platform '{platform}'; choose from {', '.join(TARGETS)}.")
+    libraries = {}
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        made = pool.map(partial(_compile, name, main, content), platforms)
+        for platform, library in zip(platforms, made, strict=True):
+            libraries[f"binaries/{platform}/{name}{TARGETS[platform][1]}"] = library
+            advance()
+    return libraries
+
+
+def _compile(name: str, main: str, content: Mapping[str, bytes], fmi_platform: str) -> bytes:
+    target, suffix = TARGETS[fmi_platform]
+    headers = Path(str(files("fmpy"))) / "c-code"
+    with tempfile.TemporaryDirectory() as folder:
+        for file, text in content.items():
+            if file.startswith("sources/"):
+                Path(folder, Path(file).name).write_bytes(text)
+        output = f"{name}{suffix}"
+        libraries = [] if fmi_platform == "win64" else ["-lm"]
+        command = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS]
+        command += ["-I", str(headers), main, "-o", output, *libraries]
+        environment = {**os.environ, **tool_environment()}
+        result = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+        )
+        if result.returncode != 0:
+            raise BuildError(f"the C compiler failed on {name} for {fmi_platform}: {result.stderr.strip()}")
+        return Path(folder, output).read_bytes()
+
+
+def constants() -> list[str]:
+    """What the shim shares with `Instance`: its numbers, and the phases with their names."""
+    numbers = {
+        "STEP_TOLERANCE": instance.STEP_TOLERANCE,
+        "SAME_TIME": instance.SAME_TIME,
+        "SAME_STEP": instance.SAME_STEP,
+        "TIME_ROUNDING": instance.TIME_ROUNDING,
+        "SAME_COUNT": instance.SAME_COUNT,
+        "MAXIMUM_SUBSTEPS": instance.MAXIMUM_SUBSTEPS,
+    }
+    defined = [f"#define {name} {c_number(x)}" for name, x in numbers.items()]
+    bits = ", ".join(f"{phase.name} = {phase.value}" for phase in instance.Phase)
+    phases = [f'    {{{phase.name}, "{phase.name.lower().replace("_", "-")}"}},' for phase in instance.Phase]
+    table = [
+        "static const struct {",
+        "    int bit;",
+        "    const char *name;",
+        "} phases[] = {",
+        *phases,
+        "};",
+    ]
+    return [*defined, f"enum {{ {bits} }};", *table]
+
+
+def c_number(value: float) -> str:
+    """A number as C has it."""
+    if math.isinf(value):
+        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
+    return repr(float(value))

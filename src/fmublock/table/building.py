@@ -1,0 +1,138 @@
+"""From a table of numbers to its FMU; nothing is compiled for the data themselves."""
+
+import hashlib
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+from ..archive import content_guid, write_archive
+from ..cache import cache_folder
+from ..compiling import compiled, constants, sources
+from ..documentation import html_page
+from ..errors import BuildError
+from ..files import written_whole
+from ..platforms import TARGETS, host_platform
+from ..recipe import Producer, made_by
+from .content import Table
+from .description import table_description
+from .layout import packed
+
+MODEL = "DataTable"
+"""The model identifier of all table FMUs."""
+
+_MAIN = "fmi2_table.c"
+_CAPACITIES = (16, 256, 1024)
+"""Outputs that a library has room for; the smallest that suffices is taken."""
+
+MOST_OUTPUTS = _CAPACITIES[-1]
+
+_PAGE = """# Data over time
+
+The outputs are what a table of measured or computed data says at the communication points. The numbers are in
+`resources/table.bin`; what is in that file stands in `sources/data.h` and `sources/resource.h`.
+
+{rows} rows from t = {first:.9g} s to t = {last:.9g} s. Before the first row its values hold. After the last row: {end}.
+
+| Output | Unit | Between rows | |
+|---|---|---|---|
+{outputs}
+"""
+_LICENSED = "Of the program in sources/ and binaries/, not of the data:\n\n"
+_ENDS = {
+    "hold": "its values hold",
+    "repeat": "the first row again, which takes the place of the last one",
+    "stop": "steps are discarded, and the FMU asks to end the run",
+}
+_ORDERS = ("", "its derivative", "its second derivative")
+
+
+def build_table(
+    table: Table,
+    path: Path,
+    platforms: Sequence[str] = (),
+    producer: Producer | None = None,
+    license_text: str | None = None,
+) -> Path:
+    """Write the FMU of a table; returns its file, whose bytes depend on content and platforms alone.
+
+    `platforms` are FMI platforms, none is this machine's. Their libraries are compiled once and kept in
+    the cache. Raises BuildError for more outputs than `MOST_OUTPUTS`, where a library cannot be compiled,
+    or the file not be written.
+    """
+    producer = producer or Producer()
+    content = {
+        **_sources(len(table.outputs)),
+        "documentation/index.html": html_page(_page(table), MODEL).encode(),
+    }
+    if license_text is not None:
+        content["documentation/licenses/license.txt"] = (_LICENSED + license_text).encode()
+    anonymous = table_description(table, MODEL, _MAIN, producer, "")
+    numbers = {"resources/table.bin": packed(table, "")}
+    guid = content_guid({**content, **numbers, "modelDescription.xml": anonymous})
+    numbers = {"resources/table.bin": packed(table, guid)}
+    content["modelDescription.xml"] = table_description(table, MODEL, _MAIN, producer, guid)
+    try:
+        content |= _libraries(content, platforms or (host_platform(),))
+        write_archive(path, {**content, **numbers}, stored=numbers)
+    except OSError as error:
+        raise BuildError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
+    return path
+
+
+def _sources(outputs: int) -> dict[str, bytes]:
+    capacity = next((n for n in _CAPACITIES if n >= outputs), None)
+    if capacity is None:
+        raise BuildError(f"a table can have {MOST_OUTPUTS} outputs, not {outputs}.")
+    shared = {n: text for n, text in sources("shim").items() if n.endswith(".h")}
+    return {**shared, **sources("table"), "sources/model.h": _model_header(capacity).encode()}
+
+
+def _model_header(capacity: int) -> str:
+    """What the shim knows of a block, for data: outputs alone."""
+    counts = ("INPUTS", "PARAMETERS", "STATES", "DISCRETE_STATES", "CONDITIONS", "LIMITS")
+    lines = [f'#define MODEL_IDENTIFIER "{MODEL}"', *(f"#define N_{name} 0" for name in counts)]
+    lines += [f"#define N_OUTPUTS {capacity}", *constants(), ""]
+    lines += ["typedef struct {", "    const char *name;", "    char type;"]
+    lines += ["    double start, minimum, maximum, nominal;", "    int start_reference;", "} Variable;", ""]
+    lines += ["static const Variable variables[] = {"]
+    lines += [
+        f"    {{\"output {i}\", 'R', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}}," for i in range(1, capacity + 1)
+    ]
+    lines += [
+        "};",
+        "",
+        "static const struct {",
+        "    int variable, low, high;",
+        "} limits[] = {{-1, -1, -1}};",
+    ]
+    return "\n".join([*lines, ""])
+
+
+def _libraries(content: dict[str, bytes], platforms: Sequence[str]) -> dict[str, bytes]:
+    """The libraries by their path in the FMU, from the cache or else compiled."""
+    key = hashlib.sha256(made_by("ziglang", "fmpy").encode() + content["sources/model.h"]).hexdigest()[:24]
+    found = {}
+    for platform in platforms:
+        suffix = TARGETS[platform][1] if platform in TARGETS else ""
+        name = f"binaries/{platform}/{MODEL}{suffix}"
+        kept = cache_folder() / "tables" / key / platform / f"{MODEL}{suffix}"
+        try:
+            found[name] = kept.read_bytes()
+        except OSError:
+            found |= compiled(MODEL, _MAIN, content, [platform])
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            with written_whole(kept) as stream:
+                stream.write(found[name])
+    return found
+
+
+def _page(table: Table) -> str:
+    rows = [
+        f"| `{escape(o.name)}` | {escape(o.unit.name) if o.unit is not None else ''} "
+        f"| {table.columns[o.column].interpolation} | {_ORDERS[o.order]} |"
+        for o in table.outputs
+    ]
+    first, last = float(table.times[0]), float(table.times[-1])
+    return _PAGE.format(
+        rows=len(table.times), first=first, last=last, end=_ENDS[table.end], outputs="\n".join(rows)
+    )

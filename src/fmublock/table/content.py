@@ -1,0 +1,59 @@
+"""What a table FMU is made of: columns of numbers over time, and the outputs that show them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+INTERPOLATIONS = ("held", "linear", "cubic")
+"""What is between two rows: the value of the first one, a straight line, a cubic spline."""
+
+ENDS = ("hold", "repeat", "stop")
+"""What follows the last row: its value for good, the first row again, or the end of the run."""
+
+Numbers = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Numbers at the times of a table, and what is between them, one of `INTERPOLATIONS`."""
+
+    values: Numbers
+    interpolation: str = "linear"
+
+
+@dataclass(frozen=True)
+class DataUnit:
+    """A unit as modelDescription.xml has it; `exponents` by SI base unit, None where nobody knows them."""
+
+    name: str
+    exponents: Mapping[str, int] | None = None
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An output: `factor` times a column, or its time derivative of this order (0 to 2), plus `offset`.
+
+    `column` is its position in the table, `unit` that of the output.
+    """
+
+    name: str
+    column: int
+    order: int = 0
+    factor: float = 1.0
+    offset: float = 0.0
+    unit: DataUnit | None = None
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns at times in s that grow, two at least; what is shown of them; one of `ENDS`."""
+
+    times: Numbers
+    columns: Sequence[Column]
+    outputs: Sequence[Shown]
+    end: str = "hold"

@@ -1,0 +1,83 @@
+"""modelDescription.xml of a table FMU."""
+
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from ..description import BUILD_TIME, LOG_CATEGORIES
+from ..recipe import Producer
+from .content import DataUnit, Table
+
+
+def table_description(table: Table, model: str, main: str, producer: Producer, guid: str) -> bytes:
+    """The model description as UTF-8 XML; `main` is the C file to compile."""
+    told = {"version": producer.version, "license": producer.license}
+    root = Element(
+        "fmiModelDescription",
+        {},
+        fmiVersion="2.0",
+        modelName=model,
+        guid=guid,
+        description="Data over time as outputs",
+        **{attribute: text for attribute, text in told.items() if text is not None},
+        generationTool=producer.tool,
+        generationDateAndTime=BUILD_TIME,
+        variableNamingConvention="structured",
+    )
+    simulation = SubElement(
+        root,
+        "CoSimulation",
+        modelIdentifier=model,
+        needsExecutionTool="false",
+        canHandleVariableCommunicationStepSize="true",
+        canGetAndSetFMUstate="true",
+        canSerializeFMUstate="true",
+        canNotUseMemoryManagementFunctions="true",
+        providesDirectionalDerivative="true",
+        maxOutputDerivativeOrder="1",
+    )
+    SubElement(SubElement(simulation, "SourceFiles"), "File", name=main)
+    _add_units(root, table)
+    categories = SubElement(root, "LogCategories")
+    for category, description in LOG_CATEGORIES.items():
+        SubElement(categories, "Category", name=category, description=description)
+    first, last = float(table.times[0]), float(table.times[-1])
+    step = (last - first) / (len(table.times) - 1)
+    SubElement(root, "DefaultExperiment", startTime=repr(first), stopTime=repr(last), stepSize=repr(step))
+    variables = SubElement(root, "ModelVariables")
+    for reference, output in enumerate(table.outputs):
+        variable = SubElement(variables, "ScalarVariable", name=output.name, valueReference=str(reference))
+        if output.description:
+            variable.set("description", output.description)
+        held = table.columns[output.column].interpolation == "held"
+        variable.set("causality", "output")
+        variable.set("variability", "discrete" if held else "continuous")
+        variable.set("initial", "calculated")
+        real = SubElement(variable, "Real")
+        if output.unit is not None:
+            real.set("unit", output.unit.name)
+    structure = SubElement(root, "ModelStructure")
+    for kind in ("Outputs", "InitialUnknowns"):
+        element = SubElement(structure, kind)
+        for position in range(1, len(table.outputs) + 1):
+            SubElement(element, "Unknown", index=str(position), dependencies="")
+    indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+
+
+def _add_units(root: Element, table: Table) -> None:
+    units = {o.unit.name: o.unit for o in table.outputs if o.unit is not None}
+    if units:
+        definitions = SubElement(root, "UnitDefinitions")
+        for name in sorted(units):
+            _add_unit(definitions, units[name])
+
+
+def _add_unit(definitions: Element, unit: DataUnit) -> None:
+    element = SubElement(definitions, "Unit", name=unit.name)
+    if unit.exponents is None:
+        return
+    base = {name: str(exponent) for name, exponent in unit.exponents.items() if exponent}
+    if unit.factor != 1.0:
+        base["factor"] = repr(unit.factor)
+    if unit.offset != 0.0:
+        base["offset"] = repr(unit.offset)
+    SubElement(element, "BaseUnit", base)

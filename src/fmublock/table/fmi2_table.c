@@ -1,0 +1,31 @@
+/* FMI 2.0 around data over time that lie in the FMU's resources: one binary for all data.
+ *
+ * model.h is made for a number of outputs, at most N_OUTPUTS; all else is that of blocks, see
+ * fmi2_block.c. This is the only file to compile.
+ */
+#include <limits.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#ifdef _WIN32
+#include <windows.h>
+#endif
+
+#include "fmi2Functions.h"
+
+#include "model.h"
+
+#include "data.h"
+
+#define RESOURCE_HEADER "resource.h"
+#include "instance.h"
+
+#include "equations.h"
+
+#include "fmi2_common.h"
+#include "fmi2_state.h"
+#include "fmi2_derivatives.h"
+#include "fmi2_co_simulation.h"

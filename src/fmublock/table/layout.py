@@ -1,0 +1,66 @@
+"""table.bin: the numbers of a table as data.h and resource.h read them."""
+
+import numpy as np
+
+from ..errors import BuildError
+from .content import ENDS, INTERPOLATIONS, Column, Numbers, Table
+
+_MAGIC = b"EMLATBL1"
+_GUID_BYTES = 40
+"""So many hold the 38 letters of a GUID and zeros, in whole doubles."""
+
+
+def packed(table: Table, guid: str) -> bytes:
+    """The file: magic, how many numbers, the numbers (little-endian doubles), their checksum.
+
+    The numbers begin with the GUID's letters, `guid` may be empty. Raises BuildError for a column that
+    no spline goes through.
+    """
+    numbers = np.concatenate([np.frombuffer(guid.encode().ljust(_GUID_BYTES, b"\0"), "<f8"), *_parts(table)])
+    words = numbers.astype("<f8", copy=False).view("<u8")
+    weights = 2 * np.arange(len(words), dtype=np.uint64) + np.uint64(1)
+    total = np.sum(words * weights, dtype=np.uint64)  # modulo 2^64
+    return _MAGIC + np.uint64(len(words)).tobytes() + words.tobytes() + total.tobytes()
+
+
+def _parts(table: Table) -> list[Numbers]:
+    times = table.times
+    head = [len(times), len(table.columns), len(table.outputs), ENDS.index(table.end)]
+    kinds = [INTERPOLATIONS.index(c.interpolation) for c in table.columns]
+    shown = [x for o in table.outputs for x in (o.column, o.order, o.factor, o.offset or -0.0)]
+    rows = np.empty((len(times), len(table.columns), 2))
+    for i, column in enumerate(table.columns):
+        rows[:, i, 0] = column.values
+        rows[:, i, 1] = _slopes(table, column)
+    return [np.array([*head, *kinds, *shown], dtype=float), times, rows.ravel(), _index(times)]
+
+
+def _slopes(table: Table, column: Column) -> Numbers:
+    """What a cubic needs beside its values: the slopes of the spline of continuous curvature.
+
+    Its ends are "not a knot"; where the table repeats and comes back to its first value, the spline
+    goes round smoothly.
+    """
+    if column.interpolation != "cubic":
+        return np.zeros_like(column.values)
+    from scipy.interpolate import CubicSpline  # takes a while
+
+    values = column.values
+    round_ = table.end == "repeat" and len(values) > 2 and values[0] == values[-1]
+    try:
+        with np.errstate(all="ignore"):
+            slopes = CubicSpline(table.times, values, bc_type="periodic" if round_ else "not-a-knot")(
+                table.times, 1
+            )
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+        raise BuildError(f"no cubic spline goes through the data: {error}") from error
+    if not np.isfinite(slopes).all():
+        raise BuildError("no cubic spline goes through the data: its slopes are not finite.")
+    return slopes
+
+
+def _index(times: Numbers) -> Numbers:
+    """The row at the beginning of every of as many equal parts of the time as there are rows."""
+    begins = times[0] + np.arange(len(times)) * ((times[-1] - times[0]) / len(times))
+    rows = np.searchsorted(times, begins, side="right") - 1
+    return np.clip(rows, 0, len(times) - 2).astype(float)
