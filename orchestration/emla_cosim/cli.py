@@ -13,6 +13,7 @@ COMMANDS = {
     "build": "Build FMUs.",
     "list": "List scenarios, plans of sweeps, models and what else can be chosen.",
     "run": "Run a scenario: progress, a table of results, and an output folder with data and plots.",
+    "rerun": "Repeat a run from its run.json, and say what is not as it was.",
     "sweep": "Run many variants of a scenario side by side: grids, Monte Carlo, sensitivities.",
     "compare": "Run a scenario with several controllers side by side, also as the paper's tables.",
     "tune": "Find gains: optimised over cases that are simulated, validated on other seeds.",

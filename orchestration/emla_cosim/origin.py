@@ -52,7 +52,7 @@ def _absolute(name: str, value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         paths = {f.name: getattr(value, f.name, None) for f in fields(value)}
         paths = {part: _absolute("", path) for part, path in paths.items() if isinstance(path, Path)}
-        return replace(value, **paths)
+        return replace(value, **paths) if paths else value
     if name == "controller" and isinstance(value, str) and value.lower().partition(":")[0].endswith(_FILES):
         return str(present_folder() / value)
     return value

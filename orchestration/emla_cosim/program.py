@@ -4,6 +4,7 @@ import gc
 import os
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
@@ -24,12 +25,17 @@ def main() -> None:
     """Run the command; it ends with 0, 1 or 2, and where that is not 0 with one sentence."""
     gc.set_threshold(COLLECT)
     sys.stdout, sys.stderr = (_usable(stream) for stream in (sys.stdout, sys.stderr))
-    if sys.argv[1:2] == ["run"]:  # which calls what others compiled
+    if _command(sys.argv[1:]) in ("run", "rerun"):  # which call what others compiled
         from .guard import guarded  # which no other command needs
 
         guarded(_run, _rescue)
     else:
         _run()
+
+
+def _command(arguments: Sequence[str]) -> str:
+    """The command among these arguments."""
+    return next((a for a in arguments if not a.startswith("-")), "")
 
 
 def _run() -> None:

@@ -14,7 +14,10 @@ from ..errors import CommandError
 from ..option import Option
 from ..options import table
 
-SOURCE = "Name of a scenario (`emla list` shows them), or a file: .toml, SSP (.ssp, .ssd, folder) or .fmu."
+SOURCE = (
+    "Name of a scenario (`emla list` shows them), scenario file (.toml), SSP (.ssp, .ssd, folder), or the "
+    "run.json of a run to repeat."
+)
 """What commands that take a scenario say of it."""
 
 PLAN = "Plan (.toml, or its name), or scenario as `emla run` takes it."

@@ -1,5 +1,6 @@
 """`emla run`."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +17,8 @@ from ..options import Options
 from ..recorders.progress import ProgressRecorder
 from ..results.animation import check_animated
 from ..results.output_folder import OutputFolder, results_folder
+from ..results.result import Result
+from ..scenarios.scenario import Scenario
 from ..terminal import show_result
 from .options import SOURCE
 from .rescue import Remembered
@@ -27,11 +30,21 @@ OPTIONS = RUN
 def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[str, Any]) -> None:
     """Run a scenario into an output folder."""
     chosen = load(scenario, **given)
+    run_into(chosen, chosen.options.output or results_folder(chosen.name), Path(scenario))
+
+
+def run_into(
+    chosen: Scenario, folder: Path, file: Path | None, tell: Callable[[Result], None] = lambda result: None
+) -> None:
+    """Run a scenario, which is read from a file, into a folder, show what came out, and `tell` more of it.
+
+    Raises CosimError where the run, or what is required of it, fails: its results are there then.
+    """
     options = chosen.options
     check_run(options, chosen.name)
     with BarProgress() as progress:
-        output = OutputFolder(options.output or results_folder(chosen.name), options.output_format)
-        _check_places(scenario, options, output)
+        output = OutputFolder(folder, options.output_format)
+        _check_places(file, options, output)
         with output.alone():
             remembered = Remembered(chosen, output)
             with chosen.prepare(progress) as simulation:
@@ -49,14 +62,15 @@ def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[s
                     )
                     remembered.keep()
     show_result(result, chosen.notes, output, pictures)
+    tell(result)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {output.path}.")
 
 
-def _check_places(scenario: str, options: Options, output: OutputFolder) -> None:
+def _check_places(file: Path | None, options: Options, output: OutputFolder) -> None:
     """Raise CommandError where a file would be written that is read, or written twice."""
     results = dict.fromkeys(output.files, "a file of the results")
-    read = {Path(scenario): "the scenario"} | options.files_read()
+    read = ({} if file is None else {file: "the scenario"}) | options.files_read()
     if options.checkpoint is not None:
         check_places({options.checkpoint: "the checkpoint"}, results | read)
     if options.resume is not None:

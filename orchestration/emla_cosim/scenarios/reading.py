@@ -13,6 +13,7 @@ from ..origin import Origin, of_file, with_gains
 from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
 from .built_in import FOLLOWING, SCENARIOS, SYSTEMS, built_in
+from .recorded import recorded_run
 from .scenario import Scenario
 from .scenario_file import ScenarioFile, parse_scenario
 from .single_fmu import single_fmu
@@ -27,8 +28,8 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     """The scenario that a name or a path means, or that runs a system; with these options.
 
     A path leads to a scenario file (.toml) or to an SSP: package, folder or SSD, with `#Variant.ssd`
-    for another SSD than the default one; or to an FMU (.fmu), which runs alone. Raises CommandError for
-    whatever is wrong with it.
+    for another SSD than the default one; or to the run.json of a run to repeat. Raises
+    CommandError for whatever is wrong with it.
     """
     if isinstance(source, System):
         return Scenario("system", "", source, Options().updated(given), origin=Origin().updated(given))
@@ -41,11 +42,14 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
         text = read_text(path, "the scenario")
         read = parse_scenario(text, str(path), path.parent)
         return _of_file(read, path.stem, given, of_file(path, text.encode()))
+    if path.suffix.lower() == ".json":
+        recorded = recorded_run(path, given)
+        return load_scenario(recorded.source, recorded.with_options(given))
     if _is_ssp(path):
         return _of_ssp(path, None, ScenarioFile("", "", {}, str(path), Path()), given, _of_package(path))
     raise CommandError(
         f"there is no scenario '{name}'; choose from {listed(SCENARIOS)}, or name a file that "
-        "ends in .toml, .ssp, .ssd or .fmu.",
+        "ends in .toml, .ssp or .ssd, or the run.json of a run.",
         name=name,
         choices=list(SCENARIOS),
     )

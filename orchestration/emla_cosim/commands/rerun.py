@@ -1,0 +1,60 @@
+"""`emla rerun`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..files import real_place
+from ..loading import load
+from ..option import RUN
+from ..options import table
+from ..results.output_folder import RECORD
+from ..results.repetition import differences, digest, sentence
+from ..results.result import Result
+from ..scenarios.recorded import recorded_run
+from ..terminal import say
+from .run import run_into
+
+OPTIONS = RUN
+"""Options that the command takes."""
+
+
+def command(
+    run: Annotated[Path, typer.Argument(help="run.json of the run to repeat, or its folder.")],
+    given: dict[str, Any],
+) -> None:
+    """Repeat a run in a folder beside its own."""
+    record = _record(run)
+    recorded = recorded_run(record, given)
+    chosen = load(recorded.source, **recorded.with_options(given))
+    table_name = f"results.{chosen.options.output_format}"
+    before = digest(record.parent / table_name)  # which may be about to be replaced
+    folder = given.get("output") or _beside(record)
+
+    def compare(result: Result) -> None:
+        known = table()
+        found = differences(recorded.content, result.record, {known[name].record for name in given})
+        if found:
+            say(sentence(found, str(record)))
+        if before is not None and given.keys() <= _OUTSIDE:
+            same = digest(folder / table_name) == before
+            what = "is that" if same else "differs from that"
+            say(f"{table_name} {what} of {record.parent}{', to the last bit' * same}")
+
+    run_into(chosen, folder, None if "output" in given else record, compare)
+
+
+_OUTSIDE = {"output", "plots", "animate", "fmus", "compiled", "real_time"}
+"""Options with which the table must be the same."""
+
+
+def _record(run: Path) -> Path:
+    """The record that a path means, which may be that of its folder."""
+    return run / RECORD if run.is_dir() else run
+
+
+def _beside(record: Path) -> Path:
+    """A folder beside that of a record, which is left as it is."""
+    folder = real_place(record).parent
+    return folder.with_name(f"{folder.name}-again")

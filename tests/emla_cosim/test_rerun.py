@@ -1,0 +1,195 @@
+"""A run repeated from its run.json: to the last bit, and with a word on whatever is not as it was."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.models import fmu_path
+from tests.support.commands import Emla, sentence
+
+SAME = "results.csv is that of out, to the last bit"
+SHORT = ("--stop-time", "0.002", "--no-plots", "--output", "out")
+
+
+def rerun(emla: Emla, fmus: Path, *more: str) -> Any:
+    return emla("rerun", "out", "--fmus", str(fmus), *more)
+
+
+def changed_record(change: Callable[[dict[str, Any]], Any]) -> None:
+    place = Path("out/run.json")
+    record = json.loads(place.read_text())
+    change(record)
+    place.write_text(json.dumps(record))
+
+
+def test_a_run_is_repeated_to_the_last_bit_beside_it(emla: Emla, fmu_folder: Path) -> None:
+    """Built-in, with all kinds of options."""
+    options = ("--set", "lift.plant.motor.R_s=0.2", "--fault", "lift.plant.x_measured=offset:1e-3@0.001")
+    more = ("--gains", "robust", "--algorithm", "jacobi", "--isolate=tilt.plant", "--signals", "lift.*")
+    assert emla("run", "study", *SHORT, *options, *more).exit_code == 0
+    before = {p.name: p.read_bytes() for p in Path("out").iterdir()}
+    result = rerun(emla, fmu_folder, "--no-plots")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines()[-1] == SAME
+    assert "Not as in" not in result.stdout
+    assert Path("out-again/results.csv").read_bytes() == before["results.csv"]
+    assert {p.name: p.read_bytes() for p in Path("out").iterdir()} == before
+    record, again = (json.loads(Path(f"{name}/run.json").read_text()) for name in ("out", "out-again"))
+    for part in ("source", "changed", "settings", "components", "connections"):
+        assert again[part] == record[part]
+
+
+def test_files_are_found_again_from_another_folder(
+    emla: Emla, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scenario file, a package, and an FMU in the place of a component."""
+    Path("mine.toml").write_text('system = "lift"\nstop_time = 0.002\n[set]\n"lift.plant.motor.R_s" = 0.3\n')
+    shutil.copy(fmu_path("FocController", "native", fmu_folder), "drive.fmu")
+    assert emla("export", "lift", "lift.ssp").exit_code == 0
+    runs = {
+        "file": ("mine.toml", "--no-plots"),
+        "package": ("lift.ssp", *SHORT[:3]),
+        "fmu": ("lift", *SHORT[:3], "--controller", "drive.fmu"),
+        "block": ("lift", *SHORT[:3], "--replace", "lift.controller=drive.fmu", "--gains", "robust"),
+    }
+    for name, arguments in runs.items():
+        assert emla("run", *arguments, "--output", name).exit_code == 0
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    for name in runs:
+        result = emla("rerun", f"../{name}/run.json", "--fmus", str(fmu_folder), "--no-plots")
+        assert result.exit_code == 0, result.output
+        assert "to the last bit" in result.stdout and "Not as in" not in result.stdout
+        again = tmp_path / f"{name}-again/results.csv"
+        assert again.read_bytes() == (tmp_path / name / "results.csv").read_bytes()
+
+
+def test_options_win_over_those_of_the_record_and_tables_are_merged(emla: Emla, fmu_folder: Path) -> None:
+    assert emla("run", "lift", *SHORT, "--set", "lift.plant.motor.R_s=0.2").exit_code == 0
+    result = rerun(emla, fmu_folder, "--step-size", "5e-5", "--set", "lift.plant.motor.L_q=1e-3", *SHORT[2:3])
+    assert result.exit_code == 0, result.output
+    assert "to the last bit" not in result.stdout and "Not as in" not in result.stdout
+    settings = json.loads(Path("out-again/run.json").read_text())["settings"]
+    assert (settings["step_size_s"], settings["stop_time_s"]) == (5e-5, 0.002)
+    assert settings["set"] == {"lift.plant.motor.R_s": "0.2", "lift.plant.motor.L_q": "1e-3"}
+    loaded = ec.load("out-again/run.json", stop_time=1.0)
+    assert (loaded.options.stop_time, loaded.options.step_size, loaded.name) == (1.0, 5e-5, "lift")
+    assert loaded.options.set == settings["set"]
+
+
+def test_the_original_is_replaced_only_where_that_is_asked_for(emla: Emla, fmu_folder: Path) -> None:
+    assert emla("run", "lift", *SHORT).exit_code == 0
+    said = sentence(emla("run", "out/run.json", "--output", "out"), 2)
+    assert "is the scenario 'out/run.json' too" in said
+    result = rerun(emla, fmu_folder, "--output", "out")
+    assert result.exit_code == 0 and "to the last bit" in result.stdout
+    assert not Path("out-again").exists()
+
+
+def test_one_sentence_says_what_is_not_as_it_was(emla: Emla, fmu_folder: Path) -> None:
+    text = 'system = "lift"\nstop_time = 0.002\n'
+    Path("mine.toml").write_text(text)
+    assert emla("run", "mine.toml", "--no-plots", "--output", "out").exit_code == 0
+    Path("mine.toml").write_text(text + "step_size = 5e-5\n")
+
+    def older(record: dict[str, Any]) -> None:
+        record["versions"]["numpy"] = "1.0"
+        record["components"]["lift.plant"]["sha256"] = "0" * 64
+
+    changed_record(older)
+    result = rerun(emla, fmu_folder, "--no-plots")
+    (line,) = (x for x in result.stdout.splitlines() if x.startswith("Not as in"))
+    assert line.startswith("Not as in out/run.json: numpy ") and " instead of 1.0, the content of '" in line
+    assert "mine.toml', the FMU of lift.plant and " in line and line.endswith("the setting step_size_s.")
+    assert "differs from that of out" in result.stdout
+    Path("mine.toml").unlink()
+    assert "mine.toml' cannot be read" in sentence(rerun(emla, fmu_folder), 2)
+
+
+def test_a_continued_run_is_repeated_from_its_beginning(emla: Emla, fmu_folder: Path) -> None:
+    assert emla("run", "lift", *SHORT, "--checkpoint", "a.checkpoint").exit_code == 0
+    more = ("--stop-time", "0.004", *SHORT[2:], "--resume", "a.checkpoint", "--realtime", "100")
+    assert emla("run", "lift", *more).exit_code == 0
+    result = rerun(emla, fmu_folder)
+    assert result.stdout.splitlines()[-1] == SAME
+    settings = json.loads(Path("out-again/run.json").read_text())["settings"]
+    assert settings["resumed_from"] is None and settings["real_time_factor"] is None
+
+
+def test_objects_of_python_are_told_unless_something_takes_their_place(
+    emla: Emla, fmu_folder: Path, tmp_path: Path
+) -> None:
+    with ec.load("lift").prepare(fmus=fmu_folder, algorithm=ec.Jacobi()) as simulation:
+        simulation.run(stop_time=0.001).save("out", plots=False)
+    said = sentence(rerun(emla, fmu_folder), 2)
+    assert "has the algorithm emla_cosim.master.algorithms.jacobi.Jacobi, an object of Python" in said
+    assert rerun(emla, fmu_folder, "--algorithm", "jacobi").exit_code == 0
+    system = ec.load("lift").system
+    with ec.load(system, stop_time=0.001, step_size=1e-4, fmus=fmu_folder).prepare() as simulation:
+        simulation.run().save("out", plots=False)
+    assert "a system that was made in Python" in sentence(rerun(emla, fmu_folder), 2)
+
+
+@pytest.mark.parametrize(
+    ("record", "said"),
+    [
+        ("", "is not JSON"),
+        ("[" * 100_000, "is not JSON"),
+        ('{"a": ' + "9" * 5000 + "}", "is not JSON"),
+        ("[]", "is none of a run"),
+        ("{}", "is none of a run"),
+        ('{"settings": {}}', "does not say which scenario"),
+        ('{"settings": {}, "source": 1}', "the source 1; it must be"),
+        ('{"settings": {}, "source": "run.json", "changed": {}}', "the source 'run.json'"),
+        ('{"settings": {}, "source": "lift"}', "no table 'changed'"),
+        ('{"settings": {}, "source": "no", "changed": {}}', "there is no scenario 'no'"),
+        ('{"settings": {}, "source": "/dev/zero", "changed": {}}', "there is no scenario '/dev/zero'"),
+        ('{"settings": {}, "source": "lift", "changed": {"nonsense": 1}}', "there is no option 'nonsense'"),
+        ('{"settings": {}, "source": "lift", "changed": {"output": "/"}}', "'output', which no record has"),
+        ('{"settings": {}, "source": "lift", "changed": {"stop_time": 1e308}}', "Error: "),
+        ('{"settings": {}, "source": "lift", "changed": {"stop_time": NaN}}', "Error: "),
+        ('{"settings": {}, "source": "lift", "changed": {"stop_time": []}}', "'stop_time' of the record"),
+        (
+            '{"settings": {}, "source": "lift", "changed": {"set": {"a": {"python": "b"}}}}',
+            "object of Python",
+        ),
+        ('{"settings": {}, "source": "lift", "changed": {"parameters": ["/dev/zero"]}}', "it is a device"),
+        (
+            '{"settings": {}, "source": "lift", "changed": {"fault": [{"signal": 1}]}}',
+            "'0' in 'fault' of the record",
+        ),
+    ],
+)
+def test_a_record_that_is_none_is_told_in_one_sentence(
+    emla: Emla, fmu_folder: Path, record: str, said: str
+) -> None:
+    Path("out").mkdir()
+    Path("out/run.json").write_text(record)
+    assert said in sentence(rerun(emla, fmu_folder, "--no-plots"), 2)
+
+
+def test_what_others_made_of_the_parts_that_are_compared_is_borne(emla: Emla, fmu_folder: Path) -> None:
+    assert emla("run", "lift", *SHORT).exit_code == 0
+
+    def spoil(record: dict[str, Any]) -> None:
+        record |= {"versions": [], "components": {"lift.plant": 3}, "connections": {}, "source_sha256": 1}
+        record["settings"] = {"set": 1, "trajectory": {"sha256": 1}, "order": [[]]} | {
+            str(n): n for n in range(100_000)
+        }
+
+    changed_record(spoil)
+    result = rerun(emla, fmu_folder, "--no-plots")
+    assert result.exit_code == 0, result.output
+    assert "the FMU of lift.plant" in result.stdout and "the setting set" in result.stdout
+
+
+def test_no_record_at_all(emla: Emla, fmu_folder: Path) -> None:
+    assert "cannot be read" in sentence(rerun(emla, fmu_folder), 2)
+    Path("out").mkdir()
+    assert "'out/run.json' cannot be read" in sentence(rerun(emla, fmu_folder), 2)
