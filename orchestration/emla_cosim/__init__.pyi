@@ -29,6 +29,7 @@ from .recorders.time_series import TimeSeries as TimeSeries
 from .results.result import Result as Result
 from .scenarios.scenario import Scenario as Scenario
 from .simulation import Simulation as Simulation
+from .study.actuator.actuator import Actuator as Actuator
 from .study.controllers import CONTROLLERS as CONTROLLERS
 from .study.controllers import Controller as Controller
 from .study.controllers import Gains as Gains

@@ -1,10 +1,11 @@
 """One option of a run: a field of a dataclass that says all there is to know of it, once."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cache
-from typing import Any, Union, get_args, get_type_hints
+from pathlib import Path
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from .errors import CommandError, check_choice
 
@@ -26,7 +27,8 @@ class About:
     is its name in run.json, by default its name and unit; `in_file` says whether a scenario file may
     hold it. `commands` are those that take it. `parse` makes its value of the text of the command
     line, or of all its texts where it may be repeated. In Python an object of the type `takes` is a
-    value too, and taken as it is. `alone` is the value of a flag of the command line that nothing follows.
+    value too, and taken as it is, also as an entry of a table. `alone` is the value of a flag of the command
+    line that nothing follows.
     """
 
     help: str
@@ -45,6 +47,17 @@ class About:
     parse: Callable[[Any], Any] | None = None
     takes: type | None = None
     alone: str = ""
+
+
+class Entered:
+    """Base of what Python can give in the place of the file that it can be read from."""
+
+    file: Path | None = None
+    """Where it was read; None for what was made in Python."""
+
+    def record(self) -> dict[str, Any]:
+        """All of it as run.json has it."""
+        raise NotImplementedError
 
 
 def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
@@ -77,9 +90,15 @@ class Option:
     @property
     def plain_type(self) -> Any:
         """Its type but for `takes`."""
-        inner = get_args(self.type)
+        if get_origin(self.type) is Mapping:
+            name, of = get_args(self.type)
+            return Mapping[name, self._without_objects(of)]
+        return self._without_objects(self.type)
+
+    def _without_objects(self, of: Any) -> Any:
+        inner = get_args(of)
         if self.about.takes not in inner:
-            return self.type
+            return of
         return Union[tuple(t for t in inner if t is not self.about.takes)]  # noqa: UP007
 
     @property

@@ -16,7 +16,19 @@ from .errors import CommandError, listed
 from .master.algorithms.algorithm import Algorithm
 from .master.algorithms.registry import ALGORITHMS
 from .models import FLAVOURS, PLATFORMS
-from .option import COMPARE, EXPORT, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
+from .option import (
+    COMPARE,
+    EXPORT,
+    OUTPUT,
+    RUN,
+    STEPPING,
+    SWEEP,
+    SYSTEM,
+    Entered,
+    Option,
+    option,
+    options_of,
+)
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
 from .system.fault import Fault, read_faults
@@ -64,6 +76,12 @@ class Options:
     trajectory: Path | None = _system(
         help="Trajectory of the manipulator, as `emla trajectory` writes it.",
         metavar="FILE.json",
+    )
+    actuator: Mapping[str, Path | Entered] = _system(
+        {},
+        help="Another actuator for a joint, from its data sheets: docs/actuator.md (repeatable).",
+        metavar="JOINT=FILE.toml",
+        takes=Entered,
     )
     flavour: str = _system("native", help="Flavour of our FMUs.", choices=lambda: FLAVOURS)
     fmus: Path | None = _system(
@@ -225,6 +243,9 @@ class Options:
                 found[replacement.mapping] = "the mapping"
         if self.trajectory is not None:
             found[self.trajectory] = "the trajectory"
+        for actuator in self.actuator.values():
+            if (file := actuator.file if isinstance(actuator, Entered) else actuator) is not None:
+                found[file] = "the actuator"
         if isinstance(self.controller, str) and self.controller.lower().endswith(".fmu"):
             found[Path(self.controller)] = "the FMU"
         if self.reference is not None:
@@ -296,7 +317,13 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     takes = option.about.takes
     if takes is not None and isinstance(value, takes):
         return value
+    objects = {}
+    if takes is not None and isinstance(value, Mapping):
+        objects = {name: one for name, one in value.items() if isinstance(one, takes)}
+        value = {name: one for name, one in value.items() if name not in objects}
     found = converted(value, option.plain_type, label, folder)
+    if objects:
+        return {**found, **objects}
     for one in found if isinstance(found, list) else [found]:
         option.check(one)
     return found

@@ -12,8 +12,8 @@ from typing import Any
 from .master.algorithms.algorithm import Algorithm
 from .master.assembly import Assembly
 from .master.stepping.timing import Timing
-from .options import Options, table
-from .origin import Origin
+from .option import Entered
+from .options import Options
 from .system.model import System
 
 PYTHON = "python"
@@ -162,6 +162,8 @@ def plain(value: Any) -> Any:
     """A value of an option as JSON has it."""
     if isinstance(value, Algorithm):
         return plain(type(value))
+    if isinstance(value, Entered):
+        return plain(value.record())
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

@@ -50,6 +50,7 @@ PREPARED = (
     "controller",
     "gains",
     "trajectory",
+    "actuator",
     "flavour",
     "fmus",
     "platform",

@@ -115,3 +115,10 @@ COMPENSATED = {
     "prototype": compensated(300.0),  # at 1 kHz
 }
 """Gains with an estimate of the disturbance by joint: at least twice as fast as the speed loop."""
+
+
+def with_poles(gains: ObserverGains, p: float) -> ObserverGains:
+    """Gains of the same kind with their poles at -p rad/s; those as published have no such choice."""
+    if gains.omega_d > 0.0:
+        return compensated(p)
+    return gains if gains.use_model else robust(p)

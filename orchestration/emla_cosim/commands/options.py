@@ -113,7 +113,7 @@ def _read(option: Option, value: Any) -> Any:
         return option.about.parse(value)
     if get_origin(option.type) is not Mapping:
         return value
-    of = get_args(option.type)[1]
+    of = get_args(option.plain_type)[1]
     return {name: _entry(option, name, text, of) for name, text in pairs(option.flag, value).items()}
 
 

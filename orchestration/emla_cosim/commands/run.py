@@ -20,6 +20,7 @@ from ..results.output_folder import OutputFolder, results_folder
 from ..results.result import Result
 from ..scenarios.scenario import Scenario
 from ..terminal import show_result
+from .actuators import show_before
 from .options import SOURCE
 from .rescue import Remembered
 
@@ -42,6 +43,7 @@ def run_into(
     """
     options = chosen.options
     check_run(options, chosen.name)
+    told = show_before(chosen)
     with BarProgress() as progress:
         output = OutputFolder(folder, options.output_format)
         _check_places(file, options, output)
@@ -61,8 +63,7 @@ def run_into(
                         result, options.plots and not asked(), progress, options.animate and not asked()
                     )
                     remembered.keep()
-    show_result(result, chosen.notes, output, pictures)
-    tell(result)
+    show_result(result, [note for note in chosen.notes if note not in told], output, pictures)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {output.path}.")
 

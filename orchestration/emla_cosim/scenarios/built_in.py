@@ -1,9 +1,11 @@
 """Systems and scenarios that can be called by name, once they are registered here."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
+from ..option import Entered
+from ..options import Options
 from ..system.model import System
 from .scenario_file import ScenarioFile, parse_scenario
 
@@ -12,6 +14,12 @@ SYSTEMS: dict[str, Callable[..., System]] = {}
 
 FOLLOWING: set[str] = set()
 """Systems that are made of the file of a trajectory too, if there is one: `trajectory`."""
+
+READERS: dict[str, Callable[[Path], Entered]] = {}
+"""What reads the files that an option names for joints, by the option: `actuator`."""
+
+REMARKS: list[Callable[[System, Options], Sequence[str]]] = []
+"""What looks at a built-in system before it is run: sentences without their stops, or CommandError."""
 
 SCENARIOS: dict[str, Callable[[], str]] = {}
 """What reads the text of a scenario file, by the name of the scenario."""

@@ -3,25 +3,30 @@
 import contextlib
 import weakref
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import CommandError, listed
 from ..files import read_text
+from ..option import Entered
 from ..options import Options
 from ..origin import Origin, of_file, with_gains
 from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
-from .built_in import FOLLOWING, SCENARIOS, SYSTEMS, built_in
-from .recorded import recorded_run
+from .built_in import FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, built_in
 from .scenario import Scenario
 from .scenario_file import ScenarioFile, parse_scenario
 from .single_fmu import single_fmu
 
 _SSP = (".ssp", ".ssd")
-_FMU = ".fmu"
-_OF_BUILT_IN = ("controller", "gains", "trajectory")
-"""Options that decide how a built-in system is made."""
+_OF_BUILT_IN = {
+    "controller": "gains",
+    "gains": "gains",
+    "trajectory": "reference",
+    "actuator": "actuators",
+}
+"""Options that decide how a built-in system is made, and what an SSP has of its own instead."""
 
 
 def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Scenario:
@@ -69,26 +74,35 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Or
         return _of_ssp(file, name, read, given, origin)
     options = Options()
     for layer in (built_in(read.system), read):
-        options = options.updated(with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
-    options = options.updated(with_gains(given))
-    led = {}
+        options = options.updated(_with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
+    options = options.updated(_with_gains(given))
+    made_of: dict[str, Any] = {}
     if options.trajectory is not None:
         if read.system not in FOLLOWING:
             raise CommandError(
                 f"'{read.where}' follows no trajectory; --trajectory is for {listed(sorted(FOLLOWING))}."
             )
-        led = {"trajectory": options.trajectory}
-    system = SYSTEMS[read.system](options.controller, options.gains, **led)
-    return Scenario(name, read.description, system, options, origin=origin.updated(given))
+        made_of["trajectory"] = options.trajectory
+    if options.actuator:
+        options = replace(options, actuator=_read("actuator", options.actuator))
+        made_of["actuators"] = options.actuator
+    system = SYSTEMS[read.system](options.controller, options.gains, **made_of)
+    notes = [note for remark in REMARKS for note in remark(system, options)]
+    return Scenario(name, read.description, system, options, tuple(notes))
+
+
+def _read(option: str, given: Mapping[str, Path | Entered]) -> dict[str, Entered]:
+    """What an option names by its files, read; what Python gives, as it is."""
+    reader = READERS[option]
+    return {name: one if isinstance(one, Entered) else reader(one) for name, one in given.items()}
 
 
 def _of_ssp(
     path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: Origin
 ) -> Scenario:
     """The scenario of an SSP, with what a scenario file says about it."""
-    for option in _OF_BUILT_IN:
+    for option, has in _OF_BUILT_IN.items():
         if option in given or option in read.options:
-            has = "reference" if option == "trajectory" else "gains"
             raise CommandError(f"'{read.where}' has its own {has}; --{option} is for built-in systems.")
 
 

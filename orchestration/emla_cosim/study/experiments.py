@@ -1,6 +1,6 @@
-"""The prototype EMLA and its two experiments (Section V): plant at 10 kHz, control at 1 kHz."""
+"""The prototype EMLA in one move and in its experiments (Section V): plant at 10 kHz, control at 1 kHz."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -8,14 +8,22 @@ from math import tau
 from typing import Any
 
 from emla_fmu.disturbance import LEVELS
-from emla_fmu.parameters import EMLAS
-from emla_fmu.reference import MOVES, quintic_duration
+from emla_fmu.reference import MOVES, quintic_duration, rest_to_rest
 from emla_fmu.schedule import NEVER
 
 from ..system.model import System
+from .actuator.fitting import (
+    NONE,
+    Actuators,
+    check_joints,
+    controller_gains,
+    emla_of,
+    observer_gains,
+    usual_plant,
+)
 from .controllers import chosen
 from .joint import joint
-from .systems import ENCODER_STEPS, Choice
+from .systems import Choice
 
 NAME = "prototype"
 """What the joint is called."""
@@ -37,19 +45,23 @@ RIPPLE, RIPPLE_PERIOD = 5e3, 0.01
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """Peak speed of all moves in m/s, levels of the load in N, and the times in s when they begin."""
+class Task:
+    """What the joint does and meets: parameters of the reference, and levels of the load in N.
 
-    v_peak: float
+    `starts` are the times in s when all levels but the first begin. `ripple` is the load's width in N, and
+    `measured` adds what a drive's sensors and computing time do.
+    """
+
+    reference: Mapping[str, Any]
     levels: tuple[float, ...]
     starts: tuple[float, ...] = ()
+    ripple: float = 0.0
+    measured: bool = False
 
 
-EXPERIMENTS = {
-    # "added" loads are read as levels: their sum would be 190 kN, and the text ends at 70 to 75 kN
-    "experiment-1": Experiment(0.026, (7e3, 20e3, 40e3, 60e3, 70e3), (40.0, 100.0, 200.0, 280.0)),
-    "experiment-2": Experiment(0.030, (70e3,)),
-}
+def one_move(x_i: float, x_f: float, duration: float) -> dict[str, Any]:
+    """Parameters of the reference: a quintic move from x_i to x_f (m) in so many seconds, then hold."""
+    return rest_to_rest(x_i, x_f, 15.0 * abs(x_f - x_i) / (8.0 * duration))
 
 
 def cycle(v_peak: float) -> dict[str, Any]:
@@ -67,26 +79,41 @@ def cycle(v_peak: float) -> dict[str, Any]:
     }
 
 
-def _prototype(experiment: Experiment, measured: bool, controller: Choice, gains: Choice) -> System:
-    """The joint in an experiment; `measured` adds what a drive's sensors and computing time do."""
-    emla, start = EMLAS[NAME], WAY_POINTS[0] - START_ERROR
+TASKS = {
+    NAME: Task(one_move(0.05, 0.15, 4.0), (20e3,)),
+    # "added" loads are read as levels: their sum would be 190 kN, and the text ends at 70 to 75 kN
+    "experiment-1": Task(
+        cycle(0.026), (7e3, 20e3, 40e3, 60e3, 70e3), (40.0, 100.0, 200.0, 280.0), RIPPLE, measured=True
+    ),
+    "experiment-2": Task(cycle(0.030), (70e3,), (), RIPPLE, measured=True),
+}
+"""What the joint does, by the name of the scenario."""
+
+
+def _prototype(task: Task, controller: Choice, gains: Choice, actuators: Actuators = NONE) -> System:
+    """The joint with a task."""
+    check_joints(actuators, (NAME,))
+    emla, own, start = emla_of(NAME, actuators), actuators.get(NAME), task.reference["x"][0] - START_ERROR
     closing, gain_set = chosen(controller, gains if gains is None else str(gains))
-    missing = LEVELS - len(experiment.levels)
-    plant = {"x_L_start": start, "resolution": emla.rho * emla.lead / ENCODER_STEPS}
+    missing, load = LEVELS - len(task.levels), max(task.levels) + 0.5 * task.ripple
     return joint(
         NAME,
         emla=emla,
         controller=closing.model,
-        gains=gain_set.of_controller(NAME, on_machine=False),
-        observer_gains=gain_set.observer[NAME],
-        reference=cycle(experiment.v_peak),
+        gains=controller_gains(gain_set.of_controller(NAME, on_machine=False), own, load, SAMPLE),
+        observer_gains=observer_gains(gain_set.observer[NAME], own, SAMPLE),
+        reference=task.reference,
         disturbance={
-            "level": (*experiment.levels, *[experiment.levels[-1]] * missing),
-            "level_start": (NEVER, *experiment.starts, *[NEVER] * (LEVELS - 1 - len(experiment.starts))),
-            "ripple": RIPPLE,
+            "level": (*task.levels, *[task.levels[-1]] * missing),
+            "level_start": (NEVER, *task.starts, *[NEVER] * (LEVELS - 1 - len(task.starts))),
+            "ripple": task.ripple,
             "ripple_omega": tau / RIPPLE_PERIOD,
         },
-        plant=plant | (_drive(emla.i_range) if measured else {}),
+        plant={
+            "x_L_start": start,
+            **(_drive(emla.i_range) if task.measured else {}),
+            **usual_plant(NAME, actuators),
+        },
         estimate=start,
     ).alone()
 
@@ -101,8 +128,5 @@ def _drive(i_range: float) -> dict[str, Any]:
     }
 
 
-SYSTEMS: dict[str, Callable[[Choice, Choice], System]] = {
-    NAME: partial(_prototype, EXPERIMENTS["experiment-2"], False),
-    **{name: partial(_prototype, experiment, True) for name, experiment in EXPERIMENTS.items()},
-}
-"""Systems by name, made for a controller and a set of its gains."""
+SYSTEMS: dict[str, Callable[..., System]] = {name: partial(_prototype, task) for name, task in TASKS.items()}
+"""Systems by name, made for a controller, a set of its gains, and maybe another actuator."""

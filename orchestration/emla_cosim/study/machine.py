@@ -4,10 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from emla_fmu.parameters import EMLAS
-from hdrm_fmu import HdrmPlant
+from fmublock import Block
+from hdrm_fmu import HdrmManipulator, HdrmPlant
 
+from ..errors import CommandError, listed
 from ..system.model import Component, System, Value
+from .actuator.fitting import NONE, Actuators, check_joints, emla_of
 from .joint import start_values
 from .roles import JOINTS
 from .systems import STUDY, UNCERTAINTIES, Choice, study_joint
@@ -40,24 +42,48 @@ _MERGED = (
     "machine.plant.v_L[{element}] -> {joint}.motor.v_L",
 )
 
+_NOT_MERGED = ("friction", "stop")
+"""Tables of an actuator that the merged plant has nothing for."""
 
-def _replay(controller: Choice, gains: Choice, trajectory: Path | None = None) -> System:
+
+def _replay(
+    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
+) -> System:
     """Load forces of the motion that is wanted, as the paper takes them: nobody's motion changes them."""
-    machine = Component("machine.manipulator", "HdrmManipulator")
-    return _system(controller, gains, motion(trajectory), machine, _LOADED, _REPLAYED)
+    return _system(
+        controller, gains, motion(trajectory), _manipulator(actuators), _LOADED, _REPLAYED, actuators
+    )
 
 
-def _coupled(controller: Choice, gains: Choice, trajectory: Path | None = None) -> System:
+def _coupled(
+    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
+) -> System:
     """Load forces of the motion that there is: plants and manipulator exchange motion and force."""
-    machine = Component("machine.manipulator", "HdrmManipulator")
-    return _system(controller, gains, motion(trajectory), machine, _LOADED, _COUPLED)
+    return _system(
+        controller, gains, motion(trajectory), _manipulator(actuators), _LOADED, _COUPLED, actuators
+    )
 
 
-def _merged(controller: Choice, gains: Choice, trajectory: Path | None = None) -> System:
+def _merged(
+    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
+) -> System:
     """The mechanics of plants and manipulator in one component, which need not agree on a force."""
     wanted = motion(trajectory)
-    machine = Component("machine.plant", "HdrmPlant", _mechanics(wanted))
-    return _system(controller, gains, wanted, machine, _MOVED, _MERGED, electrical=True)
+    check_joints(actuators, JOINTS)
+    for joint, own in actuators.items():
+        if lost := [place for place in own.values if place.partition(".")[0] in _NOT_MERGED]:
+            raise CommandError(
+                f"the merged machine has no friction and no end stops of single actuators; for "
+                f"{joint}, leave out {listed(lost)}, or run hdrm-coupled."
+            )
+    machine = Component("machine.plant", "HdrmPlant", _mechanics(wanted, actuators))
+    return _system(controller, gains, wanted, machine, _MOVED, _MERGED, actuators, electrical=True)
+
+
+def _manipulator(actuators: Actuators) -> Component:
+    """The manipulator, which knows masses and strokes of its actuators."""
+    values = start_values(HdrmManipulator, _by_joint(HdrmManipulator, actuators)) if actuators else {}
+    return Component("machine.manipulator", "HdrmManipulator", values)
 
 
 def _system(
@@ -67,9 +93,11 @@ def _system(
     machine: Component,
     elsewhere: Mapping[str, str | None],
     wires: Sequence[str],
+    actuators: Actuators,
     electrical: bool = False,
 ) -> System:
     """Three joints with what they share; names in `elsewhere` and `wires` are made for each of them."""
+    check_joints(actuators, JOINTS)
     components, connections = list[Component](), list[str]()
     for element, joint in enumerate(JOINTS, 1):
         made = study_joint(
@@ -79,6 +107,7 @@ def _system(
             reference=None,
             load={},
             ahead=wanted.ahead[joint],
+            actuators=actuators,
             on_machine=True,
             electrical=electrical,
             elsewhere={
@@ -92,16 +121,20 @@ def _system(
     return System((*components, *shared), ()).with_connections(*connections)
 
 
-def _mechanics(wanted: Motion) -> dict[str, Value]:
+def _mechanics(wanted: Motion, actuators: Actuators) -> dict[str, Value]:
     """The actuators' part in the merged plant, and where it starts."""
-    emlas = [EMLAS[joint] for joint in JOINTS]
-    known = {x.attribute for x in HdrmPlant.layout().parameters if x.shape}
-    actuators: dict[str, Any] = {
-        name: [getattr(emla, name) for emla in emlas] for name in sorted(known) if hasattr(emlas[0], name)
-    }
     start = [STUDY[joint].x_start + wanted.ahead[joint] for joint in JOINTS]
     uncertain = [UNCERTAINTIES["F_2"]] * len(JOINTS)
-    return start_values(HdrmPlant, {**actuators, "x_L_start": start, "F_2": uncertain})
+    return start_values(HdrmPlant, {**_by_joint(HdrmPlant, actuators), "x_L_start": start, "F_2": uncertain})
+
+
+def _by_joint(block: type[Block], actuators: Actuators) -> dict[str, Any]:
+    """What a block knows of each actuator, by its attributes."""
+    emlas = [emla_of(joint, actuators) for joint in JOINTS]
+    known = {x.attribute for x in block.layout().parameters if x.shape}
+    return {
+        name: [getattr(emla, name) for emla in emlas] for name in sorted(known) if hasattr(emlas[0], name)
+    }
 
 
 SYSTEMS: dict[str, Callable[..., System]] = {
@@ -109,4 +142,4 @@ SYSTEMS: dict[str, Callable[..., System]] = {
     "hdrm-coupled": _coupled,
     "hdrm-merged": _merged,
 }
-"""Systems by name, made for a controller, a set of its gains, and maybe the file of a trajectory."""
+"""Systems by name, made for a controller, a set of its gains, and maybe a trajectory's file and actuators."""

@@ -7,8 +7,10 @@ from importlib.resources import files
 from ..recorders.metrics import METRICS, TRACKED
 from ..results.animation import ANIMATIONS
 from ..results.plotting import FIGURES
-from ..scenarios.built_in import FOLLOWING, PLANS, SCENARIOS, SYSTEMS, TUNINGS
+from ..scenarios.built_in import FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
 from . import experiments, machine, systems
+from .actuator.actuator import Actuator
+from .actuator.remarks import remarks
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .metrics import joint_metrics
 from .roles import tracked
@@ -25,6 +27,9 @@ def register() -> None:
     own = systems.SYSTEMS | experiments.SYSTEMS | machine.SYSTEMS
     SYSTEMS.update(own)
     FOLLOWING.update(machine.SYSTEMS)
+    READERS["actuator"] = Actuator.read
+    if remarks not in REMARKS:
+        REMARKS.append(remarks)
     for name in own:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):

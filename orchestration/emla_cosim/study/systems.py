@@ -1,20 +1,28 @@
 """The built-in systems: joints of the paper's study with their references, loads and disturbances."""
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 from typing import Any
 
 from emla_fmu import TorqueSource
 from emla_fmu.disturbance import LEVELS
-from emla_fmu.drive import DRIVES, ENCODER_STEPS
-from emla_fmu.parameters import EMLAS
 from emla_fmu.reference import rest_to_rest
 from fmublock.noise import MODULUS
 
 from ..system.model import System
+from .actuator.fitting import (
+    NONE,
+    Actuators,
+    check_joints,
+    controller_gains,
+    drive_plant,
+    emla_of,
+    observer_gains,
+    usual_plant,
+)
 from .controllers import chosen
 from .joint import Joint, joint
 
@@ -84,6 +92,9 @@ VOLTAGE_DISTURBANCES = {
 }
 """(83) as parameters of the disturbance; sin(5 t) is cos(5 t - pi/2)."""
 
+SAMPLE = 1e-4
+"""Sample time of observer and controller in s."""
+
 MECHANICAL = ("x_L_start", "F_2", "stop_stiffness", "stop_damping")
 """What of the values below and beside them belongs to the mechanical half of the plant."""
 
@@ -99,6 +110,7 @@ def _study_joint(
     controller: Choice,
     gains: Choice,
     *,
+    actuators: Actuators = NONE,
     as_printed: bool = False,
     true_feedback: bool = False,
     drive: bool = False,
@@ -111,6 +123,7 @@ def _study_joint(
         gains,
         reference=rest_to_rest(study.q_S, study.q_E, study.v_peak),
         load={"level": (study.load,) * LEVELS},
+        actuators=actuators,
         as_printed=as_printed,
         true_feedback=true_feedback,
         drive=drive,
@@ -125,6 +138,7 @@ def study_joint(
     reference: Mapping[str, Any] | None,
     load: Mapping[str, Any],
     ahead: float = 0.0,
+    actuators: Actuators = NONE,
     as_printed: bool = False,
     true_feedback: bool = False,
     drive: bool = False,
@@ -136,30 +150,31 @@ def study_joint(
 
     It starts where the study has it, or by `ahead` m farther out. `load` is the load force as parameters of
     the disturbance, `reference` the motion as those of the reference; see `joint` for `electrical` and
-    `elsewhere`. `as_printed` is the paper's plant: driven by the commanded current, with an ideal sensor.
+    `elsewhere`. One of `actuators` may take the place of its own. `as_printed` is the paper's plant: driven
+    by the commanded current, with an ideal sensor.
     `drive` is a drive as it is (`emla_fmu.drive`).
     """
-    study, emla = STUDY[name], EMLAS[name]
+    study, own = STUDY[name], actuators.get(name)
     plant: dict[str, Any] = {"x_L_start": study.x_start + ahead, "seed": study.seed, **UNCERTAINTIES}
     if as_printed:
         plant["torque_source"] = int(TorqueSource.COMMAND)
     elif drive:
-        plant |= {**asdict(DRIVES[name]), "seed_i": current_seed(study.seed)}
+        plant |= {**drive_plant(name, actuators), "seed_i": current_seed(study.seed)}
     else:
-        plant["resolution"] = emla.rho * emla.lead / ENCODER_STEPS
+        plant |= usual_plant(name, actuators)
     if on_machine:  # a joint that loses its power falls until it is stopped
-        stops = DRIVES[name]
-        plant |= {"stop_stiffness": stops.stop_stiffness, "stop_damping": stops.stop_damping}
+        stops = drive_plant(name, actuators)
+        plant |= {stop: stops[stop] for stop in ("stop_stiffness", "stop_damping")}
     if electrical:
         plant = {name: value for name, value in plant.items() if name not in MECHANICAL}
     closing, gain_set = chosen(controller, gains if gains is None else str(gains))
     estimate = study.estimate if gain_set.printed_estimate else study.x_start
     return joint(
         name,
-        emla=emla,
+        emla=emla_of(name, actuators),
         controller=closing.model,
-        gains=gain_set.of_controller(name, on_machine),
-        observer_gains=gain_set.observer[name],
+        gains=controller_gains(gain_set.of_controller(name, on_machine), own, study.load, SAMPLE),
+        observer_gains=observer_gains(gain_set.observer[name], own, SAMPLE),
         reference=reference,
         disturbance={**load, "seed": study.seed, **study.d_2, **VOLTAGE_DISTURBANCES},
         plant=plant,
@@ -175,16 +190,23 @@ def current_seed(seed: int) -> int:
     return 69621 * seed % int(MODULUS)
 
 
-def _three_joints(controller: Choice, gains: Choice, **variant: bool) -> System:
-    first, *others = (_study_joint(name, controller, gains, **variant) for name in STUDY)
+def _side_by_side(
+    joints: Iterable[str], controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: bool
+) -> System:
+    check_joints(actuators, joints)
+    first, *others = (
+        _study_joint(name, controller, gains, actuators=actuators, **variant) for name in joints
+    )
     return sum(others, first)
 
 
-SYSTEMS: dict[str, Callable[[Choice, Choice], System]] = {
+_three_joints = partial(_side_by_side, tuple(STUDY))
+
+SYSTEMS: dict[str, Callable[..., System]] = {
     "study": _three_joints,
     "study-drive": partial(_three_joints, drive=True),
-    **{name: partial(_study_joint, name) for name in STUDY},
+    **{name: partial(_side_by_side, (name,)) for name in STUDY},
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
 }
-"""Systems by name, made for a controller and a set of its gains."""
+"""Systems by name, made for a controller, a set of its gains, and maybe other actuators by joint."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_origin
 
-from ..option import SWEEP, Option
+from ..option import SWEEP, Entered, Option
 from ..options import table
 from ..system.model import Replacement, Value
 
@@ -66,6 +66,9 @@ def _arguments(option: Option, value: Any) -> list[str] | None:
     if isinstance(value, bool):
         return [flag if value else f"--no-{flag.removeprefix('--')}"]
     if isinstance(value, Mapping):
+        entered = [one for one in value.values() if isinstance(one, Entered)]
+        if any(one.file is None for one in entered):
+            return None
         return [text for name, inner in value.items() for text in _entry(flag, name, inner)]
     if isinstance(value, (list, tuple)):
         if option.about.parse is not None:
@@ -82,6 +85,8 @@ def _entry(flag: str, name: str, value: Any) -> list[str]:
 
 
 def _text(value: Any) -> str:
+    if isinstance(value, Entered):
+        return str(value.file)
     if isinstance(value, bool):
         return str(value).lower()
     return repr(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,212 @@
+"""An actuator, as it is entered: from a file, or in Python."""
+
+import difflib
+import hashlib
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from emla_fmu.parameters import EmlaParameters
+
+from ...errors import CommandError, listed
+from ...files import read_file
+from ...option import Entered
+from . import derived
+from .checks import contradictions, remarks
+from .conversion import Conversion, conversions
+from .entries import ANY_OF, NEEDED, ONE_OF, TABLES, Entry
+from .printed import Printed, printed
+
+_TEXTS = ("name", "source")
+_NOTHING: Mapping[str, Any] = {}
+
+
+@dataclass(frozen=True)
+class Actuator(Entered):
+    """One EMLA as its data sheets describe it; plant, observer and controller follow from it.
+
+    Each table has quantities as a sheet prints them, such as `motor={"R": "2.3 Ohm line to line", ...}`;
+    which entries there are is in docs/actuator.md. `name` and `source` are for people, and `file` is where
+    it was read, with the hash of its content. Raises CommandError that says all that is wrong with the data,
+    a sentence each.
+    """
+
+    motor: Mapping[str, Any]
+    screw: Mapping[str, Any]
+    inverter: Mapping[str, Any]
+    sensor: Mapping[str, Any]
+    gearbox: Mapping[str, Any] = field(default_factory=dict)
+    coupling: Mapping[str, Any] = field(default_factory=dict)
+    friction: Mapping[str, Any] = field(default_factory=dict)
+    stop: Mapping[str, Any] = field(default_factory=dict)
+    thermal: Mapping[str, Any] = field(default_factory=dict)
+    control: Mapping[str, Any] = field(default_factory=dict)
+    name: str = ""
+    source: str = ""
+    file: Path | None = None
+    sha256: str | None = None
+
+    def __post_init__(self) -> None:
+        problems = [*_problems(self)]
+        if not problems:
+            problems = [*contradictions(self.values)]
+        if problems:
+            raise _wrong(self.label, problems)
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Actuator":
+        """The actuator of a file (TOML); CommandError for whatever is wrong with it."""
+        path = Path(path)
+        label, content = f"the actuator '{path}'", read_file(path, "the actuator")
+        try:
+            read = tomllib.loads(content.decode("utf-8-sig"))
+        except UnicodeDecodeError as error:
+            raise CommandError(f"{label} is not a text in UTF-8.") from error
+        except (ValueError, RecursionError) as error:
+            raise CommandError(f"{label} is not TOML: {error}.") from error
+        if problems := [*_wrong_tables(read)]:
+            raise _wrong(label, problems)
+        tables = {name: read.get(name, _NOTHING) for name in NEEDED} | read
+        return cls(**tables, file=path, sha256=hashlib.sha256(content).hexdigest())
+
+    @property
+    def label(self) -> str:
+        """What sentences call it."""
+        if self.file is not None:
+            return f"the actuator '{self.file}'"
+        return f"the actuator '{self.name}'" if self.name else "the actuator"
+
+    @cached_property
+    def printed(self) -> dict[str, Printed]:
+        """All entries by "table.key"."""
+        return {place: printed(value, entry, place) for place, entry, value in _entries(self)}
+
+    @property
+    def values(self) -> dict[str, float]:
+        """What was entered in the model's units: SI, peak values, those of a phase."""
+        return {place: found.number for place, found in self.printed.items()}
+
+    @cached_property
+    def emla(self) -> EmlaParameters:
+        """The parameter set that plant, observer and controller share."""
+        return derived.emla(self.values)
+
+    @cached_property
+    def plant(self) -> dict[str, Any]:
+        """What the plant has beside it, by attribute of the block."""
+        return derived.plant(self.values)
+
+    @property
+    def i_N(self) -> float:
+        """Current that it bears for ever (peak), A; 0 where nobody says."""
+        return self.values.get("motor.i_N", 0.0)
+
+    def braking(self, load: float) -> float:
+        """a_max in m/s2 with a load force in N."""
+        return derived.braking(self.values, load)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is possible, but may not be meant: sentences without their stops."""
+        return [*remarks(self.values)]
+
+    @property
+    def conversions(self) -> list[Conversion]:
+        """What was entered, and what it is in the model."""
+        return [*conversions(self.printed)]
+
+    def record(self) -> dict[str, Any]:
+        """All of it as run.json has it."""
+        return {
+            "file": None if self.file is None else str(self.file),
+            "sha256": self.sha256,
+            "name": self.name,
+            "source": self.source,
+            "entered": {place: found.text for place, found in self.printed.items()},
+            "conversion": [str(one) for one in self.conversions],
+        }
+
+
+def _entries(actuator: Actuator) -> Iterator[tuple[str, Entry, Any]]:
+    """Place, entry and value of all that is given and known."""
+    for table, entries in TABLES.items():
+        given = getattr(actuator, table)
+        yield from ((f"{table}.{e.key}", e, given[e.key]) for e in entries if e.key in given)
+
+
+def _problems(actuator: Actuator) -> Iterator[str]:
+    """Sentences on what is missing, unknown or not to be read."""
+    tables = {f.name: getattr(actuator, f.name) for f in fields(actuator) if f.name in TABLES}
+    if wrong := [*_wrong_tables({**tables, "name": actuator.name, "source": actuator.source})]:
+        yield from wrong
+        return
+    for table, entries in TABLES.items():
+        if table in NEEDED or tables[table]:
+            yield from _missing(table, tables[table], entries)
+        yield from _unknown(table, tables[table], [e.key for e in entries])
+    for place, entry, value in _entries(actuator):
+        try:
+            printed(value, entry, place)
+        except CommandError as error:
+            yield str(error).removesuffix(".")
+    poles = actuator.motor.get("poles")
+    if isinstance(poles, int) and poles % 2:
+        yield f"motor.poles is {poles}; poles come in pairs"
+    if actuator.thermal and "i_N" not in actuator.motor:
+        yield "[thermal] needs motor.i_N, the current that ends at its permitted_rise"
+
+
+def _missing(table: str, given: Mapping[str, Any], entries: tuple[Entry, ...]) -> Iterator[str]:
+    """What a table that is there has to have."""
+    examples = {e.key: e.example for e in entries}
+    for entry in entries:
+        if entry.needed and entry.key not in given:
+            yield f'[{table}] lacks {entry.key}, the {entry.about}; write {entry.key} = "{entry.example}"'
+    for where, keys in (*ONE_OF, *ANY_OF):
+        if where != table:
+            continue
+        there = [key for key in keys if key in given]
+        if not there:
+            shown = [f'{key} = "{examples[key]}"' for key in keys]
+            yield f"[{table}] lacks {' or '.join(keys)}; write {' or '.join(shown)}"
+        if len(there) > 1 and (where, keys) in ONE_OF:
+            yield f"[{table}] has {listed(there)}, which say the same; leave one"
+    if table == "motor" and ("L" in given, "L_d" in given, "L_q" in given) not in _INDUCTANCES:
+        yield "[motor] needs L, or both L_d and L_q"
+
+
+_INDUCTANCES = ((True, False, False), (False, True, True))
+
+
+def _unknown(table: str, given: Mapping[str, Any], known: list[str]) -> Iterator[str]:
+    for key in given:
+        if key not in known:
+            yield f"[{table}] has the entry '{key}'; {_meant(key, known)}"
+
+
+def _wrong_tables(content: Mapping[str, Any]) -> Iterator[str]:
+    """What is no table of an actuator, or is not what it should be."""
+    known = [*TABLES, *_TEXTS]
+    for key, value in content.items():
+        if key not in known:
+            yield f"it has the table '{key}'; {_meant(key, known)}"
+        elif key in _TEXTS and not isinstance(value, str):
+            yield f"'{key}' is {value!r}; it must be a text"
+        elif key in TABLES and not isinstance(value, Mapping):
+            yield f"'{key}' is {value!r}; it must be a table, [{key}]"
+
+
+def _meant(key: Any, known: list[str]) -> str:
+    near = difflib.get_close_matches(str(key), known, n=1, cutoff=0.5)
+    return f"did you mean '{near[0]}'?" if near else f"it may have {listed(known)}"
+
+
+def _wrong(label: str, problems: list[str]) -> CommandError:
+    ended = [p if p.endswith("?") else f"{p}." for p in problems]
+    if len(ended) == 1:
+        return CommandError(f"{label} cannot be used: {ended[0]}", problems=problems)
+    lines = "".join(f"\n  {one}" for one in ended)
+    return CommandError(f"{label} cannot be used for {len(ended)} reasons:{lines}", problems=problems)

@@ -1,0 +1,110 @@
+"""From the data sheet to the model: what was entered, and what became of it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from . import derived
+from .entries import TABLES
+from .printed import Printed
+
+_SAME = (
+    *("motor.L_d", "motor.L_q", "motor.J_m", "motor.B_m", "coupling.J_c", "gearbox.J_GB"),
+    *("screw.lead", "screw.M_BS", "screw.B_BS", "screw.q_LB", "sensor.resolution", "sensor.sigma"),
+    *(
+        "inverter.delay",
+        "inverter.dead_time",
+        "inverter.f_PWM",
+        "inverter.i_0",
+        "stop.stiffness",
+        "stop.damping",
+    ),
+    *("friction.F_C", "friction.F_S", "friction.v_S", "friction.v_0"),
+)
+_PLANT = {place: place for place in _SAME} | {
+    "motor.R": "motor.R_s",
+    "motor.L": "motor.L_d and motor.L_q",
+    "friction.directional": "gearbox.directional",
+    "friction.eta_back": "gearbox.eta_back",
+    "sensor.sigma_i": "sensor.current.sigma",
+    "sensor.resolution_i": "sensor.current.resolution",
+    "thermal.tau_th": "motor.tau_th",
+    "thermal.permitted_rise": "motor.permitted_rise",
+}
+"""Entries of which each is one variable of the plant."""
+
+_INERTIA = ("motor.J_m", "coupling.J_c", "gearbox.J_GB", "screw.J_BS", "screw.M_BS")
+_FRICTION = ("motor.B_m", "screw.B_BS")
+_GEAR = ("gearbox.ratio", "screw.lead")
+
+
+_SHORT = (
+    *("plant motor.R_s", "plant motor.L_d and motor.L_q", "plant motor.L_d", "plant motor.L_q"),
+    *(
+        "plant motor.Phi_PM",
+        "plant inverter.u_max",
+        "controller limit.i_max",
+        "plant screw.v_max",
+        "known A_eq",
+    ),
+)
+"""What a sheet may mean otherwise, or what everything else hangs on."""
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """What was entered, as "table.key text", and the variable that it is in the model."""
+
+    entered: tuple[str, ...]
+    becomes: str
+    value: float
+    unit: str
+
+    @property
+    def is_short(self) -> bool:
+        """Whether it belongs to what is shown before a run."""
+        return self.becomes in _SHORT
+
+    def __str__(self) -> str:
+        return f"{', '.join(self.entered)} -> {self.becomes} = {self.value:.6g} {self.unit}".rstrip()
+
+
+def conversions(entered: Mapping[str, Printed]) -> Iterator[Conversion]:
+    """All that the entries become."""
+    units = {f"{table}.{e.key}": e.unit for table, entries in TABLES.items() for e in entries}
+    for place, found in entered.items():
+        if place in _PLANT and (place != "coupling.J_c" or "screw.J_BS" not in entered):
+            text = f"{place} {found.text}"
+            yield Conversion((text,), f"plant {_PLANT[place]}", found.number, units[place])
+    yield from _together(entered)
+
+
+def _together(entered: Mapping[str, Printed]) -> Iterator[Conversion]:
+    """What several entries become together."""
+    v = {place: found.number for place, found in entered.items()}
+    made = derived.emla(v)
+
+    def of(becomes: str, value: float, unit: str, *places: str) -> Conversion:
+        texts = tuple(f"{place} {entered[place].text}" for place in places if place in entered)
+        return Conversion(texts, becomes, value, unit)
+
+    poles, constant = ("motor.N_p", "motor.poles"), "motor.kT" if "motor.kT" in v else "motor.K_E"
+    flux = (constant, *poles)
+    yield of("plant motor.N_p", made.N_p, "", *poles)
+    yield of("plant motor.Phi_PM", made.Phi_PM, "Wb", *flux)
+    if "gearbox.ratio" in v:
+        yield of("plant gearbox.rho", made.rho, "", "gearbox.ratio")
+    yield of("plant gearbox.eta_GB", made.eta_GB, "", "gearbox.efficiency", "screw.efficiency")
+    if "screw.J_BS" in v:
+        yield of("plant coupling.J_c", made.J_c, "kg.m2", "coupling.J_c", "screw.J_BS", "gearbox.ratio")
+    yield of("plant screw.q_UB", made.q_UB, "m", "screw.stroke", "screw.q_LB")
+    yield of("plant screw.v_max", made.v_max, "m/s", "motor.n_max", "screw.v_max", *_GEAR)
+    yield of("plant inverter.u_max", made.u_max, "V", "inverter.U_DC", "inverter.U_supply", "inverter.u_max")
+    if "sensor.resolution" not in v:
+        yield of("plant sensor.resolution", derived.resolution(v), "m", "sensor.bits", "sensor.steps", *_GEAR)
+    if "thermal.tau_th" in v:
+        yield of("plant motor.i_N", v["motor.i_N"], "A", "motor.i_N")
+    limits = tuple(place for place, _ in derived.torques(v))
+    yield of("controller limit.i_max", made.i_max, "A", *limits, *flux)
+    yield of("known alpha_RL", made.alpha_RL, "rad/m", *_GEAR)
+    yield of("known A_eq", made.A_eq, "kg.m", *_INERTIA, *_GEAR)
+    yield of("known B_eq", made.B_eq, "kg.m/s", *_FRICTION, *_GEAR)

@@ -1,0 +1,39 @@
+"""What is worth saying of a built-in system before it is run: of its actuators, and of values set in it."""
+
+from collections.abc import Iterator, Sequence
+
+from ...errors import CommandError
+from ...options import Options
+from ...system.model import System
+from ..controllers import chosen
+from .actuator import Actuator
+from .beliefs import one_sided
+from .travel import heavy, impossible
+
+_BY_RULE = ("compensated", "robust", "rule")
+"""Sets of gains that are parts of the sample rate; all others were found, or printed, for a certain joint."""
+
+
+def remarks(system: System, options: Options) -> Sequence[str]:
+    """Sentences without their stops; CommandError where an actuator cannot do what its joint is to do."""
+    own = {joint: one for joint, one in options.actuator.items() if isinstance(one, Actuator)}
+    problems = [p for joint, one in own.items() for p in impossible(joint, one, system, options)]
+    if problems:
+        raise CommandError("\n  ".join(f"{p}." for p in problems), problems=problems)
+    found = [f"{joint}: {said}" for joint, one in own.items() for said in one.remarks]
+    for joint, one in own.items():
+        found += heavy(joint, one, system, options)
+    return [*found, *_gains(own, options), *one_sided(system, options)]
+
+
+def _gains(own: dict[str, Actuator], options: Options) -> Iterator[str]:
+    """That gains do not belong to the actuators that they are used with."""
+    if not own:
+        return
+    _, gain_set = chosen(options.controller, options.gains)
+    name = options.gains or "compensated"
+    if gain_set.controller and name not in _BY_RULE:
+        yield (
+            f"the gains '{name}' belong to the joint's usual actuator, and of them only a_max follows from "
+            "another one; by rule are rsba's compensated and robust, and foc's rule"
+        )
