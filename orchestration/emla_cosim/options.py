@@ -16,19 +16,9 @@ from .errors import CommandError, listed
 from .master.algorithms.algorithm import Algorithm
 from .master.algorithms.registry import ALGORITHMS
 from .models import FLAVOURS, PLATFORMS
-from .option import (
-    COMPARE,
-    EXPORT,
-    OUTPUT,
-    RUN,
-    STEPPING,
-    SWEEP,
-    SYSTEM,
-    Entered,
-    Option,
-    option,
-    options_of,
-)
+from .option import COMPARE, EXPORT, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
+from .patterns import fits, has_wildcard
+from .quantities import quantity, unit_named
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
 from .system.fault import Fault, read_faults
@@ -202,7 +192,7 @@ class Options:
             found = read_option(name, value, label, folder, known)
             if name in _FIXED:
                 before = getattr(self, name)
-                values[name] = {**before, **found} if isinstance(before, Mapping) else found
+                values[name] = _merged(before, found) if isinstance(before, Mapping) else found
             else:
                 own[name] = {**own.get(name, {}), **found} if isinstance(found, Mapping) else found
         return dataclasses.replace(self, **values, own=own)
@@ -296,6 +286,13 @@ def table(command: str | None = None) -> dict[str, Option]:
     return {n: o for n, o in (_FIXED | own).items() if command is None or command in o.about.commands}
 
 
+def _merged(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+    """Two tables as one: what was found later wins, over names that its patterns mean too."""
+    patterns = [name for name in found if has_wildcard(name)]
+    kept = {n: v for n, v in before.items() if n not in found and not any(fits(n, p) for p in patterns)}
+    return {**kept, **found}
+
+
 def _names(kind: type) -> set[str]:
     return {o.name for o in options_of(kind)}
 
@@ -314,13 +311,11 @@ def read_option(
 
 
 def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
-    takes = option.about.takes
+    takes, unit = option.about.takes, option.about.unit
     if takes is not None and isinstance(value, takes):
         return value
-    objects = {}
-    if takes is not None and isinstance(value, Mapping):
-        objects = {name: one for name, one in value.items() if isinstance(one, takes)}
-        value = {name: one for name, one in value.items() if name not in objects}
+    if unit and isinstance(value, str):
+        value = quantity(value, label).in_unit(unit_named(unit, label), label)
     found = converted(value, option.plain_type, label, folder)
     if objects:
         return {**found, **objects}

@@ -11,3 +11,8 @@ def fits(name: str, pattern: str) -> bool:
 def is_pattern(text: str) -> bool:
     """Whether a text may mean several names."""
     return any(letter in text for letter in "*?[")
+
+
+def has_wildcard(text: str) -> bool:
+    """Whether a name means several even where brackets are those of arrays."""
+    return "*" in text or "?" in text

@@ -11,6 +11,7 @@ from .options import Options
 from .progress import Progress
 from .replacement import fitted
 from .ssp.documents.parameters import parse_parameter_set
+from .start_values import named_plainly, need_interfaces, start_values
 from .system.model import Replacement, System, Value
 from .system.signal_faults import with_components, with_faults
 from .units import conversion
@@ -23,14 +24,16 @@ def prepared(system: System, options: Options, progress: Progress) -> tuple[Syst
     what does not fit, RunError where FMUs cannot be built.
     """
     system, faults = with_components(system, options.fault)
-    system.with_parameters(options.set)  # unknown names are found before anything is built
+    system.with_parameters(named_plainly(options.set))  # unknown names are found before anything is built
     replacements = options.replacements()
     for name in replacements:
         system.component(name)
     fmus = _fmu_files(system, options, progress)
-    interfaces = read_interfaces(fmus) if options.parameters or replacements or faults else {}
+    looked_at = options.parameters or replacements or faults or need_interfaces(options.set)
+    interfaces = read_interfaces(fmus) if looked_at else {}
     system = _with_parameter_sets(system, options.parameters, interfaces)
-    system = with_faults(system, faults, interfaces).with_parameters(options.set)
+    system = with_faults(system, faults, interfaces)
+    system = system.with_parameters(start_values(system, interfaces, options.set))
     for name, replacement in replacements.items():
         other = read_interface(replacement.fmu)
         system = _replaced(system, name, replacement, other, interfaces, progress)

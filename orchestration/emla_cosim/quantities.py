@@ -1,11 +1,13 @@
 """Quantities as people write them: a number and the name of a unit, such as "30 kN" or "12.5 kg cm^2"."""
 
+import math
 import re
 from dataclasses import dataclass
+from decimal import Decimal
 
 from .errors import CommandError
 from .unit_names import meaning
-from .units import Unit, conversion
+from .units import LinearTransformation, Unit, conversion
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(\S.*?)?\s*")
 _PRODUCT = re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])|(?<=[0-9])\s+(?=[^\W\d_])")
@@ -25,9 +27,29 @@ class Quantity:
         Raises CommandError, with `label` for the quantity, where both measure different things.
         """
         try:
-            return conversion(self.unit, unit)(self.number)
+            between = conversion(self.unit, unit)
         except ValueError as error:
             raise CommandError(f"{label} has {error}, of which one cannot become the other.") from error
+        return _scaled(self.number, between)
+
+
+def _scaled(number: float, between: LinearTransformation) -> float:
+    """A number transformed; by a power of ten, the one that is written with the point elsewhere."""
+    power = round(math.log10(abs(between.factor)))
+    if between.offset or not math.isclose(between.factor, 10.0**power, rel_tol=1e-15):
+        return between(number)
+    return float(Decimal(repr(number)).scaleb(power))
+
+
+def has_unit(value: object) -> bool:
+    """Whether a value is the text of a number with something behind it that may be a unit."""
+    if not isinstance(value, str) or (found := _QUANTITY.fullmatch(value)) is None or found[2] is None:
+        return False
+    try:
+        float(value)  # as 1_000, which Python reads
+    except ValueError:
+        return True
+    return False
 
 
 def unit_named(name: str, label: str) -> Unit:

@@ -38,7 +38,8 @@ from .results.agreement import agreement, agreement_record, common, disagreement
 from .results.result import Result, run_figures
 from .run_record import run_identity, run_record
 from .running import Run
-from .system.model import System
+from .start_values import start_values
+from .system.model import System, Value
 from .units import Unit
 from .values import converted
 
@@ -192,7 +193,7 @@ class Simulation:
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)
         pacing = Pacing(chosen.real_time) if chosen.real_time is not None else None
-        system = self.system.with_parameters(chosen.set)
+        system = self._with_values({name: chosen.set[name] for name in options.get("set") or {}})
         algorithm = chosen.make_algorithm()
         assembly = self._assembly
         with called_as_in(self._unpacked):
@@ -358,6 +359,11 @@ class Simulation:
             if name in OF_THE_COMMAND:
                 raise CommandError(f"the option '{name}' is for the command line; use `save` of the result.")
         return self.options.updated(given)
+
+    def _with_values(self, values: Mapping[str, Value]) -> System:
+        """The system with further start values."""
+        interfaces = {name: file.interface for name, file in self._assembly.files.items()}
+        return self.system.with_parameters(start_values(self.system, interfaces, values))
 
     def _compile(self) -> None:
         """Compile the loop, or load what was compiled, so that no run has to wait for it."""

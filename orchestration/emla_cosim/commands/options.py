@@ -102,7 +102,7 @@ def _text_type(option: Option) -> Any:
         return str
     if origin is Sequence:
         return list[inner[0]]  # type: ignore[valid-type]
-    if option.about.takes is not None:
+    if option.about.takes is not None or option.about.unit:
         return str
     return next(t for t in (*inner, option.type) if t is not NoneType)
 

@@ -56,5 +56,7 @@ def _record(run: Path) -> Path:
 
 def _beside(record: Path) -> Path:
     """A folder beside that of a record, which is left as it is."""
-    folder = real_place(record).parent
+    folder = record.parent
+    if folder.name in ("", ".."):
+        folder = real_place(record).parent
     return folder.with_name(f"{folder.name}-again")
