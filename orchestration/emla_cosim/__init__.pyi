@@ -4,6 +4,8 @@ from .compare.result import CompareResult as CompareResult
 from .errors import CommandError as CommandError
 from .errors import CosimError as CosimError
 from .errors import RunError as RunError
+from .inputs.input import Column as Column
+from .inputs.input import Input as Input
 from .loading import load as load
 from .master.algorithms.algorithm import Algorithm as Algorithm
 from .master.algorithms.explicit import Explicit as Explicit

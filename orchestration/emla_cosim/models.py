@@ -136,18 +136,24 @@ def _alone(path: Path) -> Iterator[None]:
 def _recipe(model: str | type[Block], flavour: str) -> Recipe:
     if not isinstance(model, str):
         return Recipe.of(model, flavour)
+    return Recipe(MODELS[model](), flavour, producer("MIT"), _documents(model))
+
+
+def producer(license_name: str | None = None) -> Producer:
+    """Who makes our FMUs, and under which licence."""
     from importlib.metadata import version  # takes a while
 
-    producer = Producer("EMLA-Cosim fmublock", version("emla-cosim"), "MIT")
-    return Recipe(MODELS[model](), flavour, producer, _documents(model))
+    return Producer("EMLA-Cosim fmublock", version("emla-cosim"), license_name)
 
 
 def _documents(model: str) -> Documents:
-    root = documents_root()
-    return Documents(
-        readme=(root / "fmus" / model / "README.md").read_text(encoding="utf-8"),
-        license=(root / "LICENSE").read_text(encoding="utf-8"),
-    )
+    readme = documents_root() / "fmus" / model / "README.md"
+    return Documents(readme=readme.read_text(encoding="utf-8"), license=license_text())
+
+
+def license_text() -> str:
+    """The licence of our programs."""
+    return (documents_root() / "LICENSE").read_text(encoding="utf-8")
 
 
 def documents_root() -> Path:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import CommandError, listed
+from .inputs.input import Input
 from .master.algorithms.algorithm import Algorithm
 from .master.algorithms.registry import ALGORITHMS
 from .models import FLAVOURS, PLATFORMS
@@ -56,6 +57,11 @@ class Options:
         help="What becomes of a signal, from a time on (s), for a time; comma between several.",
         metavar="SIGNAL=KIND[:VALUE]@START[+DURATION]",
         parse=read_faults,
+    )
+    input: Sequence[Input] = _system(
+        [],
+        help="Data that drive signals, from CSV or Parquet (repeatable).",
+        metavar="FILE[:SIGNAL=COLUMN,...,end=repeat]",
     )
     controller: str | type | None = _system(
         takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.", commands=(RUN, EXPORT, SWEEP)
@@ -233,9 +239,7 @@ class Options:
                 found[replacement.mapping] = "the mapping"
         if self.trajectory is not None:
             found[self.trajectory] = "the trajectory"
-        for actuator in self.actuator.values():
-            if (file := actuator.file if isinstance(actuator, Entered) else actuator) is not None:
-                found[file] = "the actuator"
+        found |= {source.file: "the input" for source in self.input if source.file is not None}
         if isinstance(self.controller, str) and self.controller.lower().endswith(".fmu"):
             found[Path(self.controller)] = "the FMU"
         if self.reference is not None:

@@ -1,11 +1,14 @@
 """A system made ready to run or to export: FMUs built, parameter files applied, components replaced."""
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from .errors import CommandError
 from .files import read_file
 from .fmu.interface import Interface, read_interface, read_interfaces
+from .inputs.placing import Readable, data_end, with_inputs
 from .models import build
 from .options import Options
 from .progress import Progress
@@ -23,22 +26,48 @@ def prepared(system: System, options: Options, progress: Progress) -> tuple[Syst
     Begins a task of preparing that has one unit more, for what follows. Raises CommandError for
     what does not fit, RunError where FMUs cannot be built.
     """
+    tables = [Readable.of(source) for source in options.input]
     system, faults = with_components(system, options.fault)
     system.with_parameters(named_plainly(options.set))  # unknown names are found before anything is built
     replacements = options.replacements()
     for name in replacements:
         system.component(name)
     fmus = _fmu_files(system, options, progress)
-    looked_at = options.parameters or replacements or faults or need_interfaces(options.set)
-    interfaces = read_interfaces(fmus) if looked_at else {}
+    needed = options.parameters or replacements or faults or tables
+    interfaces = read_interfaces(fmus) if needed else {}
     system = _with_parameter_sets(system, options.parameters, interfaces)
-    system = with_faults(system, faults, interfaces)
-    system = system.with_parameters(start_values(system, interfaces, options.set))
+    if tables:
+        placed = with_inputs(system, tables, interfaces, options.platform)
+        system = placed.system
+        fmus |= placed.fmus
+        interfaces |= read_interfaces(placed.fmus)
+        for note in placed.notes:
+            progress.note(f"Note: {note}")
+    system = with_faults(system, faults, interfaces).with_parameters(options.set)
     for name, replacement in replacements.items():
         other = read_interface(replacement.fmu)
         system = _replaced(system, name, replacement, other, interfaces, progress)
         fmus[name], interfaces[name] = replacement.fmu, other
     return system, fmus
+
+
+def until_data_end(options: Options) -> Options:
+    """The options with a stop time no later than the end of data that stop the run.
+
+    Raises CommandError for data that cannot be read, or end before the run begins.
+    """
+    end = data_end(options.input)
+    if end is None or options.stop_time is None or options.stop_time <= end:
+        return options
+    start, stop = options.start_time or 0.0, end
+    if options.step_size is not None and options.error_tolerance is None:
+        steps = math.floor((end - start) / options.step_size * (1.0 + 1e-12) + 1e-9)
+        stop = float(f"{start + steps * options.step_size:.12g}")
+    if not stop > start:
+        raise CommandError(
+            f"the data end at t = {end:.9g} s, less than a step after the run begins at t = {start:.9g} s."
+        )
+    return replace(options, stop_time=stop)
 
 
 def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str, Path]:

@@ -24,8 +24,7 @@ from .master.stepping.pacing import Pacing
 from .master.stepping.stepping import ROUNDING, Stepping
 from .master.stepping.timing import Timing
 from .options import Options
-from .origin import Origin
-from .preparation import prepared
+from .preparation import prepared, until_data_end
 from .progress import Progress
 from .recorders.checkpoints import Checkpoints, resumable
 from .recorders.metrics import MetricsRecorder
@@ -48,6 +47,7 @@ PREPARED = (
     "replace",
     "mapping",
     "fault",
+    "input",
     "controller",
     "gains",
     "trajectory",
@@ -91,7 +91,7 @@ class Simulation:
         start values.
         """
         self.name = name
-        self.options = options or Options()
+        self.options = until_data_end(options or Options())
         self._unpacked, self._holds = unpacked, holds
         self._origin = origin or Origin()
         told = progress or Progress()

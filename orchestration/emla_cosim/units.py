@@ -5,6 +5,9 @@ from dataclasses import dataclass, replace
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 """SI base units in the order of `Unit.exponents`; the radian counts as one, as in FMI and SSP."""
 
+COLUMN_UNITS = "units"
+"""The entry of a Parquet file's metadata that has the units of its columns, as a JSON object."""
+
 
 @dataclass(frozen=True)
 class LinearTransformation:

@@ -59,11 +59,12 @@ def _record(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
         return value
     first, *more = fields(type_)
     if isinstance(value, str) and hasattr(type_, "of_text"):
-        return type_.of_text(value)
+        found = type_.of_text(value)
+        return found.within(folder) if folder is not None and hasattr(found, "within") else found
     if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number(first.type)):
         return type_(converted(value, first.type, label, folder))
     names = {f.name for f in (first, *more)}
-    needed = {f.name for f in (first, *more) if f.default is MISSING}
+    needed = {f.name for f in (first, *more) if f.default is MISSING and f.default_factory is MISSING}
     if not isinstance(value, Mapping) or set(value) - names or needed - set(value):
         plain = "a number" if _is_number(first.type) else "a text" if hasattr(type_, "of_text") else "a path"
         shown = {True: "...", False: '"..."'}

@@ -101,8 +101,8 @@ def _text_type(option: Option) -> Any:
     if option.about.parse is not None:
         return str
     if origin is Sequence:
-        return list[inner[0]]  # type: ignore[valid-type]
-    if option.about.takes is not None or option.about.unit:
+        return list[str if hasattr(inner[0], "of_text") else inner[0]]  # type: ignore[misc]
+    if option.about.takes is not None:
         return str
     return next(t for t in (*inner, option.type) if t is not NoneType)
 

@@ -11,14 +11,12 @@ import polars
 
 from ..arrays import Vector
 from ..files import written_whole
+from ..units import COLUMN_UNITS
 from .recorder import Outline
 from .table import Table
 
 PART = 2**22
 """Numbers in a part; so many are held in memory."""
-
-UNITS = "units"
-"""The entry of the file's metadata that has the units of its columns, as a JSON object."""
 
 _OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-\w+")
 """Names of files that a run leaves in the folder of parts."""
@@ -47,7 +45,9 @@ class ParquetFile(Table):
         """
         super().begin(outline, memory)
         units = {n: str(outline.units[i]) for n, i in zip(self.names[1:], outline.recorded, strict=True)}
-        self._metadata = {UNITS: json.dumps({"time": "s"} | {n: u for n, u in units.items() if u != "None"})}
+        self._metadata = {
+            COLUMN_UNITS: json.dumps({"time": "s"} | {n: u for n, u in units.items() if u != "None"})
+        }
         self._blocks: list[polars.DataFrame] = []
         self._held = self._count = self._rows = 0
         earlier = self._earlier(int(memory["kept"])) if memory is not None else None

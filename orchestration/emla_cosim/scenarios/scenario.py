@@ -8,8 +8,7 @@ from typing import Any
 from ..errors import called_as_in
 from ..experiment import run_times
 from ..options import Options
-from ..origin import Origin
-from ..preparation import prepared
+from ..preparation import prepared, until_data_end
 from ..progress import Progress
 from ..simulation import Simulation
 from ..ssp.writer.writing import Experiment, write_ssp
@@ -57,7 +56,7 @@ class Scenario:
         `nested` makes one system of all components with the same first part of their names. Raises
         CommandError for what does not fit, RunError where something cannot be built or written.
         """
-        chosen, told = self.options.updated(options), progress or Progress()
+        chosen, told = until_data_end(self.options.updated(options)), progress or Progress()
         times = run_times(chosen, self.name)
         experiment = Experiment(times.start, times.stop, times.step)
         with called_as_in(self.unpacked):

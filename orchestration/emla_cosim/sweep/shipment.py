@@ -17,7 +17,7 @@ from ..errors import CommandError, called_as_in
 from ..fmu.interface import Interface, read_interfaces
 from ..master.algorithms.registry import ALGORITHMS
 from ..options import Options
-from ..preparation import prepared
+from ..preparation import prepared, until_data_end
 from ..progress import Progress
 from ..recorders.metrics import METRICS
 from ..run_record import plain, system_identity
@@ -56,7 +56,7 @@ class Preparation:
     @classmethod
     def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
         """Build what is missing, and read what is there; raises as `Scenario.prepare`."""
-        options, told = scenario.options, progress or Progress()
+        options, told = until_data_end(scenario.options), progress or Progress()
         with called_as_in(scenario.unpacked):
             system, fmus = prepared(scenario.system, options, told)
             hashes = {path: _sha256(path) for path in dict.fromkeys(fmus.values())}

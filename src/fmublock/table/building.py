@@ -31,7 +31,8 @@ _PAGE = """# Data over time
 The outputs are what a table of measured or computed data says at the communication points. The numbers are in
 `resources/table.bin`; what is in that file stands in `sources/data.h` and `sources/resource.h`.
 
-{rows} rows from t = {first:.9g} s to t = {last:.9g} s. Before the first row its values hold. After the last row: {end}.
+{rows} rows from t = {first:.9g} s to t = {last:.9g} s. Before the first row its values hold.
+After the last row: {end}.
 
 | Output | Unit | Between rows | |
 |---|---|---|---|

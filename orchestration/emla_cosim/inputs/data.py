@@ -1,0 +1,270 @@
+"""Tables of numbers over time, as files and programs have them."""
+
+import csv
+import io
+import re
+import stat
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+
+from ..arrays import Vector
+from ..errors import CommandError, listed
+from ..files import read_file
+from .headers import Header, named_units
+from .input import Input
+
+_PARQUET = b"PAR1"
+_NUMBER = re.compile(r"\s*[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?\s*")
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?\s*")
+
+
+class Data:
+    """Columns of a table; `headers` are what they are called, `label` what sentences call the table."""
+
+    def __init__(self, label: str, names: Sequence[str], units: Mapping[str, str] | None = None) -> None:
+        self.label = label
+        self.headers = [Header.of(name, (units or {}).get(name)) for name in names]
+
+    def texts(self, position: int) -> polars.Series:
+        """A column as it stands in the source; of numbers, or of texts that should be some."""
+        raise NotImplementedError
+
+    def numbers(self, position: int) -> Vector:
+        """A column as finite numbers; CommandError that names row and column of whatever is none."""
+        found = self.texts(position)
+        if not (found.dtype.is_numeric() or found.dtype == polars.String):
+            raise self._wrong(position, f"is of the type {found.dtype}; it must be of numbers")
+        try:
+            numbers = found.cast(polars.Float64, strict=False)
+        except polars.exceptions.PolarsError as error:
+            raise self._wrong(position, "cannot be read as numbers") from error
+        bad = numbers.is_null() | ~numbers.is_finite()
+        if (row := bad.arg_max()) is not None and bad[row]:
+            raise self._bad(position, row, found[row])
+        return numbers.to_numpy()
+
+    def times(self, column: str | None) -> tuple[int, Vector]:
+        """The position of the column of times, and these in s; CommandError where they do not grow."""
+        position = self._time_column(column)
+        header = self.headers[position]
+        times = header.in_seconds(self.numbers(position), column, self.label)
+        if len(times) < 2:
+            raise CommandError(f"{self.label} has {len(times)} rows; it needs two.")
+        if (still := np.flatnonzero(~(np.diff(times) > 0.0))).size:
+            row = int(still[0]) + 1
+            raise CommandError(
+                f"{self.label} has the time {times[row]:.9g} s in row {row + 1}, after "
+                f"{times[row - 1]:.9g} s; times must grow.",
+                row=row + 1,
+            )
+        if not np.isfinite(times[-1] - times[0]):
+            raise CommandError(f"{self.label} has times that are too far apart.")
+        return position, times
+
+    def find(self, name: str) -> int | None:
+        """The position of the column of this whole header, or else of this name; None where there is none.
+
+        Raises CommandError where several have it.
+        """
+        for called in ([h.text for h in self.headers], [h.name for h in self.headers]):
+            found = [i for i, text in enumerate(called) if text == name]
+            if len(found) > 1:
+                raise CommandError(
+                    f"{self.label} has {len(found)} columns '{name}'; each needs its own name."
+                )
+            if found:
+                return found[0]
+        return None
+
+    def _time_column(self, column: str | None) -> int:
+        if column is not None:
+            wanted = Header.of(column)
+            for name in (column, wanted.name):
+                if (position := self.find(name)) is not None:
+                    return position
+            raise CommandError(f"{self.label} has no column '{column}'; it has {_few(self.headers)}.")
+        found = [i for i, h in enumerate(self.headers) if h.name.lower() in ("time", "t")]
+        if len(found) != 1:
+            raise CommandError(
+                f"{self.label} has {'no column' if not found else 'several columns'} called time or t, but "
+                f'{_few(self.headers)}; say which has the times, as in time = "seconds".'
+            )
+        return found[0]
+
+    def _bad(self, position: int, row: int, value: Any) -> CommandError:
+        what = "nothing" if value is None or str(value).strip() == "" else f"'{str(value)[:40]}'"
+        hint = ""
+        if row == 0 and isinstance(value, str) and not _NUMBER.fullmatch(value):
+            hint = " (a unit belongs into the header, as in 'Force [kN]')"
+        return CommandError(
+            f"{self.label} has {what} in row {row + 1} of the column '{self.headers[position].text}'; "
+            f"it must be a finite number{hint}.",
+            row=row + 1,
+            column=self.headers[position].text,
+        )
+
+    def _wrong(self, position: int, problem: str) -> CommandError:
+        return CommandError(f"the column '{self.headers[position].text}' of {self.label} {problem}.")
+
+
+def _few(headers: Sequence[Header]) -> str:
+    names = [f"'{h.name}'" for h in headers]
+    return listed(names if len(names) <= 8 else [*names[:8], f"{len(names) - 8} more"]) if names else "none"
+
+
+@dataclass(frozen=True)
+class _Form:
+    """How a text is made of fields."""
+
+    delimiter: str
+    decimal_comma: bool
+
+
+class CsvData(Data):
+    """A text of rows, the first one of names; the delimiter is the semicolon, the tab or the comma.
+
+    Where it is the semicolon or the tab, numbers may have a decimal comma. Lines that
+    begin with # are comments.
+    """
+
+    def __init__(self, label: str, content: bytes) -> None:
+        try:
+            content.decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise CommandError(f"{label} is not a text in UTF-8; save it as such.") from error
+        if b"\0" in content:
+            raise CommandError(f"{label} is no text; it must be CSV or Parquet.")
+        self._content = (
+            content.removeprefix(b"\xef\xbb\xbf").rstrip().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        )
+        header = self._header()
+        if not header.strip():
+            raise CommandError(f"{label} is empty.")
+        self._form = _Form(next((d for d in ";\t" if d in header), ","), False)
+        names = [name.strip() for name in next(csv.reader([header], delimiter=self._form.delimiter))]
+        if all(_NUMBER.fullmatch(name) for name in names):
+            raise CommandError(
+                f"{label} begins with numbers; its first row must have the names of the columns."
+            )
+        super().__init__(label, names)
+        first = next(csv.reader(islice(self._rows(), 1), delimiter=self._form.delimiter), [])
+        comma = self._form.delimiter != "," and any(_DECIMAL_COMMA.fullmatch(field) for field in first)
+        self._form = _Form(self._form.delimiter, comma)
+
+    def texts(self, position: int) -> polars.Series:
+        """A column of texts; CommandError where a row has more fields than the header."""
+        if not self._frame.width:
+            return polars.Series(dtype=polars.String)
+        found = self._frame[:, position]
+        return found.str.replace_all(",", ".", literal=True) if self._form.decimal_comma else found
+
+    @cached_property
+    def _frame(self) -> polars.DataFrame:
+        names = [f"column_{i}" for i in range(len(self.headers))]
+        try:
+            return polars.read_csv(
+                io.BytesIO(self._content[self._begin :]),
+                has_header=False,
+                schema=dict.fromkeys(names, polars.String),
+                separator=self._form.delimiter,
+                comment_prefix="#",
+            )
+        except polars.exceptions.NoDataError:
+            return polars.DataFrame(schema=dict.fromkeys(names, polars.String))
+        except polars.exceptions.PolarsError as error:
+            raise CommandError(f"{self.label} {self._reason()}.") from error
+
+    def _reason(self) -> str:
+        """Why it cannot be read as a table."""
+        width = len(self.headers)
+        for number, row in enumerate(csv.reader(self._rows(), delimiter=self._form.delimiter)):
+            if len(row) > width:
+                return f"has {len(row)} fields in row {number + 1}, but its header has {width}"
+        return "cannot be read as a table"
+
+    def _header(self) -> str:
+        """The first line that is neither blank nor a comment; `_begin` is what follows it."""
+        self._begin, end = 0, 0
+        while end < len(self._content):
+            self._begin = end
+            end = self._content.find(b"\n", self._begin)
+            end = len(self._content) if end < 0 else end + 1
+            line = self._content[self._begin : end].strip()
+            if line and not line.startswith(b"#"):
+                self._begin = end
+                return line.decode()
+        return ""
+
+    def _rows(self) -> Any:
+        lines = io.StringIO(self._content[self._begin :].decode())
+        return (line for line in lines if line.strip() and not line.startswith("#"))
+
+
+class ParquetData(Data):
+    """A Parquet file; its metadata may have the units of its columns, as results.parquet has."""
+
+    def __init__(self, label: str, content: bytes) -> None:
+        self._content = content
+        try:
+            names = list(polars.read_parquet_schema(io.BytesIO(content)))
+            metadata = polars.read_parquet_metadata(io.BytesIO(content))
+        except Exception as error:  # polars has many kinds
+            raise CommandError(f"{label} is not a Parquet file that can be read.") from error
+        super().__init__(label, names, named_units(metadata))
+        self._names = names
+
+    def texts(self, position: int) -> polars.Series:
+        """A column; CommandError where the file is damaged there."""
+        try:
+            return polars.read_parquet(io.BytesIO(self._content), columns=[position]).to_series()
+        except Exception as error:  # polars has many kinds
+            raise self._wrong(position, "cannot be read") from error
+
+
+class FrameData(Data):
+    """Columns that a program has: a frame of polars or pandas, or a mapping of names to arrays."""
+
+    def __init__(self, label: str, frame: Any) -> None:
+        names = list(frame) if isinstance(frame, Mapping) else list(frame.columns)
+        if wrong := [name for name in names if not isinstance(name, str)]:
+            raise CommandError(f"{label} has a column called {wrong[0]!r}; names must be texts.")
+        super().__init__(label, names)
+        self._frame, self._names = frame, names
+
+    def texts(self, position: int) -> polars.Series:
+        """A column; CommandError for what is no list of numbers."""
+        try:
+            values = np.asarray(self._frame[self._names[position]], dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise self._wrong(position, "must be of numbers") from error
+        if values.ndim != 1:
+            raise self._wrong(position, "must have one number in a row")
+        return polars.Series(values)
+
+
+def read_data(source: Input) -> Data:
+    """The table of an input; CommandError, one sentence, for whatever is wrong with its file."""
+    if source.file is None:
+        return FrameData(str(source), source.data)
+    _check_kind(source.file, str(source))
+    content = read_file(source.file, "the input")
+    if content.startswith(_PARQUET) or source.file.suffix.lower() == ".parquet":
+        return ParquetData(str(source), content)
+    return CsvData(str(source), content)
+
+
+def _check_kind(file: Path, label: str) -> None:
+    """Raise CommandError for what is there but no file: a pipe would keep everybody waiting."""
+    try:
+        kind = stat.S_IFMT(file.stat().st_mode)
+    except (OSError, ValueError):
+        return  # who reads it says what is wrong
+    if kind not in (stat.S_IFREG, stat.S_IFDIR, stat.S_IFCHR, stat.S_IFBLK):
+        raise CommandError(f"{label} cannot be read: it is no file.")

@@ -1,0 +1,123 @@
+"""What drives signals from data, as people write it."""
+
+import dataclasses
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fmublock.table import ENDS, INTERPOLATIONS
+
+from ..errors import CommandError, check_choice
+
+_FILE = re.compile(r"(?P<file>.+?\.(?:csv|tsv|txt|dat|parquet))(?::(?P<rest>.*))?", re.IGNORECASE | re.DOTALL)
+_SETTINGS = ("time", "interpolation", "end")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column by its name, with the unit that is declared for it, and the order of its derivative.
+
+    The name may have the unit behind it, "Force [kN]", and be that of a derivative, "der(x [mm])". Without
+    a unit in either place the values are in that of the signal.
+    """
+
+    column: str
+    unit: str | None = None
+    derivative: int = 0
+
+    def __post_init__(self) -> None:
+        if self.derivative not in (0, 1, 2):
+            raise CommandError(
+                f"the column '{self.column}' is asked for its derivative of order {self.derivative}; "
+                "it must be 0, 1 or 2."
+            )
+
+    @classmethod
+    def of_text(cls, text: str) -> "Column":
+        """A column by its name alone."""
+        return cls(text)
+
+    def __str__(self) -> str:
+        unit = f" [{self.unit}]" if self.unit is not None else ""
+        return "der(" * self.derivative + self.column + unit + ")" * self.derivative
+
+
+@dataclass(frozen=True)
+class Input:
+    """Data over time that drive signals.
+
+    The data are a `file` (CSV or Parquet), or in Python `data`: a frame of polars or pandas, or a mapping
+    of names to arrays. `signals` says by full name which column drives what; without it, and for what
+    `columns` has patterns of, columns drive the signals that they are called after. `time` is the column of
+    times, without it the one called time or t; in s unless it says otherwise. `interpolation` is what is
+    between rows: held (the value of the row before), linear, or cubic (a spline). `end` is what follows the
+    last row: hold its values, repeat from the first row, or stop the run. Before the first row its values
+    hold.
+    """
+
+    file: Path | None = None
+    signals: Mapping[str, Column] = field(default_factory=dict)
+    columns: Sequence[str] = ()
+    time: str | None = None
+    interpolation: str = "linear"
+    end: str = "hold"
+    data: Any = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        """Raise CommandError for what makes no sense."""
+        if self.file is not None:
+            object.__setattr__(self, "file", Path(self.file))
+        if (self.file is None) == (self.data is None):
+            raise CommandError("an input needs a file, or in Python data; it can have one of them.")
+        if self.data is not None and not (isinstance(self.data, Mapping) or hasattr(self.data, "columns")):
+            raise CommandError("the data of an input must be a frame, or a mapping of names to arrays.")
+        signals = {s: c if isinstance(c, Column) else Column(str(c)) for s, c in self.signals.items()}
+        object.__setattr__(self, "signals", signals)
+        check_choice("interpolation", self.interpolation, INTERPOLATIONS)
+        check_choice("end of an input", self.end, ENDS)
+
+    @classmethod
+    def of_text(cls, text: str) -> "Input":
+        """FILE, or FILE:SIGNAL=COLUMN,...,end=repeat as the command line has it. Raises CommandError."""
+        found = _FILE.fullmatch(text.strip())
+        if found is None or not found["rest"]:
+            return cls(Path(found["file"] if found is not None else text.strip()))
+        settings: dict[str, str] = {}
+        signals: dict[str, Column] = {}
+        columns = []
+        for part in found["rest"].split(","):
+            name, equals, value = (x.strip() for x in part.partition("="))
+            if not name or (equals and not value):
+                raise CommandError(
+                    f"the input '{text}' cannot be read; write FILE:SIGNAL=COLUMN,...,end=repeat, such as "
+                    "measured.csv:lift.disturbance.F_L=Force."
+                )
+            if not equals:
+                columns.append(name)
+            elif name in _SETTINGS:
+                settings[name] = value
+            else:
+                signals[name] = Column(value)
+        return cls(Path(found["file"]), signals, columns, **settings)
+
+    def within(self, folder: Path) -> "Input":
+        """With a path that is relative to a folder."""
+        return self if self.file is None else dataclasses.replace(self, file=folder / self.file)
+
+    def __str__(self) -> str:
+        return f"the input '{self.file}'" if self.file is not None else "the input of data"
+
+    def record(self) -> dict[str, Any]:
+        """What run.json says of it, with the hash of the file; None in its place where it cannot be read."""
+        told = {"signals": {s: str(c) for s, c in self.signals.items()}, "columns": list(self.columns)}
+        told |= {name: getattr(self, name) for name in _SETTINGS}
+        if self.file is None:
+            return {"data": "given in Python", **told}
+        try:
+            digest = hashlib.sha256(self.file.read_bytes()).hexdigest()
+        except OSError:
+            digest = None
+        return {"file": str(self.file), "sha256": digest, **told}

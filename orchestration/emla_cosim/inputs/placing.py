@@ -1,0 +1,192 @@
+"""Tables put into a system: their FMUs, and the connections from them."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+from fmublock.errors import BuildError
+from fmublock.table import Column, DataUnit, Shown, Table, build_table
+
+from ..arrays import Vector
+from ..errors import RunError
+from ..files import CacheError, temporary_folder
+from ..fmu.interface import Interface
+from ..models import license_text, producer
+from ..system.model import Component, Connection, System
+from ..units import BASE_UNITS, Unit
+from .data import Data, read_data
+from .input import Input
+from .wanted import Wanted, check_once, wanted
+
+NAME = "input"
+"""What the component of a table is called; a second one is input_2."""
+
+
+@dataclass(frozen=True)
+class Readable:
+    """An input whose data were read."""
+
+    source: Input
+    data: Data
+    time: int
+    times: Vector
+
+    @classmethod
+    def of(cls, source: Input) -> "Readable":
+        """Read the data of an input; CommandError for whatever is wrong with it."""
+        data = read_data(source)
+        return cls(source, data, *data.times(source.time))
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A system in which tables drive signals, their FMUs by component, and sentences worth knowing."""
+
+    system: System
+    fmus: Mapping[str, Path]
+    notes: Sequence[str]
+
+
+def with_inputs(
+    system: System, tables: Sequence[Readable], interfaces: Mapping[str, Interface], platforms: Sequence[str]
+) -> Placed:
+    """The system with tables in it.
+
+    What drove an input before goes. Who reads an output that a table drives reads the table; where it
+    drives every output of a component that somebody reads, it takes the place of the component. Raises
+    CommandError for what does not fit, RunError where an FMU cannot be built.
+    """
+    found = [wanted(t.source, t.data, t.time, system, interfaces) for t in tables]
+    check_once([one for driven, _ in found for one in driven])
+    fmus, notes = dict[str, Path](), list[str]()
+    for table, (driven, idle) in zip(tables, found, strict=True):
+        if idle:
+            more = f" and {len(idle) - 8} more" if len(idle) > 8 else ""
+            notes.append(f"{table.source} has columns that drive nothing: {', '.join(idle[:8])}{more}.")
+        places, rest = _places(system, driven)
+        for name, part in places.items():
+            fmus[name] = _built(table, [(one, one.variable) for one in part], platforms)
+            system = _in_place(system, name, fmus[name])
+        if rest:
+            name = _free_name(system)
+            fmus[name] = _built(table, [(one, one.signal) for one in rest], platforms)
+            system = _beside(system, name, fmus[name], rest)
+            notes += _partly(system, rest)
+    return Placed(system, fmus, notes)
+
+
+def _places(system: System, driven: Sequence[Wanted]) -> tuple[dict[str, list[Wanted]], list[Wanted]]:
+    """What takes the place of whole components, by their names, and the rest."""
+    outputs: dict[str, list[Wanted]] = {}
+    for one in driven:
+        if one.output:
+            outputs.setdefault(one.component, []).append(one)
+    whole = {
+        name: part
+        for name, part in outputs.items()
+        if {x.output for x in system.connections if x.source == name} <= {one.variable for one in part}
+    }
+    return whole, [one for one in driven if not (one.output and one.component in whole)]
+
+
+def _in_place(system: System, name: str, fmu: Path) -> System:
+    """A table instead of a component: nothing drives it, and it has no start values."""
+    changed = replace(system.component(name), model="", fmu=fmu, parameters={}, aliases={})
+    kept = tuple(x for x in system.connections if x.target != name)
+    return replace(system.with_component(changed), connections=kept)
+
+
+def _beside(system: System, name: str, fmu: Path, driven: Sequence[Wanted]) -> System:
+    """A table as a component of its own."""
+    outputs = {(one.component, one.variable): one.signal for one in driven if one.output}
+    inputs = {(one.component, one.variable): one.signal for one in driven if not one.output}
+    connections = [
+        replace(x, source=name, output=outputs[x.ends[0]]) if x.ends[0] in outputs else x
+        for x in system.connections
+        if x.ends[1] not in inputs
+    ]
+    connections += [Connection(name, signal, *end) for end, signal in inputs.items()]
+    components = [_without(c, [end[1] for end in inputs if end[0] == c.name]) for c in system.components]
+    return System((Component(name, fmu=fmu), *components), tuple(connections))
+
+
+def _without(component: Component, driven: Iterable[str]) -> Component:
+    """A component without start values of inputs that are driven now."""
+    gone = set(driven)
+    kept = {n: v for n, v in component.parameters.items() if component.alias(n).variable not in gone}
+    return replace(component, parameters=kept)
+
+
+def _partly(system: System, driven: Sequence[Wanted]) -> list[str]:
+    """Who goes on computing what nobody reads any more."""
+    return [
+        f"{one.component} goes on computing {one.signal} under that name, but nobody reads it; what the data "
+        "say is read instead."
+        for one in driven
+        if one.output
+    ]
+
+
+def _free_name(system: System) -> str:
+    taken, number = {c.name for c in system.components}, 2
+    taken |= {c.branch for c in system.components}
+    name = NAME
+    while name in taken:
+        name, number = f"{NAME}_{number}", number + 1
+    return name
+
+
+def _built(table: Readable, driven: Sequence[tuple[Wanted, str]], platforms: Sequence[str]) -> Path:
+    """The FMU of what is driven, each with the name of its output."""
+    positions = list(dict.fromkeys(one.column for one, _ in driven))
+    columns = [Column(table.data.numbers(p), table.source.interpolation) for p in positions]
+    shown = [
+        Shown(
+            name,
+            positions.index(one.column),
+            one.order,
+            one.transformation.factor,
+            one.transformation.offset,
+            _unit(one.unit),
+            f"Column '{table.data.headers[one.column].text}'",
+        )
+        for one, name in driven
+    ]
+    content = Table(table.times, columns, shown, table.source.end)
+    digest = sha256(repr((shown, table.source.end, table.source.interpolation, sorted(platforms))).encode())
+    for numbers in (table.times, *(c.values for c in columns)):
+        digest.update(numbers.tobytes())
+    path = _folder() / digest.hexdigest()[:24] / "DataTable.fmu"
+    if path.is_file():
+        return path
+    try:
+        return build_table(content, path, platforms, producer(), license_text())
+    except (BuildError, CacheError) as error:
+        raise RunError(f"the FMU of {table.source} could not be built: {error}") from error
+
+
+def _unit(unit: Unit | None) -> DataUnit | None:
+    if unit is None:
+        return None
+    exponents: dict[str, int] | None = None
+    if unit.exponents is not None:
+        exponents = dict(zip(BASE_UNITS, unit.exponents, strict=True))
+    return DataUnit(unit.name, exponents, unit.factor, unit.offset)
+
+
+_held = ExitStack()
+
+
+@cache
+def _folder() -> Path:
+    """Where the FMUs of tables lie as long as this process lives."""
+    return _held.enter_context(temporary_folder("emla-tables-"))
+
+
+def data_end(sources: Sequence[Input]) -> float | None:
+    """When the first of the data ends that ask to stop the run, in s; None where none do."""
+    ends = [float(Readable.of(s).times[-1]) for s in sources if s.end == "stop"]
+    return min(ends, default=None)
