@@ -4,8 +4,12 @@ from .compare.result import CompareResult as CompareResult
 from .errors import CommandError as CommandError
 from .errors import CosimError as CosimError
 from .errors import RunError as RunError
-from .inputs.input import Column as Column
-from .inputs.input import Input as Input
+from .info.informing import info as info
+from .info.parts import ComponentInfo as ComponentInfo
+from .info.parts import ConnectionInfo as ConnectionInfo
+from .info.parts import FmuInfo as FmuInfo
+from .info.parts import VariableInfo as VariableInfo
+from .info.told import Info as Info
 from .loading import load as load
 from .master.algorithms.algorithm import Algorithm as Algorithm
 from .master.algorithms.explicit import Explicit as Explicit

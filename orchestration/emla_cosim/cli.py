@@ -12,6 +12,7 @@ from typer.core import TyperCommand, TyperGroup
 COMMANDS = {
     "build": "Build FMUs.",
     "list": "List scenarios, plans of sweeps, models and what else can be chosen.",
+    "info": "Tell what an FMU, an SSP or a scenario is made of: variables, and what can be set.",
     "run": "Run a scenario: progress, a table of results, and an output folder with data and plots.",
     "rerun": "Repeat a run from its run.json, and say what is not as it was.",
     "sweep": "Run many variants of a scenario side by side: grids, Monte Carlo, sensitivities.",
@@ -47,7 +48,7 @@ def _complete(module: Any, args: list[str]) -> list[str]:
         return args
     from .commands.options import with_values
 
-    return with_values(args, taken)
+    return with_values(args, taken, getattr(module, "ALONE", {}))
 
 
 def _ready(module: Any) -> Any:

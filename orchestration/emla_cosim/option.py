@@ -12,7 +12,7 @@ from .errors import CommandError, check_choice
 SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
 """What options are about; the command line's help shows them in these groups."""
 
-RUN, EXPORT, SWEEP, COMPARE = "run", "export", "sweep", "compare"
+RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
 """Commands that take options."""
 
 

@@ -17,9 +17,7 @@ from .inputs.input import Input
 from .master.algorithms.algorithm import Algorithm
 from .master.algorithms.registry import ALGORITHMS
 from .models import FLAVOURS, PLATFORMS
-from .option import COMPARE, EXPORT, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
-from .patterns import fits, has_wildcard
-from .quantities import quantity, unit_named
+from .option import COMPARE, EXPORT, INFO, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
 from .system.fault import Fault, read_faults
@@ -27,7 +25,7 @@ from .system.model import Replacement, Value
 from .tubes.tolerance import Tolerance, read_tolerances
 from .values import converted
 
-ALL = (RUN, EXPORT, SWEEP, COMPARE)
+ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO)
 _system = partial(option, group=SYSTEM, commands=ALL)
 _stepping = partial(option, group=STEPPING)
 _output = partial(option, group=OUTPUT)
@@ -64,10 +62,10 @@ class Options:
         metavar="FILE[:SIGNAL=COLUMN,...,end=repeat]",
     )
     controller: str | type | None = _system(
-        takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.", commands=(RUN, EXPORT, SWEEP)
+        takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.", commands=(RUN, EXPORT, SWEEP, INFO)
     )
     gains: str | None = _system(
-        help="Gains of controller and observer; `emla list` shows which.", commands=(RUN, EXPORT, SWEEP)
+        help="Gains of controller and observer; `emla list` shows which.", commands=(RUN, EXPORT, SWEEP, INFO)
     )
     trajectory: Path | None = _system(
         help="Trajectory of the manipulator, as `emla trajectory` writes it.",

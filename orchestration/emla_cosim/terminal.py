@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
@@ -37,14 +37,36 @@ class _Stderr:
 _MOST_SIGNALS = 10
 """That left their tubes: so many have a row."""
 
+_UNFOLDED = 10_000
+"""Columns that no table needs."""
+
 OUT, ERR = Console(), Console(file=cast(IO[str], _Stderr()))
 """Results go to standard output, progress and errors to standard error."""
 
 
 def show(shown: RenderableType, **how: Any) -> None:
     """Put something out; CosimError where standard output cannot be written."""
-    try:
+    with _written():
         OUT.print(shown, **how)
+
+
+def show_table(table: Table) -> None:
+    """Put a table out: as wide as the terminal, and where there is none so wide that nothing is folded."""
+    with _written():
+        (OUT if OUT.is_terminal else Console(width=_UNFOLDED)).print(table)
+
+
+def put_out(text: str) -> None:
+    """Put out a text for programs, to the letter; CosimError where standard output cannot be written."""
+    with _written():
+        OUT.file.write(text)
+        OUT.file.flush()
+
+
+@contextmanager
+def _written() -> Iterator[None]:
+    try:
+        yield
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise CosimError(f"the standard output cannot be written: {reason}.") from error

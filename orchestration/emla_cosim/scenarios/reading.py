@@ -44,12 +44,11 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     if name in SCENARIOS:
         return _of_file(built_in(name), name, given, Origin(name))
     if path.suffix.lower() == ".toml":
-        text = read_text(path, "the scenario")
-        read = parse_scenario(text, str(path), path.parent)
-        return _of_file(read, path.stem, given, of_file(path, text.encode()))
-    if path.suffix.lower() == ".json":
-        recorded = recorded_run(path, given)
-        return load_scenario(recorded.source, recorded.with_options(given))
+        read = parse_scenario(read_text(path, "the scenario"), str(path), path.parent)
+        return _of_file(read, path.stem, given)
+    read = ScenarioFile("", "", {}, str(path), Path())
+    if is_fmu(path):
+        return _of_fmu(path, None, read, given)
     if _is_ssp(path):
         return _of_ssp(path, None, ScenarioFile("", "", {}, str(path), Path()), given, _of_package(path))
     raise CommandError(
@@ -64,7 +63,7 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Or
     """The scenario of a file: its system, and the options of the usual one, of the file, and given."""
     if read.system not in SYSTEMS:
         file = read.folder / read.system
-        if _is_fmu(file):
+        if is_fmu(file):
             return _of_fmu(file, name, read, given)
         if not _is_ssp(file):
             raise CommandError(
@@ -164,7 +163,7 @@ class Held:
         self._finalizer = weakref.finalize(self, self.stack.close)
 
 
-def _is_fmu(path: Path) -> bool:
+def is_fmu(path: Path) -> bool:
     """Whether a path means an FMU; PACKAGE.ssp#x.fmu would be a variant of a package."""
     return path.suffix.lower() == _FMU and not _is_folder(path) and (_is_file(path) or not _is_ssp(path))
 

@@ -36,13 +36,10 @@ A number that is infinite or not a number is null. Verdicts are passed, warning,
 """
 
 import json
-import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from ..report.plain import plain
 from ..report.writing import write_text
 from ..tubes.comparison import Comparison
 from .verdict import Verdict
@@ -56,7 +53,7 @@ VERSION = 1
 
 def as_dict(report: "Report") -> dict[str, Any]:
     """The report as nothing but dictionaries, lists, texts, numbers that are finite, booleans and None."""
-    return _plain(
+    return plain(
         {
             "format": "emla-verify",
             "version": VERSION,
@@ -114,23 +111,3 @@ def _comparison(one: Comparison) -> dict[str, Any]:
         "left_at": one.left_at,
         "tube": {"value": one.tube.value, "time": one.tube.time},
     }
-
-
-def _plain(value: Any) -> Any:
-    """The same as JSON has it; what JSON has not, as text."""
-    if isinstance(value, (np.ndarray, np.generic)):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {_text(str(name)): _plain(inner) for name, inner in value.items()}
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if value is None or isinstance(value, (bool, int)):
-        return value
-    return _text(str(value))
-
-
-def _text(text: str) -> str:
-    """Without halves of characters, as names of files may have them, which are not Unicode."""
-    return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")

@@ -1,0 +1,130 @@
+"""The variables of a component as rows, with the values they start from and what they are connected to."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fmpy.model_description import ModelVariable
+
+from ..fmu.interface import Interface
+from ..fmu.variables import typed_values
+from ..system.model import Alias, Component
+from ..system.resolution import in_fmu_terms
+from ..units import IDENTITY, LinearTransformation
+from .parts import Start, VariableInfo
+
+End = tuple[str, str]
+"""Component and the FMU's name of a variable, as in connections."""
+
+
+@dataclass(frozen=True)
+class Wires:
+    """What drives an input, and what an output drives, by their ends."""
+
+    drivers: Mapping[End, End]
+    readers: Mapping[End, Sequence[End]]
+    names: Mapping[End, str]
+    """What the system calls those that it has another name for."""
+
+    def name(self, end: End) -> str:
+        """The full name of a variable."""
+        return self.names.get(end, f"{end[0]}.{end[1]}")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of a component; where its FMU is not `runnable`, nothing of it can be set."""
+
+    component: Component
+    interface: Interface
+    wires: Wires
+    runnable: bool = True
+
+    def all(self) -> list[VariableInfo]:
+        """A row for each variable, as the FMU lists them.
+
+        Raises CommandError for a start value that cannot be set.
+        """
+        given = in_fmu_terms(self.component).parameters
+        values = {v.name: x for v, x in typed_values(self.component.name, self.interface, given)}
+        known = names_in(self.component)
+        return [
+            self._row(variable, *known.get(name, (name, Alias(name))), values.get(name))
+            for name, variable in self.interface.variables.items()
+        ]
+
+    def _row(self, variable: ModelVariable, name: str, alias: Alias, value: Any) -> VariableInfo:
+        end = self.component.name, alias.variable
+        default = _default(variable)
+        back = IDENTITY if alias.transformation == IDENTITY else alias.transformation.inverse()
+        limits = [_limit(variable, side, back) for side in ("min", "max")]
+        low, high = reversed(limits) if back.factor < 0.0 else limits
+        driver = self.wires.drivers.get(end)
+        unit = alias.unit or self.interface.unit(alias.variable)
+        return VariableInfo(
+            name=f"{self.component.name}.{name}",
+            component=self.component.name,
+            fmu_name=alias.variable,
+            causality=str(variable.causality),
+            variability=str(variable.variability),
+            type=str(variable.type),
+            unit=None if unit is None else unit.name,
+            start=_shown(variable, default if value is None else value, back),
+            default=_shown(variable, default, back),
+            minimum=low,
+            maximum=high,
+            choices=tuple(_literals(variable).values()),
+            description=" ".join(str(variable.description or "").split()),
+            driven_by=None if driver is None else self.wires.name(driver),
+            read_by=tuple(self.wires.name(reader) for reader in self.wires.readers.get(end, ())),
+            settable=self.runnable and driver is None and self.interface.settable(alias.variable),
+        )
+
+
+def names_in(component: Component) -> dict[str, tuple[str, Alias]]:
+    """What the system calls the FMU's variables that it has by another name or unit."""
+    return {a.variable: (n, a) for n, a in component.aliases.items() if a.transformation.factor != 0.0}
+
+
+def _default(variable: ModelVariable) -> Any:
+    """The FMU's own start value, as its type; as text where it is no such value."""
+    text = variable.start
+    if text is None:
+        return None
+    try:
+        if variable.type in ("Real", "Float64", "Float32"):
+            return float(text)
+        if variable.type in ("Integer", "Enumeration") or "Int" in str(variable.type):
+            return int(text)
+    except ValueError:  # such as an array
+        return str(text)
+    return str(text) in ("true", "1") if variable.type == "Boolean" else str(text)
+
+
+def _shown(variable: ModelVariable, value: Any, back: LinearTransformation) -> Start | None:
+    """A value of the FMU as the system has it."""
+    if variable.type == "Enumeration":
+        return _literals(variable).get(value, value)
+    return back(value) if isinstance(value, float) and back != IDENTITY else value
+
+
+def _literals(variable: ModelVariable) -> dict[int, str]:
+    """The names of an enumeration's values."""
+    declared = variable.declaredType
+    items = declared.items if variable.type == "Enumeration" and declared is not None else None
+    return {int(str(item.value)): str(item.name) for item in items or ()}
+
+
+def _limit(variable: ModelVariable, name: str, back: LinearTransformation) -> float | None:
+    """The lowest or highest value of a number as the system has it; None where there is no such end."""
+    text = getattr(variable, name)
+    if text is None and variable.declaredType is not None:
+        text = getattr(variable.declaredType, name, None)
+    if text is None or variable.type == "Enumeration":
+        return None
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return back(number) if math.isfinite(number) else None
