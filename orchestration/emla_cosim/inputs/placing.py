@@ -1,5 +1,6 @@
 """Tables put into a system: their FMUs, and the connections from them."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from .data import Data, read_data
 from .input import Input
 from .wanted import Wanted, check_once, wanted
 
+_OWN_NAME = re.compile(r"input(?:_\d+)?")
 NAME = "input"
 """What the component of a table is called; a second one is input_2."""
 
@@ -66,6 +68,10 @@ def with_inputs(
         if idle:
             more = f" and {len(idle) - 8} more" if len(idle) > 8 else ""
             notes.append(f"{table.source} has columns that drive nothing: {', '.join(idle[:8])}{more}.")
+        if table.source.end == "stop":
+            notes.append(
+                f"the run stops where the data of {table.source} end, at t = {table.times[-1]:.9g} s."
+            )
         places, rest = _places(system, driven)
         for name, part in places.items():
             fmus[name] = _built(table, [(one, one.variable) for one in part], platforms)
@@ -74,7 +80,7 @@ def with_inputs(
             name = _free_name(system)
             fmus[name] = _built(table, [(one, one.signal) for one in rest], platforms)
             system = _beside(system, name, fmus[name], rest)
-            notes += _partly(system, rest)
+            notes += _partly(name, rest)
     return Placed(system, fmus, notes)
 
 
@@ -120,14 +126,21 @@ def _without(component: Component, driven: Iterable[str]) -> Component:
     return replace(component, parameters=kept)
 
 
-def _partly(system: System, driven: Sequence[Wanted]) -> list[str]:
+def _partly(name: str, driven: Sequence[Wanted]) -> list[str]:
     """Who goes on computing what nobody reads any more."""
     return [
-        f"{one.component} goes on computing {one.signal} under that name, but nobody reads it; what the data "
-        "say is read instead."
+        f"{one.component} goes on computing {one.signal}, but nobody reads it: {name}.{one.signal} has the "
+        "data that are read instead."
         for one in driven
         if one.output
     ]
+
+
+def data_of(signal: str, names: Iterable[str]) -> str:
+    """The name, one of these, under which data are read in the place of a signal; else the signal's own."""
+    ends = f".{signal}"
+    named = (n for n in names if n.endswith(ends) and _OWN_NAME.fullmatch(n.removesuffix(ends)))
+    return next(named, signal)
 
 
 def _free_name(system: System) -> str:

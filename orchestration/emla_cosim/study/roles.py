@@ -8,6 +8,8 @@ from collections.abc import Collection, Iterable
 
 from hdrm_fmu.trajectory import JOINTS
 
+from ..inputs.placing import data_of
+
 _PLACES: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),
     "v_L": ("{joint}.plant.v_L", "machine.plant.v_L[{element}]"),
@@ -42,8 +44,12 @@ _PLACES: dict[str, tuple[str, ...]] = {
 
 
 def variable(joint: str, role: str, names: Collection[str]) -> str | None:
-    """The full name of what plays a role for a joint, one of `names`; None where nothing does."""
-    return next((name for name in _names(joint, _PLACES[role]) if name in names), None)
+    """The full name of what plays a role for a joint, one of `names`; None where nothing does.
+
+    Where data are read in its place, it is theirs.
+    """
+    found = next((name for name in _names(joint, _PLACES[role]) if name in names), None)
+    return None if found is None else data_of(found, names)
 
 
 def tracked(names: Collection[str]) -> dict[str, tuple[str, str]]:
