@@ -1,0 +1,280 @@
+"""FMUs of data over time: what they say between the rows, before and after them, and to a host."""
+
+import shutil
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Slave, fmi2Discard, fmi2Terminated
+from fmpy.validation import validate_fmu
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from emla_cosim import Verdict, verify
+from fmublock.errors import BuildError
+from fmublock.table import ENDS, MOST_OUTPUTS, Column, DataUnit, Shown, Table, build_table
+
+Array = NDArray[np.float64]
+
+NEWTON = DataUnit("kN", {"kg": 1, "m": 1, "s": -2}, 1e3)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def own_cache(user_cache: dict[str, str]) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in user_cache.items():
+            patch.setenv(name, value)
+        yield
+
+
+def a_table(times: Array, values: Array, end: str = "hold") -> Table:
+    """One column in every way of interpolation, and the derivatives of the cubic one."""
+    columns = [Column(values, kind) for kind in ("held", "linear", "cubic")]
+    shown = [
+        Shown("held", 0),
+        Shown("linear", 1),
+        Shown("cubic", 2),
+        Shown("rate", 2, 1),
+        Shown("bend", 2, 2),
+    ]
+    return Table(times, columns, shown, end)
+
+
+class Stepped:
+    """An instance of a table's FMU, and its outputs by name."""
+
+    def __init__(self, path: Path, folder: Path, start: float = 0.0) -> None:
+        description = fmpy.read_model_description(str(path))
+        fmpy.extract(str(path), str(folder))
+        self.names = {v.name: v.valueReference for v in description.modelVariables}
+        self.fmu = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="table",
+        )
+        self.fmu.instantiate()
+        self.begin(start)
+
+    def begin(self, start: float) -> None:
+        self.fmu.setupExperiment(startTime=start)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def __getitem__(self, name: str) -> float:
+        return self.fmu.getReal([self.names[name]])[0]
+
+    def close(self) -> None:
+        self.fmu.terminate()
+        self.fmu.freeInstance()
+
+
+def outputs(table: Table, folder: Path, start: float, step: float, count: int) -> dict[str, Array]:
+    """All outputs at the communication points."""
+    shutil.rmtree(folder / "unpacked", ignore_errors=True)
+    stepped = Stepped(build_table(table, folder / "table.fmu"), folder / "unpacked", start)
+    rows = []
+    for k in range(count + 1):
+        rows.append([stepped[name] for name in stepped.names])
+        if k < count:
+            stepped.fmu.doStep(start + k * step, step)
+    stepped.close()
+    return dict(zip(stepped.names, np.array(rows).T, strict=True))
+
+
+increasing = st.lists(st.integers(1, 400), min_size=1, max_size=12).map(
+    lambda gaps: np.cumsum([0, *gaps]) * 0.01
+)
+
+
+@settings(max_examples=25)
+@given(data=st.data(), times=increasing, shift=st.sampled_from([0.0, -1.37, 0.5]))
+def test_values_between_rows_are_those_of_numpy_and_scipy(
+    data: st.DataObject, times: Array, shift: float, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    times = times + shift
+    numbers = st.floats(-1e3, 1e3)
+    values = np.array(data.draw(st.lists(numbers, min_size=len(times), max_size=len(times))))
+    step = data.draw(st.sampled_from([0.01, 0.013, 0.25, 1.0]))
+    count = int((times[-1] + 1.0) / step) + 1
+    found = outputs(a_table(times, values), tmp_path_factory.mktemp("table"), 0.0, step, count)
+    points = step * np.arange(count + 1)
+    inside = np.clip(points, times[0], times[-1])
+    np.testing.assert_allclose(found["linear"], np.interp(points, times, values), rtol=1e-12, atol=1e-10)
+    held = values[np.clip(np.searchsorted(times, points + 1e-12, side="right") - 1, 0, None)]
+    np.testing.assert_array_equal(found["held"], held)
+    spline = CubicSpline(times, values)
+    np.testing.assert_allclose(found["cubic"], spline(inside), rtol=1e-9, atol=1e-6)
+    moving = (points > times[0] + 1e-9) & (points < times[-1] - 1e-9)
+    for order, name in ((1, "rate"), (2, "bend")):
+        expected = spline(points, order)
+        size = np.abs(spline(times, order)).max() + 1.0
+        np.testing.assert_allclose(found[name][moving], expected[moving], rtol=1e-7, atol=1e-7 * size)
+        assert not found[name][points > times[-1] + 1e-9].any()
+
+
+def test_rows_are_met_exactly_whatever_the_rounding_of_their_times(tmp_path: Path) -> None:
+    times = np.array([float(f"{k / 10}") for k in range(101)])  # 0.3, and not 3 * 0.1
+    values = np.random.default_rng(1).normal(size=101)
+    found = outputs(a_table(times, values), tmp_path, 0.0, 0.1, 100)
+    np.testing.assert_array_equal(found["held"], values)
+    np.testing.assert_allclose(found["linear"], values, rtol=0, atol=1e-13)
+
+
+def test_uneven_rows_are_found(tmp_path: Path) -> None:
+    times = np.concatenate([np.linspace(0.0, 1e-3, 500), np.geomspace(2e-3, 10.0, 300)])
+    values = np.sin(times)
+    found = outputs(a_table(times, values), tmp_path, 0.0, 0.01, 900)
+    np.testing.assert_allclose(found["linear"], np.interp(0.01 * np.arange(901), times, values), atol=1e-14)
+
+
+def test_a_repeated_table_begins_anew_and_its_spline_goes_round(tmp_path: Path) -> None:
+    times = np.linspace(1.0, 3.0, 41)
+    values = np.cos(np.pi * times)
+    values[-1] = values[0]
+    found = outputs(a_table(times, values, "repeat"), tmp_path, 0.0, 0.05, 400)
+    points = 0.05 * np.arange(401)
+    begun = points >= 1.0
+    np.testing.assert_array_equal(found["linear"][~begun], values[0])
+    np.testing.assert_allclose(found["cubic"][begun], np.cos(np.pi * points[begun]), atol=1e-6)
+    np.testing.assert_allclose(
+        found["rate"][begun], -np.pi * np.sin(np.pi * points[begun]), atol=1e-4
+    )  # also where it begins anew
+
+
+def test_of_a_repeated_table_the_first_row_takes_the_place_of_the_last(tmp_path: Path) -> None:
+    found = outputs(
+        a_table(np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 9.0]), "repeat"), tmp_path, 0.0, 0.5, 10
+    )
+    assert found["held"].tolist() == [1, 1, 2, 2, 1, 1, 2, 2, 1, 1, 2]
+    np.testing.assert_allclose(found["linear"], [1, 1.5, 2, 5.5, 1, 1.5, 2, 5.5, 1, 1.5, 2], atol=1e-12)
+
+
+def test_a_table_that_stops_asks_the_host_to_end(tmp_path: Path) -> None:
+    table = a_table(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "stop")
+    stepped = Stepped(build_table(table, tmp_path / "t.fmu"), tmp_path / "t")
+    stepped.fmu.doStep(0.0, 0.75)
+    with pytest.raises(Exception, match="status 2"):
+        stepped.fmu.doStep(0.75, 0.5)
+    assert fmi2Discard == 2 and stepped.fmu.getBooleanStatus(fmi2Terminated)
+    assert stepped["linear"] == 0.75
+    stepped.fmu.doStep(0.75, 0.25)  # a step that fits goes on
+    assert stepped["linear"] == 1.0 and not stepped.fmu.getBooleanStatus(fmi2Terminated)
+    stepped.close()
+
+
+def test_a_state_brings_an_instance_back_and_two_instances_are_apart(tmp_path: Path) -> None:
+    times = np.linspace(0.0, 1.0, 11)
+    path = build_table(a_table(times, times**2), tmp_path / "t.fmu")
+    one, other = Stepped(path, tmp_path / "one"), Stepped(path, tmp_path / "other", 0.5)
+    one.fmu.doStep(0.0, 0.25)
+    state, before = one.fmu.getFMUState(), one["linear"]
+    one.fmu.doStep(0.25, 0.6)
+    assert one["linear"] != before and other["linear"] == pytest.approx(0.25)
+    kept = one.fmu.serializeFMUState(state)
+    one.fmu.setFMUState(state)
+    one.fmu.freeFMUState(state)
+    assert one["linear"] == before
+    one.fmu.doStep(0.25, 0.5)
+    after = one["linear"]
+    one.fmu.reset()
+    one.begin(0.0)
+    assert one["linear"] == 0.0
+    other.fmu.setFMUState(other.fmu.deSerializeFMUstate(kept))  # also of another instance
+    other.fmu.doStep(0.25, 0.5)
+    assert other["linear"] == after
+    one.close()
+    other.close()
+
+
+def test_an_output_is_its_column_in_its_own_unit(tmp_path: Path) -> None:
+    shown = [Shown("lift.plant.F_L", 0, factor=1e-3, offset=2.0, unit=NEWTON, description='<a> & "b"')]
+    path = build_table(
+        Table(np.array([0.0, 1.0]), [Column(np.array([0.0, 500.0]))], shown), tmp_path / "t.fmu"
+    )
+    assert validate_fmu(str(path)) == []
+    description = fmpy.read_model_description(str(path))
+    (unit,) = description.unitDefinitions
+    assert (unit.name, unit.baseUnit.kg, unit.baseUnit.s, unit.baseUnit.factor) == ("kN", 1, -2, 1e3)
+    assert description.modelVariables[0].description == '<a> & "b"'
+    stepped = Stepped(path, tmp_path / "t", 1.0)
+    assert stepped["lift.plant.F_L"] == 2.5
+    stepped.close()
+
+
+def test_verify_finds_nothing(tmp_path: Path) -> None:
+    times = np.linspace(0.0, 2.0, 201)
+    path = build_table(a_table(times, np.sin(3 * times)), tmp_path / "t.fmu", license_text="free")
+    (examined,) = verify([path]).examined
+    assert [str(f) for f in examined.findings if f.verdict in (Verdict.FAILED, Verdict.WARNING)] == []
+
+
+def test_bytes_depend_on_content_alone_and_the_library_on_none_of_it(tmp_path: Path) -> None:
+    times = np.array([0.0, 1.0])
+    paths = [
+        build_table(a_table(times, np.array([0.0, y])), tmp_path / f"{i}.fmu")
+        for i, y in enumerate((1.0, 1.0, 2.0))
+    ]
+    assert paths[0].read_bytes() == paths[1].read_bytes() != paths[2].read_bytes()
+    libraries = {library_of(path) for path in paths}
+    assert len(libraries) == 1
+
+
+def library_of(path: Path) -> bytes:
+    with zipfile.ZipFile(path) as archive:
+        return archive.read(next(n for n in archive.namelist() if n.startswith("binaries/")))
+
+
+@pytest.mark.parametrize("count", [16, 17, MOST_OUTPUTS])
+def test_tables_may_have_many_outputs(tmp_path: Path, count: int) -> None:
+    shown = [Shown(f"y[{i}]", 0, factor=float(i)) for i in range(count)]
+    path = build_table(Table(np.array([0.0, 1.0]), [Column(np.array([1.0, 3.0]))], shown), tmp_path / "t.fmu")
+    stepped = Stepped(path, tmp_path / "t")
+    stepped.fmu.doStep(0.0, 0.5)
+    assert stepped[f"y[{count - 1}]"] == 2.0 * (count - 1)
+    with pytest.raises(Exception, match="fmi2GetReal"):
+        stepped.fmu.getReal([count])
+    stepped.close()
+
+
+def test_more_outputs_than_there_is_room_for_are_refused(tmp_path: Path) -> None:
+    shown = [Shown(f"y[{i}]", 0) for i in range(MOST_OUTPUTS + 1)]
+    with pytest.raises(BuildError, match=f"can have {MOST_OUTPUTS} outputs"):
+        build_table(Table(np.array([0.0, 1.0]), [Column(np.array([1.0, 3.0]))], shown), tmp_path / "t.fmu")
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_damaged_data_are_refused(tmp_path: Path, end: str) -> None:
+    path = build_table(a_table(np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 1.0]), end), tmp_path / "t.fmu")
+    folder = tmp_path / "t"
+    fmpy.extract(str(path), str(folder))
+    numbers = folder / "resources" / "table.bin"
+    whole = numbers.read_bytes()
+    description = fmpy.read_model_description(str(path))
+    random = np.random.default_rng(3)
+    damaged = [b"", whole[:-1], whole + b"\0", whole[:40], b"EMLATBL2" + whole[8:]]
+    for place in random.integers(0, len(whole), 25):
+        damaged.append(whole[:place] + bytes([whole[place] ^ 0x41]) + whole[place + 1 :])
+    for content in (*damaged, None):
+        numbers.unlink() if content is None else numbers.write_bytes(content)
+        fmu = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier="DataTable",
+            instanceName="table",
+        )
+        with pytest.raises(Exception, match="Failed to instantiate"):
+            fmu.instantiate()
+        fmu.freeLibrary()
+
+
+def test_folders_may_have_any_name(tmp_path: Path) -> None:
+    path = build_table(a_table(np.array([0.0, 1.0]), np.array([0.0, 4.0])), tmp_path / "t.fmu")
+    stepped = Stepped(path, tmp_path / "a b%20ü#c", 0.5)
+    assert stepped["linear"] == 2.0
+    stepped.close()
