@@ -17,7 +17,8 @@ def emla(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> E
 
     def call(*arguments: str) -> Result:
         takes_fmus = (
-            arguments[0] in ("run", "export", "sweep", "tune", "compare") and "--fmus" not in arguments
+            arguments[0] in ("run", "export", "sweep", "tune", "compare", "info")
+            and "--fmus" not in arguments
         )
         more = ["--fmus", str(fmu_folder)] if takes_fmus else []
         return CliRunner().invoke(app, [*arguments, *more])

@@ -142,26 +142,23 @@ def _show_table(rows: Sequence[ShownRow], title: str, prefix: str) -> None:
     if not rows:
         return
     narrow = OUT.is_terminal and OUT.width < _WIDE
-    longest = max(len(row.name) - len(prefix) for row in rows) + 2
-    name = Column(
-        Text(title), overflow="fold", width=min(longest, OUT.width * 2 // 5 if narrow else _WIDEST_NAME)
-    )
+    longest = max(len(row.name) - len(prefix) for row in rows)
+    width = min(longest, OUT.width * 2 // 5 if narrow else _WIDEST_NAME)
+    name = Column(Text(title), overflow="fold", width=width)
     start = Column("start", overflow="fold", max_width=24)
-    table = _table(name, start, "meaning") if narrow else _table(name, "", "start", "range", "meaning")
+    mark = Column("", width=1)
+    table = (
+        _table(mark, name, start, "meaning") if narrow else _table(mark, name, "", start, "range", "meaning")
+    )
     for row in rows:
-        cells = (_name(row, prefix), _cell(row.kind), _start(row), _cell(row.range))
+        style = "cyan" if row.first.settable else ""
+        named = Text("+" if style else "", style), Text(row.name.removeprefix(prefix), style)
         if narrow:
             about = ", ".join(filter(None, (row.kind, row.range)))
-            table.add_row(cells[0], cells[2], _meaning(row, about))
+            table.add_row(*named, _start(row), _meaning(row, about))
         else:
-            table.add_row(*cells, _meaning(row))
+            table.add_row(*named, _cell(row.kind), _start(row), _cell(row.range), _meaning(row))
     show_table(table)
-
-
-def _name(row: ShownRow, prefix: str) -> Text:
-    settable = row.first.settable
-    name = row.name.removeprefix(prefix)
-    return Text(f"{'+' if settable else ' '} {name}", style="cyan" if settable else "")
 
 
 def _start(row: ShownRow) -> Text:
@@ -178,7 +175,7 @@ def _meaning(row: ShownRow, about: str = "") -> Text:
     meaning = _cell(unit + row.meaning)
     more = [f"and {len(row.connected) - _MOST_ENDS} more"] if len(row.connected) > _MOST_ENDS else []
     for added in filter(None, (about, *row.connected[:_MOST_ENDS], *more)):
-        meaning.append(("\n" if OUT.is_terminal else "; ") if meaning else "")
+        meaning.append("; " if meaning else "")
         meaning.append(shortened(added, _LONGEST), style="dim")
     return meaning
 

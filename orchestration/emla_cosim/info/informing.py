@@ -22,6 +22,9 @@ from .parts import ComponentInfo, ConnectionInfo, FmuInfo
 from .told import Info
 from .variables import End, Rows, Wires, names_in
 
+_OF_OURS = {"fmus", "flavour"}
+"""Options that change nothing of somebody else's FMU."""
+
 
 def info(source: str | Path | System, progress: Progress | None = None, **options: Any) -> Info:
     """What an FMU, a package, a scenario or a system is made of, with all that options change.
@@ -33,7 +36,7 @@ def info(source: str | Path | System, progress: Progress | None = None, **option
     try:
         scenario = load(source, **options)
     except CommandError:
-        if options or not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
+        if set(options) - _OF_OURS or not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
             raise
         return _of_any_fmu(Path(source))
     with called_as_in(scenario.unpacked):
@@ -99,16 +102,16 @@ def _of_any_fmu(path: Path) -> Info:
 
 def _read(path: Path) -> tuple[Interface, str]:
     """The interface of an FMU, and why this master cannot run it."""
+    wrong = "cannot be run"
     try:
         interface = described(path)
     except ValidationError as error:
-        reason = f"is not valid: {first_problem(error)}"
-    else:
-        return interface, unfit(interface) or "cannot be run"
-    try:
-        return described(path, validate=False), reason
-    except ValidationError as error:
-        raise CommandError(f"'{path}' is not a valid FMU: {first_problem(error)}.") from error
+        wrong = f"is not valid: {first_problem(error)}"
+        try:
+            interface = described(path, validate=False)
+        except ValidationError as more:
+            raise CommandError(f"'{path}' is not a valid FMU: {first_problem(more)}.") from more
+    return interface, unfit(interface) or wrong
 
 
 def _alone(name: str, fmu: FmuInfo, reason: str, rows: list[Any]) -> Info:

@@ -1,0 +1,208 @@
+"""What `emla_cosim.info` says, held against fmpy's own reading and against what a simulation takes."""
+
+import hashlib
+import json
+from dataclasses import asdict, fields
+from pathlib import Path
+
+import fmpy
+import polars
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.errors import CommandError
+from emla_cosim.info.shown import shown_rows
+from emla_cosim.models import MODELS, fmu_path
+from emla_cosim.scenarios.built_in import SCENARIOS
+from tests.support.broken.broken import Broken
+from tests.support.broken.static import STATIC
+from tests.support.paths import FOREIGN_PLANT, ROOT
+
+
+@pytest.fixture(scope="module")
+def study(fmu_folder: Path) -> ec.Info:
+    return ec.info("study", fmus=fmu_folder, set={"lift.plant.motor.R_s": 0.2})
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_an_fmu_is_told_as_fmpy_reads_it(model: str, fmu_folder: Path) -> None:
+    path = fmu_path(model, "native", fmu_folder)
+    said, found = fmpy.read_model_description(str(path)), ec.info(path)
+    assert [v.fmu_name for v in found.variables] == [v.name for v in said.modelVariables]
+    for row, variable in zip(found.variables, said.modelVariables, strict=True):
+        assert row.name == f"{model}.{variable.name}"
+        assert (row.causality, row.variability) == (variable.causality, variable.variability)
+        assert (row.type, row.unit) == (variable.type, variable.unit)
+        assert row.description == (variable.description or "")
+        assert row.start == row.default
+        assert (row.start is None) == (variable.start is None)
+        if variable.type in ("Real", "Integer") and variable.start is not None:
+            assert row.start == float(variable.start)
+        if variable.type != "Enumeration":
+            ends = (None if x is None else float(x) for x in (variable.min, variable.max))
+            assert (row.minimum, row.maximum) == tuple(ends)
+    [fmu] = found.fmus
+    assert fmu.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert list(fmu.platforms) == sorted({*fmpy.supported_platforms(str(path))} - {"c-code"})
+    assert fmu.stop_time == float(said.defaultExperiment.stopTime)
+    assert (fmu.guid, fmu.tool, fmu.fmi_version) == (said.guid, said.generationTool, "2.0")
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_exactly_what_is_said_to_be_settable_can_be_set(model: str, fmu_folder: Path) -> None:
+    path = fmu_path(model, "native", fmu_folder)
+    found = ec.info(path)
+    with ec.load(path).prepare() as simulation:
+        values = {v.name: v.start for v in found.variables if v.settable}
+        assert values
+        simulation.start(set=values)
+        for variable in found.variables:
+            if not variable.settable:
+                with pytest.raises(CommandError, match="cannot be set"):
+                    simulation.start(set={variable.name: 1.0 if variable.start is None else variable.start})
+
+
+def test_in_a_system_too_what_is_said_to_be_settable_can_be_set(study: ec.Info, fmu_folder: Path) -> None:
+    values = {v.name: v.start for v in study.variables if v.settable}
+    with ec.load("study", fmus=fmu_folder).prepare() as simulation:
+        simulation.start(set=values, stop_time=1e-3)
+        for name in ("lift.plant.u_q", "tilt.observer.y", "telescope.plant.tau_m"):
+            assert not study[name].settable
+            with pytest.raises(CommandError, match="cannot be set"):
+                simulation.start(set={name: 0.0})
+
+
+def test_a_run_starts_from_the_values_in_effect(study: ec.Info, fmu_folder: Path) -> None:
+    changed = {"lift.plant.motor.R_s": 0.2}
+    with ec.load("study", fmus=fmu_folder, set=changed).prepare() as simulation:
+        parameters = simulation.run(stop_time=1e-3).parameters
+    told = {v.name: v.start for v in study.variables if v.causality == "parameter" and v.type == "Real"}
+    assert told == parameters
+    assert (study["lift.plant.motor.R_s"].start, study["lift.plant.motor.R_s"].default) == (0.2, 0.14)
+    assert study["lift.plant.torque_source"].start == "current"
+    assert study["lift.plant.torque_source"].choices == ("current", "command")
+
+
+def test_connections_are_told_at_both_ends(study: ec.Info, fmu_folder: Path) -> None:
+    expected = {str(x) for x in ec.load("study").system.connections}
+    assert {f"{x.output} -> {x.input}" for x in study.connections} == expected
+    assert {f"{v.driven_by} -> {v.name}" for v in study.variables if v.driven_by} == expected
+    assert {f"{v.name} -> {reader}" for v in study.variables for reader in v.read_by} == expected
+    faulted = ec.info("lift", fmus=fmu_folder, fault=[ec.Fault("lift.plant.x_measured", "freeze", 1.0)])
+    assert faulted["lift.observer.y"].driven_by == "lift.plant_x_measured_fault.y"
+    assert faulted["lift.plant_x_measured_fault.start"].start == 1.0
+
+
+def test_a_replaced_component_has_the_names_and_units_of_the_system(
+    foreign_plant: Path, fmu_folder: Path
+) -> None:
+    replacement = ec.Replacement(foreign_plant, FOREIGN_PLANT / "ForeignPlant.ssm")
+    found = ec.info("lift", fmus=fmu_folder, replace={"lift.plant": replacement})
+    ours = ec.info("lift", fmus=fmu_folder)
+    renamed = [v for v in found.variables if v.component == "lift.plant" and not v.name.endswith(v.fmu_name)]
+    assert renamed
+    for variable in renamed:
+        assert variable.unit == ours[variable.name].unit
+        assert variable.settable or variable.causality in ("input", "output")
+    set_there = {v.name: v.start for v in renamed if v.settable}
+    scenario = ec.load("lift", fmus=fmu_folder, replace={"lift.plant": replacement})
+    with scenario.prepare() as simulation:
+        simulation.start(set=set_there, stop_time=1e-3)
+
+
+@pytest.mark.parametrize("name", ["study-drive", "hdrm-coupled", "hdrm-merged", "prototype"])
+def test_every_kind_of_scenario_is_told(name: str, fmu_folder: Path) -> None:
+    assert name in SCENARIOS
+    found = ec.info(name, fmus=fmu_folder)
+    assert len({v.name for v in found.variables}) == len(found.variables)
+    rows = list(shown_rows(found.variables))
+    assert 0 < len(rows) < len(found.variables)  # elements of arrays share rows
+
+
+def test_options_change_what_is_told(fmu_folder: Path) -> None:
+    found = ec.info("lift", controller="foc", fmus=fmu_folder, stop_time=2.0)
+    assert {c.model for c in found.components if c.name == "lift.controller"} == {"FocController"}
+    assert found.stop_time == 2.0
+    with pytest.raises(CommandError, match=r"no variable 'motor\.R'"):
+        ec.info("lift", set={"lift.plant.motor.R": 1.0}, fmus=fmu_folder)
+    with pytest.raises(CommandError, match="out of range"):
+        ec.info("lift", set={"lift.plant.motor.R_s": -1.0}, fmus=fmu_folder)
+
+
+def test_a_package_is_told_as_what_it_was_made_of(fmu_folder: Path, tmp_path: Path) -> None:
+    scenario = ec.load("lift", fmus=fmu_folder, set={"lift.plant.motor.R_s": 0.3})
+    found, whole = ec.info(scenario.export(tmp_path / "x.ssp")), ec.info("lift", fmus=fmu_folder)
+    assert {v.name for v in found.variables} == {v.name for v in whole.variables}
+    assert found["lift.plant.motor.R_s"].start == 0.3
+    assert all(fmu.path.startswith("x.ssp/") for fmu in found.fmus)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names"),
+    [
+        ("lift.plant.motor.R_s", ["lift.plant.motor.R_s"]),
+        ("lift.*.R_s", ["lift.plant.motor.R_s", "lift.controller.model.R_s"]),
+        ("motor.?_s", [f"{joint}.plant.motor.R_s" for joint in ("lift", "tilt", "telescope")]),
+        ("lift.reference.waypoint[2]", ["lift.reference.waypoint[2]"]),
+        ("LIFT.PLANT.P_EL", ["lift.plant.P_el"]),
+    ],
+)
+def test_patterns_choose(pattern: str, names: list[str], study: ec.Info) -> None:
+    assert [v.name for v in study.matching(pattern).variables] == names
+
+
+def test_a_word_is_looked_for_in_descriptions_and_nothing_found_is_told(study: ec.Info) -> None:
+    words = study.matching("pole pairs")
+    assert {v.fmu_name.rpartition(".")[2] for v in words.variables} == {"N_p"}
+    assert len(study.matching("pole pairs", "*.x_L").variables) > len(words.variables)
+    with pytest.raises(CommandError, match=r"no variable of study fits 'nonsense\*'"):
+        study.matching("*.x_L", "nonsense*")
+    with pytest.raises(CommandError, match=r"did you mean lift\.plant\.x_L"):
+        study["lift.plant.xL"]
+
+
+FIELDS = {
+    "": "format version name description start_time stop_time step_size notes fmus components connections "
+    "variables",
+    "fmus": "path model description fmi_version kinds platforms start_time stop_time step_size tolerance "
+    "tool version author license guid sha256 size",
+    "components": "name model fmu",
+    "connections": "output input factor offset",
+    "variables": "name component fmu_name causality variability type unit start default minimum maximum "
+    "choices description driven_by read_by settable",
+}
+"""What scripts rely on; docs/info.md describes it."""
+
+
+def test_json_has_the_fields_that_are_documented(study: ec.Info, tmp_path: Path) -> None:
+    study.save_json(tmp_path / "x.json")
+    read = json.loads((tmp_path / "x.json").read_text(encoding="ascii"))
+    assert list(read) == FIELDS[""].split()
+    assert (read["format"], read["version"]) == ("emla-info", 1)
+    page = (ROOT / "docs" / "info.md").read_text(encoding="utf-8")
+    for part, names in FIELDS.items():
+        assert all(f'"{name}"' in page for name in names.split())
+        for one in read[part] if part else []:
+            assert list(one) == names.split()
+    assert read["variables"][40] == json.loads(json.dumps(asdict(study.variables[40])))
+
+
+def test_a_data_frame_has_a_row_for_each_variable(study: ec.Info) -> None:
+    table = study.to_polars()
+    assert table.columns == [f.name for f in fields(ec.VariableInfo)]
+    assert table.height == len(study.variables)
+    [row] = table.filter(polars.col("name") == "lift.plant.motor.R_s").to_dicts()
+    assert (row["start"], row["default"], row["minimum"], row["maximum"]) == ("0.2", "0.14", 0.0, None)
+
+
+@pytest.mark.parametrize("broken", STATIC, ids=lambda broken: broken.name)
+def test_a_broken_fmu_is_told_of_or_refused_in_one_sentence(broken: Broken, tmp_path: Path) -> None:
+    path = broken.build(tmp_path)
+    try:
+        found = ec.info(path)
+    except CommandError as error:
+        assert "\n" not in str(error)
+        assert str(path) in str(error)
+    else:
+        assert found.variables
+        json.loads(found.as_json())

@@ -1,0 +1,145 @@
+"""`emla info`: tables that can be read and searched, JSON for scripts, and FMUs that mean harm."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from emla_cosim import terminal
+from emla_cosim.commands import info as command
+from fmublock.archive import write_archive
+from tests.support.commands import Emla, sentence
+
+
+def description(variables: str, version: str = "2.0", kind: str = "CoSimulation", more: str = "") -> bytes:
+    """A model description with these variables."""
+    identity = "instantiationToken" if version == "3.0" else "guid"
+    return f"""<?xml version="1.0" encoding="UTF-8"?>
+    <fmiModelDescription fmiVersion="{version}" modelName="M" {identity}="1" {more}>
+    <{kind} modelIdentifier="M"/><ModelVariables>{variables}</ModelVariables><ModelStructure/>
+    </fmiModelDescription>""".encode()
+
+
+def real(name: str, reference: int = 0, more: str = "") -> str:
+    return (
+        f'<ScalarVariable name="{name}" valueReference="{reference}" causality="parameter" '
+        f'variability="fixed" {more}><Real start="1"/></ScalarVariable>'
+    )
+
+
+def fmu(path: Path, content: bytes) -> Path:
+    write_archive(path, {"modelDescription.xml": content})
+    return path
+
+
+def test_a_pipe_gets_whole_rows_with_full_names(emla: Emla) -> None:
+    shown = emla("info", "lift", "--match", "*.R_s", "--set", "lift.plant.motor.R_s=0.2").stdout
+    [row] = [line for line in shown.splitlines() if "lift.plant.motor.R_s " in line]
+    told = "+ lift.plant.motor.R_s parameter 0.2 Ohm (FMU: 0.14) >= 0 Stator resistance per phase"
+    assert " ".join(row.split()) == told
+    assert "--set 'lift.plant.motor.R_s=0.2'" in shown
+
+
+def test_everything_has_a_row(emla: Emla) -> None:
+    done = emla("info", "lift")
+    assert done.exit_code == 0
+    for words in ("15 more", "…"):
+        assert words not in done.stdout
+    for row in (
+        "lift.reference.waypoint[1..9]",
+        "lift.plant.u_q",
+        "from lift.controller.u_q",
+        "to lift.observer.y",
+        "5 components of 5 FMUs",
+        "Runs from 0 to 10 s in steps of 0.0001 s.",
+    ):
+        assert row in done.stdout
+
+
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_a_terminal_loses_no_letter_of_a_name(
+    columns: int, emla: Emla, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    console = Console(force_terminal=True, width=columns, color_system=None)
+    for module in (terminal, command):
+        monkeypatch.setattr(module, "OUT", console)
+    shown = emla("info", "lift", "--match", "*.inverter.delay_in_steps_of_at_most_32").stdout
+    assert "…" not in shown
+    cells = (line[5 : 5 + columns * 2 // 5].partition("  ")[0].strip() for line in shown.splitlines())
+    assert "inverter.delay_in_steps_of_at_most_32" in "".join(cells)
+    assert max(len(line) for line in shown.splitlines() if "─" in line) <= columns
+
+
+def test_json_goes_where_it_is_asked_for(emla: Emla) -> None:
+    shown = json.loads(emla("info", "lift", "--match", "*.R_s", "--json").stdout)
+    assert [v["name"] for v in shown["variables"]] == ["lift.plant.motor.R_s", "lift.controller.model.R_s"]
+    assert emla("info", "lift", "--match", "*.R_s", "--json", "x.json").stdout == ""
+    assert json.loads(Path("x.json").read_text(encoding="ascii")) == shown
+
+
+def test_an_fmu_is_not_overwritten(emla: Emla, tmp_path: Path) -> None:
+    path = fmu(tmp_path / "x.fmu", description(real("a")))
+    assert "the JSON file" in sentence(emla("info", str(path), "--json", str(path)), 2)
+    assert path.read_bytes().startswith(b"PK")
+
+
+def test_names_are_neither_markup_nor_commands_of_the_terminal(emla: Emla, tmp_path: Path) -> None:
+    text = real("[bold]a[/]:warning:&#x202e;b", more='description="[link=x]y&#x9b;31m[/link]"')
+    path = fmu(tmp_path / "[red]x.fmu", description(text, more='description="[/]&#x85; :bomb:"'))
+    shown = emla("info", str(path)).stdout
+    assert r"M.[bold]a[/]:warning:\u202eb" in shown
+    assert r"[link=x]y\x9b31m[/link]" in shown
+    assert r"M: [/]" in shown
+    assert not set("\x1b\x9b\u202e\x85") & set(shown)
+    told = emla("info", str(path), "--json").stdout
+    assert told.isascii()
+    assert json.loads(told)["variables"][0]["fmu_name"] == "[bold]a[/]:warning:\u202eb"
+
+
+def test_a_hundred_thousand_variables_take_no_time(emla: Emla, tmp_path: Path) -> None:
+    many = "".join(real(f"v{i}.x", i) for i in range(100_000))
+    path = fmu(tmp_path / "x.fmu", description(many))
+    begin = time.monotonic()
+    shown = emla("info", str(path)).stdout
+    assert "The first 1000 rows of 100000 variables" in shown
+    assert time.monotonic() - begin < 30.0  # 7 s where nothing else runs
+    assert "M.v99999.x" in emla("info", str(path), "--match", "v99999.*").stdout
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (description(real("a"), kind="ModelExchange"), "it is for model exchange only"),
+        (
+            description('<Float64 name="a" valueReference="1"/>', version="3.0"),
+            "it is an FMI 3.0 FMU; this master runs FMI 2.0",
+        ),
+        (description(real("a") + real("a")), "it is not valid"),
+        (description(real("a", more='nonsense="1"')), "it is not valid"),
+    ],
+)
+def test_what_cannot_be_run_is_told_of(content: bytes, reason: str, emla: Emla, tmp_path: Path) -> None:
+    path = fmu(tmp_path / "x.fmu", content)
+    done = emla("info", str(path))
+    assert done.exit_code == 0, done.output
+    assert reason in done.stdout
+    assert "M.a" in done.stdout
+    assert "+ M.a" not in done.stdout
+    assert sentence(emla("info", str(path), "--set", "M.a=1"), 2)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"PK\x03\x04", b"<x/>", description("<"), description("", version="x"), b"<a>" * 10**5]
+)
+def test_what_is_no_fmu_is_one_sentence(content: bytes, emla: Emla, tmp_path: Path) -> None:
+    path = tmp_path / "x.fmu"
+    path.write_bytes(content)
+    assert str(path) in sentence(emla("info", str(path)), 2)
+    assert str(path) in sentence(emla("info", str(fmu(path, content))), 2)
+
+
+def test_a_pattern_that_finds_nothing_is_told(emla: Emla) -> None:
+    assert "fits 'nonsense'" in sentence(emla("info", "lift", "--match", "nonsense"), 2)
+    assert "there is no scenario 'nothing'" in sentence(emla("info", "nothing"), 2)
