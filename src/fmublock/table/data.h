@@ -73,7 +73,8 @@ static Place place_of(const Table *t, double time) {
     }
     if (seen >= last) return (Place){t->rows - 1, 0.0, 1};
     const size_t row = row_at(t, seen);
-    return (Place){row, fmax(time - t->times[row], 0.0), 0};
+    const double behind = time - t->times[row];
+    return (Place){row, behind > rounding ? behind : 0.0, 0};
 }
 
 /* A column's value, or its time derivative of an order up to 3. */

@@ -1,0 +1,279 @@
+"""Data drive signals of a system: what receivers get, in whatever way the system is run."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.errors import CommandError
+from emla_cosim.preparation import prepared, until_data_end
+from emla_cosim.progress import Progress
+from emla_cosim.run_record import plain
+from emla_cosim.sweep.shipment import Preparation
+from tests.support.commands import Emla
+
+STOP = 0.05
+LOAD = "lift.disturbance.F_L"
+T = np.linspace(0.0, 0.04, 41)
+F = 3.0 + np.cos(300.0 * T)
+"""A load in kN."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def own_cache(user_cache: dict[str, str]) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in user_cache.items():
+            patch.setenv(name, value)
+        yield
+
+
+@pytest.fixture
+def measured(tmp_path: Path) -> Path:
+    file = tmp_path / "measured.csv"
+    polars.DataFrame({"t [ms]": 1e3 * T, "Force [kN]": F, "x [mm]": 240.0 + T, "other": T}).write_csv(file)
+    return file
+
+
+def lift(fmu_folder: Path, *inputs: Any, **options: Any) -> ec.Scenario:
+    return ec.load("lift", fmus=fmu_folder, stop_time=STOP, input=list(inputs), **options)
+
+
+def ran(scenario: ec.Scenario, **options: Any) -> ec.Result:
+    with scenario.prepare() as simulation:
+        return simulation.run(**options)
+
+
+class Heard(Progress):
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def note(self, sentence: str) -> None:
+        self.notes.append(sentence)
+
+
+def notes_of(scenario: ec.Scenario) -> str:
+    heard = Heard()
+    prepared(scenario.system, scenario.options, heard)
+    return " ".join(heard.notes)
+
+
+def test_a_column_drives_everybody_who_read_the_output(fmu_folder: Path, measured: Path) -> None:
+    source = ec.Input(measured, {LOAD: "Force"}, end="repeat")
+    scenario = lift(fmu_folder, source)
+    result = ran(scenario)
+    points = np.mod(result["time"], T[-1])
+    np.testing.assert_allclose(result[f"input.{LOAD}"], np.interp(points, T, 1e3 * F), rtol=1e-9)
+    assert str(result.units[f"input.{LOAD}"]) == "N"
+    readers = [c for c in result.record["connections"] if c.startswith(f"input.{LOAD}")]
+    assert [c.partition(" -> ")[2].partition(" ")[0] for c in readers] == ["lift.plant.F_L"]
+    assert f"goes on computing {LOAD}" in notes_of(scenario)
+    same = ran(lift(fmu_folder, ec.Input(measured, {"lift.plant.F_L": "Force"}, end="repeat")))
+    np.testing.assert_array_equal(result["lift.plant.x_L"], same["lift.plant.x_L"])
+
+
+def test_a_column_with_its_derivatives_takes_the_place_of_a_reference(fmu_folder: Path) -> None:
+    scenario = lift(fmu_folder)
+    own = ran(scenario)
+    names = [f"lift.reference.{n}" for n in ("x_d", "v_d", "a_d")]
+    data = {"time": own["time"], "x [mm]": 1e3 * own[names[0]]}
+    signals = {name: "der(" * k + "x" + ")" * k for k, name in enumerate(names)}
+    result = ran(lift(fmu_folder, ec.Input(data=data, signals=signals, interpolation="cubic")))
+    assert result.record["components"]["lift.reference"]["parameters"] == {}
+    for name, tolerance in zip(names, (1e-12, 1e-7, 1e-3), strict=True):
+        size = np.abs(own[name]).max()
+        np.testing.assert_allclose(result[name][3:-3], own[name][3:-3], rtol=0, atol=tolerance * size)
+    figures, expected = result.metrics["joints"]["lift"], own.metrics["joints"]["lift"]
+    assert figures["torque_peak_N_m"] == pytest.approx(expected["torque_peak_N_m"], rel=1e-3)
+
+
+def test_a_role_is_played_by_the_data_that_are_read(fmu_folder: Path) -> None:
+    data = {"time": T, "x": 0.3 + 0.0 * T}
+    result = ran(lift(fmu_folder, ec.Input(data=data, signals={"lift.reference.x_d": "x"})), require=[])
+    x, x_d = result["lift.plant.x_L"], result["input.lift.reference.x_d"]
+    assert x_d.tolist() == [0.3] * len(x_d)
+    peak = result.metrics["joints"]["lift"]["convergence_time_s"]
+    assert np.isnan(peak) or peak >= 0.0
+    assert np.abs(x - x_d)[0] > 0.05  # far from it, unlike from the reference of the scenario
+    assert not result.metrics["joints"]["lift"]["converged"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"compiled": False},
+        {"algorithm": "jacobi"},
+        {"algorithm": "strong"},
+        {"isolate": ["*"]},
+    ],
+    ids=str,
+)
+def test_the_data_are_the_same_in_all_ways_of_stepping(
+    fmu_folder: Path, measured: Path, options: dict[str, Any]
+) -> None:
+    source = ec.Input(measured, {LOAD: "Force"}, interpolation="held")
+    scenario = ec.load("lift", fmus=fmu_folder, stop_time=0.01, input=[source], **options)
+    found = ran(scenario)
+    rows = np.searchsorted(T, found["time"] + 1e-12, side="right") - 1
+    np.testing.assert_allclose(found[f"input.{LOAD}"], 1e3 * F[rows], rtol=1e-15)
+
+
+def test_own_results_can_be_read_back(fmu_folder: Path, tmp_path: Path, emla: Emla) -> None:
+    for form in ("csv", "parquet"):
+        run = ["run", "lift", "--no-plots", "--stop-time", str(STOP), "--output-interval", "1e-4"]
+        assert emla(*run, "--output-format", form, "--output", form).exit_code == 0
+        again = emla(
+            *run,
+            "--input",
+            f"{form}/results.{form}:lift.reference.*",
+            "--output-format",
+            form,
+            "--output",
+            f"again-{form}",
+        )
+        assert again.exit_code == 0, again.output
+        read = polars.read_csv if form == "csv" else polars.read_parquet
+        first, second = read(f"{form}/results.{form}"), read(f"again-{form}/results.{form}")
+        for name in ("lift.reference.x_d", "lift.plant.x_L", "lift.controller.u_q"):
+            np.testing.assert_array_equal(first[name], second[name])
+
+
+def test_a_scenario_file_names_its_data_and_run_json_their_hash(
+    emla: Emla, measured: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "there"
+    folder.mkdir()
+    measured.rename(folder / "measured.csv")
+    (folder / "mine.toml").write_text(
+        f"""
+        system = "lift"
+        stop_time = {STOP}
+
+        [[input]]
+        file = "measured.csv"
+        time = "t"
+        interpolation = "cubic"
+        end = "repeat"
+        signals = {{ "{LOAD}" = "Force [kN]", "lift.plant.supply.sag" = {{ column = "other", unit = "1" }} }}
+        """
+    )
+    done = emla("run", "there/mine.toml", "--no-plots", "--output", "out")
+    assert done.exit_code == 0, done.output
+    (told,) = json.loads(Path("out/run.json").read_text())["settings"]["input"]
+    assert told["end"] == "repeat" and len(told["sha256"]) == 64
+    assert told["signals"][LOAD] == "Force [kN]"
+    refused = emla("run", "there/mine.toml", "--no-plots", "--output", "there/measured.csv")
+    assert refused.exit_code != 0 and "Traceback" not in refused.output
+
+
+def test_workers_get_the_data_inside_the_fmus(fmu_folder: Path, measured: Path) -> None:
+    one = Preparation.of(lift(fmu_folder, ec.Input(measured, {LOAD: "Force"})))
+    assert one.options.input == [] and "input" in one.fmus
+    measured.write_text(measured.read_text().replace("0.0,", "0.0,1", 1))
+    other = Preparation.of(lift(fmu_folder, ec.Input(measured, {LOAD: "Force"})))
+    assert one.identity != other.identity
+
+
+def test_a_run_continues_with_the_same_data_only(emla: Emla, measured: Path) -> None:
+    run = ["run", "lift", "--no-plots", "--input", f"{measured}:{LOAD}=Force,end=repeat"]
+    half = emla(*run, "--stop-time", "0.02", "--checkpoint", "c", "--output", "half")
+    assert half.exit_code == 0, half.output
+    assert emla(*run, "--stop-time", str(STOP), "--output", "whole").exit_code == 0
+    assert emla(*run, "--stop-time", str(STOP), "--resume", "c", "--output", "half").exit_code == 0
+    whole, parts = polars.read_csv("whole/results.csv"), polars.read_csv("half/results.csv")
+    assert whole.equals(parts)
+    measured.write_text(measured.read_text().replace("other", "another"))  # the same numbers
+    assert emla(*run, "--stop-time", str(STOP), "--resume", "c", "--output", "half").exit_code == 0
+    measured.write_text(measured.read_text().replace("\n0.0,", "\n0.0,1", 1))
+    changed = emla(*run, "--stop-time", "0.06", "--resume", "c", "--output", "half")
+    assert changed.exit_code == 2 and "FMUs" in changed.output
+
+
+def test_data_that_stop_end_the_run_at_the_last_point_within_them(fmu_folder: Path, measured: Path) -> None:
+    source = ec.Input(measured, {LOAD: "Force"}, end="stop")
+    scenario = ec.load("lift", fmus=fmu_folder, stop_time=1.0, step_size=3e-4, input=[source])
+    result = ran(scenario, output_interval=3e-4)
+    assert result.end_s == pytest.approx(0.0399, abs=1e-12)
+    assert result.problem is None and result.times.stop == result.end_s
+    assert "the run stops where the data of" in notes_of(scenario)
+    assert until_data_end(scenario.options.updated({"stop_time": 0.03})).stop_time == 0.03
+    with scenario.prepare() as simulation, pytest.raises(ec.RunError, match=r"the data end at t = 0\.04 s"):
+        simulation.run(stop_time=0.06)
+    with pytest.raises(CommandError, match="less than a step after the run begins"):
+        until_data_end(scenario.options.updated({"start_time": 0.0399}))
+
+
+def test_a_fault_comes_after_the_data(fmu_folder: Path, measured: Path) -> None:
+    fault = ec.Fault("lift.plant.F_L", "constant", 0.02, value=0.0)
+    result = ran(lift(fmu_folder, ec.Input(measured, {LOAD: "Force"}), fault=[fault]))
+    failed = result["time"] >= 0.02 - 1e-9
+    y = result["lift.plant_F_L_fault.y"]
+    assert not y[failed][1:].any() and y[~failed].all()
+
+
+def test_several_files_drive_several_signals(fmu_folder: Path, measured: Path) -> None:
+    sources = [ec.Input(measured, {LOAD: "Force"}), ec.Input(measured, {"lift.plant.supply.sag": "other"})]
+    result = ran(lift(fmu_folder, *sources))
+    assert {f"input.{LOAD}", "input_2.lift.plant.supply.sag"} <= set(result.names)
+
+
+@pytest.mark.parametrize(
+    ("signals", "options", "sentence"),
+    [
+        ({LOAD: "Farce"}, {}, "has no column 'Farce'; did you mean Force?"),
+        ({LOAD: "x"}, {}, "drives lift.disturbance.F_L and has the units mm and N"),
+        ({LOAD: "Force [N]"}, {}, "is declared to be in N; its header says otherwise"),
+        ({LOAD: "other [blub]"}, {}, "has the unit 'blub', which is none"),
+        ({LOAD: "der(Force)"}, {}, "needs the interpolation cubic"),
+        ({LOAD: "der(der(der(Force)))"}, {"interpolation": "cubic"}, "it must be 0, 1 or 2"),
+        ({"lift.plant.F": "Force"}, {}, "lift.plant has no variable 'F'"),
+        ({"lift.plan.F_L": "Force"}, {}, "there is no component 'lift.plan'"),
+        ({"lift.plant.screw.lead": "x"}, {}, "is a parameter; data can drive an input"),
+        ({"lift.plant.tau_m": "other"}, {}, "nobody reads lift.plant.tau_m"),
+        ({"lift.plant.F_L": "Force", "F_L": "Force"}, {}, "'F_L' is not a variable"),
+        ({}, {}, "drives no signal: its columns are called Force, x and other"),
+        ({}, {"columns": ["lift.*"]}, "has no column 'lift.*'"),
+        ({LOAD: "Force"}, {"time": "when"}, "has no column 'when'; it has 't', 'Force', 'x' and 'other'"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence(
+    fmu_folder: Path, measured: Path, signals: dict[str, str], options: dict[str, Any], sentence: str
+) -> None:
+    with pytest.raises(CommandError) as error:
+        lift(fmu_folder, ec.Input(measured, signals, **options)).prepare()
+    assert sentence in str(error.value) and "\n" not in str(error.value)
+
+
+def test_two_columns_cannot_drive_one_signal(fmu_folder: Path, measured: Path) -> None:
+    source = ec.Input(measured, {LOAD: "Force"})
+    with pytest.raises(CommandError, match="is driven by two columns"):
+        lift(fmu_folder, source, source).prepare()
+    with pytest.raises(CommandError, match="cannot be set: it is driven by input"):
+        lift(
+            fmu_folder, ec.Input(measured, {"lift.plant.F_L": "Force"}), set={"lift.plant.F_L": 1.0}
+        ).prepare()
+
+
+def test_columns_of_no_signal_are_noted(fmu_folder: Path) -> None:
+    data = {"time": T, LOAD: F, "lift.plant.nothing": F, "remark": F}
+    told = notes_of(lift(fmu_folder, ec.Input(data=data)))
+    assert "has columns that drive nothing: lift.plant.nothing, remark." in told
+
+
+def test_what_is_recorded_is_json(measured: Path) -> None:
+    sources = [ec.Input(measured, {LOAD: ec.Column("x", "mm", 1)}), ec.Input(data={"time": T})]
+    told = json.loads(json.dumps(plain(sources)))
+    assert told[0]["signals"] == {LOAD: "der(x [mm])"}
+    assert told[1]["data"] == "given in Python"
+
+
+def test_a_closed_simulation_cannot_get_other_data(fmu_folder: Path, measured: Path) -> None:
+    with (
+        lift(fmu_folder).prepare() as simulation,
+        pytest.raises(CommandError, match="belongs to what is prep"),
+    ):
+        simulation.run(input=[ec.Input(measured)])
