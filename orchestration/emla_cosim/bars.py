@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from .progress import Progress
-from .terminal import ERR
+from .terminal import ERR, wanted
 
 if TYPE_CHECKING:
     from .replacement import Fit
@@ -37,6 +37,7 @@ class BarProgress(Progress):
             _Rate(),
             TimeRemainingColumn(elapsed_when_finished=True),
             console=ERR,
+            disable=wanted().quiet,
         )
         self._task: Any = None
 
@@ -57,10 +58,19 @@ class BarProgress(Progress):
 
     def note(self, sentence: str) -> None:
         """A line above the bars."""
+        if wanted().quiet:
+            return
         self._bars.console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
     def replaced(self, fit: "Fit") -> None:
-        """A component is replaced: what fits, what is converted and what is missing, as a table."""
+        """A component is replaced: what is converted, missing or left out as a table, if anything is."""
+        if wanted().quiet:
+            return
+        if not (fit.worth_a_look or wanted().fit):
+            count = fit.same + len(fit.matches)
+            fits = "its variable fits" if count == 1 else f"all {count} variables fit"
+            self.note(f"{fit.fmu} as {fit.component}: {fits} (--show-fit lists them)")
+            return
         table = Table(title=escape(f"{fit.fmu} as {fit.component}"), title_justify="left")
         for column in ("", "here", "there", ""):
             table.add_column(column)

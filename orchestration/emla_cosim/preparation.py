@@ -18,6 +18,7 @@ from .start_values import named_plainly, need_interfaces, start_values
 from .system.model import Replacement, System, Value
 from .system.signal_faults import with_components, with_faults
 from .units import conversion
+from .wording import counted
 
 
 def prepared(system: System, options: Options, progress: Progress) -> tuple[System, dict[str, Path]]:
@@ -116,7 +117,7 @@ def _replaced(
     progress.replaced(fit)
     if fit.problems:
         first, *others = fit.problems
-        more = f", and {len(others)} more do not fit" if others else ""
+        more = f", and {counted(len(others), 'more does', 'more do')} not fit" if others else ""
         raise CommandError(
             f"'{replacement.fmu}' does not fit in the place of {name}: {first}{more}; a mapping may help.",
             component=name,

@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def _command(arguments: Sequence[str]) -> str:
-    """The command among these arguments."""
+    """The command among these arguments, which --quiet may stand before."""
     return next((a for a in arguments if not a.startswith("-")), "")
 
 
@@ -43,6 +43,10 @@ def _run() -> None:
         with ending_at_once(_interrupted):
             from .cli import app
 
+            if "_EMLA_COMPLETE" in os.environ:  # a shell asks what completes a line
+                from .completion import answer
+
+                answer(app)
             app()
     except KeyboardInterrupt:
         _end("Interrupted.")

@@ -15,6 +15,9 @@ from .system.model import Alias, Component, Connection, Replacement, System
 from .system.resolution import in_fmu_terms, transformed
 from .units import IDENTITY, LinearTransformation, Unit, conversion
 
+FITS = "fits"
+"""The verdict on a variable that has another name, and the same unit."""
+
 
 @dataclass(frozen=True)
 class Match:
@@ -42,6 +45,11 @@ class Fit:
     fmu: Path
     matches: Sequence[Match]
     same: int
+
+    @property
+    def worth_a_look(self) -> bool:
+        """Whether anything is not just as it was, perhaps under another name."""
+        return any(m.fatal or m.verdict != FITS for m in self.matches)
 
     @property
     def problems(self) -> list[Match]:
@@ -217,7 +225,7 @@ class _Matching:
             self._same.add(name)
             return
         self.aliases[name] = Alias(variable.name, transformation, ours)
-        self._say(kind, name, variable.name, "fits" if transformation == IDENTITY else str(transformation))
+        self._say(kind, name, variable.name, FITS if transformation == IDENTITY else str(transformation))
 
     def _transformation(self, name: str, ours: Unit | None, theirs: Unit | None) -> LinearTransformation:
         entry = self._entries.get(name)

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
@@ -11,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from .errors import CosimError
+from .wording import counted
 
 if TYPE_CHECKING:
     from .recorders.metrics import Figures, Shown
@@ -44,9 +46,41 @@ OUT, ERR = Console(), Console(file=cast(IO[str], _Stderr()))
 """Results go to standard output, progress and errors to standard error."""
 
 
-def show(shown: RenderableType, **how: Any) -> None:
-    """Put something out; CosimError where standard output cannot be written."""
-    with _written():
+@dataclass(frozen=True)
+class Wanted:
+    """What a person wants to see: nothing but errors, or also how replacements fit that fit."""
+
+    quiet: bool = False
+    fit: bool = False
+
+
+_wanted = Wanted()
+
+
+@contextmanager
+def showing(what: Wanted) -> Iterator[None]:
+    """Show this meanwhile."""
+    global _wanted
+    before, _wanted = _wanted, what
+    try:
+        yield
+    finally:
+        _wanted = before
+
+
+def wanted() -> Wanted:
+    """What is to be shown."""
+    return _wanted
+
+
+def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
+    """Put something out, unless only errors are to be, or it is what the command was `asked_for`.
+
+    Raises CosimError where standard output cannot be written.
+    """
+    if _wanted.quiet and not asked_for:
+        return
+    try:
         OUT.print(shown, **how)
 
 
@@ -133,7 +167,8 @@ def _show_agreement(result: "Result") -> None:
 
     left = that_left(result.comparisons)
     place = result.record["reference"]["run"]
-    say(f"{len(result.comparisons) - len(left)} of {len(result.comparisons)} signals agree with {place}")
+    agree = counted(len(result.comparisons), "signal agrees", "signals agree")
+    say(f"{len(result.comparisons) - len(left)} of {agree} with {place}")
     if not left:
         return
     table = Table("signal", "left at / s", "off by", "allowed", "", "at / s")
@@ -153,7 +188,7 @@ def _speed(result: "Result") -> Iterator[str]:
     tried = f" ({rejected} more rejected)" if rejected is not None else ""
     slowly = "" if result.stepping.get("compiled", True) else ", not compiled"
     yield (
-        f"{result.steps} steps{tried} in {result.wall_s:.2f} s: "
+        f"{counted(result.steps, 'step')}{tried} in {result.wall_s:.2f} s: "
         f"{rate:,.0f} steps/s, {factor:.2g} x real time{slowly}"
     )
     if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
@@ -161,15 +196,17 @@ def _speed(result: "Result") -> Iterator[str]:
     loops = result.stepping.get("loops", [])
     if loops:
         each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps
-        what = "A loop" if len(loops) == 1 else f"{len(loops)} loops"
-        yield f"{what} agreed after {each:.3g} sweeps a step"
+        what = "One loop" if len(loops) == 1 else f"{len(loops)} loops"
+        yield f"{what} agreed after {each:.3g} {'sweep' if each == 1 else 'sweeps'} a step"
     late = result.stepping["late_connections"]
     if late:
-        yield f"{len(late)} connections come one step late; run.json names them"
+        come = counted(len(late), "connection comes", "connections come")
+        yield f"{come} one step late; run.json names {'it' if len(late) == 1 else 'them'}"
     if result.pacing is not None:
         kept = result.pacing
         yield (
-            f"{kept['overruns']} overruns at {kept['points']} points of {kept['factor']:g} x real time; "
+            f"{counted(int(kept['overruns']), 'overrun')} at {counted(int(kept['points']), 'point')} of "
+            f"{kept['factor']:g} x real time; "
             f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
         )
 

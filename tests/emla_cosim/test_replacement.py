@@ -95,12 +95,17 @@ def mapping(*entries: str, path: str = "my.ssm") -> str:
 
 
 def test_an_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_folder: Path) -> None:
-    """And needs no line in the table."""
+    """And needs no table, unless somebody asks for it."""
     other = python_fmu_folder / "EmlaPlant" / "python" / "EmlaPlant.fmu"
     ran(emla, "ours", "study", "--stop-time", "0.02")
-    result = ran(emla, "theirs", "study", "--stop-time", "0.02", "--replace", f"lift.plant={other}")
+    replaced = ("study", "--stop-time", "0.02", "--replace", f"lift.plant={other}")
+    result = ran(emla, "theirs", *replaced)
     assert Path("ours/results.csv").read_bytes() == Path("theirs/results.csv").read_bytes()
-    assert rows(result) == [["", "55 more", "", "same name and unit"]]
+    assert rows(result) == []
+    assert "EmlaPlant.fmu as lift.plant: all 55 variables fit (--show-fit lists them)" in result.stderr
+    shown = ran(emla, "theirs", *replaced, "--show-fit")
+    assert rows(shown) == [["", "55 more", "", "same name and unit"]]
+    assert "variables fit" not in shown.stderr
     assert record("theirs")["components"]["lift.plant"]["fmu"] == str(other)
     assert record("theirs")["components"]["tilt.plant"]["fmu"] != str(other)
 
@@ -388,8 +393,9 @@ def test_units_that_shall_not_be_converted(emla: Emla, fmu_folder: Path) -> None
     Path(text).write_text(changed)
     own = f"lift.plant={fmu_folder}/EmlaPlant/EmlaPlant.fmu"
     result = ran(
-        emla, "out", "lift", "--stop-time", "0.001", "--replace", own, "--mapping", f"lift.plant={text}"
-    )
+        emla, "out", "lift", "--stop-time", "0.001", "--replace", own, "--mapping", f"lift.plant={text}",
+        "--show-fit",
+    )  # fmt: skip
     assert verdicts(result)["motor.R_s"] == verdicts(result)["motor.L_q"] == "fits"
 
 

@@ -301,7 +301,7 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
             ["--mapping lift.plant=my.ssm needs --replace lift.plant=FILE.fmu"],
         ),
         ('system = "lift"\ndescription = 3\n', ["'description'", "must be a text"]),
-        ('system = "lift"\nstop_time = "1 s"\n', ["'stop_time'", "is '1 s'; it must be a number"]),
+        ('system = "lift"\nstop_time = "1 m"\n', ["'stop_time'", "has the units m and s"]),
         ('system = "lift"\nstop_time = true\n', ["'stop_time'", "is True; it must be a number"]),
         ('system = "lift"\nstop_time = -1.0\n', ["stop time -1 s"]),
         ('system = "lift"\nplots = "no"\n', ["'plots'", "must be true or false"]),

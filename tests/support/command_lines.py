@@ -92,13 +92,15 @@ _texts = st.sampled_from(_TEXTS) | st.text("[]=.*<>'\"\\lift1e", max_size=9)
 _components = st.sampled_from(["lift.plant", "lift", "", "x"])
 
 _USEFUL: dict[str, Sequence[str]] = {
-    "set": [f"lift.plant.start.x_L={x}" for x in (0.25, 0.24, "nan")] + ["lift.plant.internal_step=1e-9"],
+    "set": [f"lift.plant.start.x_L={x}" for x in (0.25, 0.24, "nan")]
+    + ["lift.plant.internal_step=1e-9"]
+    + ["*.start.x_L=250 mm", "*.x_L=1", "lift.*.qqq=1", "*=x", "lift.disturbance.load.level[*]=1 kN"],
     "replace": ["lift.plant=ok.fmu", "lift.plant=fmu-0.9.fmu", "lift.plant=gone", "lift.observer=ok.fmu"],
     "mapping": ["lift.plant=empty.ssm", "lift.plant=device"],
     "require": ["lift.position_error_m < 1", "steps_per_s > 1e308", "lift.torque_peak_N_m > 1"],
     "start_time": ["0", "0.001", "-0.001"],
-    "stop_time": ["0.003", "0.0015", "0.00015", "1e308"],
-    "step_size": ["1e-4", "5e-5", "2e-4", "1e-3"],
+    "stop_time": ["0.003", "0.0015", "0.00015", "1e308", "2 ms", "2 m", "1e999 d"],
+    "step_size": ["1e-4", "0.1ms", "5e-5", "2e-4", "1e-3"],
     "error_tolerance": ["1e-2", "1e-3"],
     "output_interval": ["1e-3", "1e-4", "5e-4"],
     "real_time": ["1", "10", "1e9"],
@@ -159,7 +161,9 @@ def _given(option: Option) -> st.SearchStrategy[tuple[str, ...]]:
 
 # ---- commands --------------------------------------------------------------------------------------
 
-_nonsense = st.sampled_from(["--nope", "-x", "--", "-", "--help", "-h", "--version", "-1", "--set=", *FILES])
+_nonsense = st.sampled_from(
+    ["--nope", "-x", "--", "-", "--help", "-h", "--version", "-1", "-q", "--set=", *FILES]
+)
 _stray = _nonsense.map(lambda text: (text,))
 _good = st.sampled_from(["lift", "lift", "lift", "lift", "ok.toml", "ok.ssp", "link.ssp", *SCENARIOS])
 _scenarios = _weighted((5, _good), (1, _paths))
@@ -188,6 +192,14 @@ _export = st.builds(
     _paths | st.sampled_from(["new.ssp", "ok.ssp"]),
     _options(EXPORT) | st.just([("--nested",)]),
 )
+_rerun = st.builds(
+    lambda quiet, file, options: _joined(
+        (*quiet, "rerun", file, "--fmus", FMUS, "--no-plots", "--output", "out"), *options
+    ),
+    st.sampled_from([(), ("-q",)]),
+    _paths | st.sampled_from(["ok.json"]),
+    _options(RUN),
+)
 _model = st.sampled_from([*MODELS, "EmlaPlant", "x", ODD, "gone.py:B", "broken.py:B", "block.py:C", "folder"])
 _more = [
     ("--flavour", "python"),
@@ -205,7 +217,7 @@ _words = st.lists(_nonsense | _texts | st.sampled_from(["run", "list", "export",
     tuple
 )
 _list = st.lists(_nonsense | _texts, max_size=1).map(lambda more: ("list", *more))
-commands = _weighted((12, _run), (3, _export), (1, _build), (1, _list), (2, _words))
+commands = _weighted((12, _run), (3, _export), (2, _rerun), (1, _build), (1, _list), (2, _words))
 
 
 # ---- surroundings ----------------------------------------------------------------------------------

@@ -23,6 +23,7 @@ class Materials:
         return self.fmus / "EmlaPlant/EmlaPlant.fmu"
 
 
+RECORD = b'{"settings": {}, "source": "lift", "changed": {"stop_time": 0.002}}\n'
 TOML = b'description = "x"\nsystem = "lift"\nstop_time = 0.002\nplots = false\n'
 BLOCK = (
     b"from fmublock import Block, Output\n\nclass B(Block):\n    y = Output()\n    def outputs(self, v):\n"
@@ -73,6 +74,10 @@ FILES: dict[str, Make] = {
     f"{ODD}.toml": _with(TOML),
     "block.py": _with(BLOCK + b"        return {'y': 1.0}\n"),
     "broken.py": _with(BLOCK),
+    "ok.json": _with(RECORD),
+    "device.json": _device,
+    "odd.json": _with(RECORD.replace(b"0.002", b"1e999")),
+    "cut.json": _with(RECORD[:-9]),
     "ok.ssp": _part("package", 1.0),
     "ok.fmu": _part("fmu", 1.0),
     "ok.checkpoint": _part("checkpoint", 1.0),

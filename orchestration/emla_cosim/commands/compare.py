@@ -17,6 +17,7 @@ from ..option import COMPARE
 from ..results.output_folder import results_folder
 from ..study.certificate import certificate_table
 from ..terminal import say, show
+from ..wording import counted
 from .options import Scheduler, Workers
 
 OPTIONS = COMPARE
@@ -137,7 +138,7 @@ def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
             say(sentence)
     for note in result.notes:
         say(note)
-    say(f"{result.rows['run'].n_unique()} runs in {result.wall_s:.0f} s")
+    say(f"{counted(result.rows['run'].n_unique(), 'run')} in {result.wall_s:.0f} s")
     say(f"Wrote {place}/: {CSV}, {MARKDOWN}, {RECORD}")
     if pictures:
         say(f"Pictures: {', '.join(path.name for path in pictures)}")

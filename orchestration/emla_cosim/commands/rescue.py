@@ -27,7 +27,7 @@ from ..results.result import Result
 from ..run_record import COMPLETED
 from ..scenarios.scenario import Scenario
 from ..simulation import Simulation
-from ..terminal import show_error, show_interrupted, show_result
+from ..terminal import Wanted, show_error, show_interrupted, show_result, showing, wanted
 from ..units import LinearTransformation
 
 _SELDOM = 1.0
@@ -58,6 +58,7 @@ class _Told:
     animate: bool
     notes: Sequence[str]
     process: int
+    wanted: Wanted
     stepping: bool = False
     """Whether the first step began; `begun` is None then where it was too much to tell."""
     begun: _Begun | None = None
@@ -80,6 +81,7 @@ class Remembered(Recorder):
             scenario.options.animate,
             scenario.notes,
             os.getpid(),
+            wanted(),
         )
         self._quick = output.table().quick_memory
         self._run: Pause | None = None
@@ -162,7 +164,7 @@ def rescue(how: str, ended: float) -> None:
         return
     try:
         output = OutputFolder(told.folder, told.form)
-        with output.alone(heir_of=told.process):
+        with output.alone(heir_of=told.process), showing(told.wanted):
             problem = _kept(told, output, cause, ended)
         show_error(f"{problem} What was computed is in {output.path}.")
     except (CosimError, OSError) as error:

@@ -23,6 +23,7 @@ from ..verify.report import Examined, Report
 from ..verify.settings import Settings
 from ..verify.verdict import Verdict
 from ..verify.verifying import verify
+from ..wording import counted
 from .options import pairs
 
 _WHAT, _OUT, _MAKE = "What is checked", "What comes out", "Make references"
@@ -121,7 +122,7 @@ def command(
 ) -> None:
     """Verify FMUs and systems of them."""
     if list_:
-        show(_catalogue())
+        show(_catalogue(), asked_for=True)
         return
     check_choice("shape", excite, SHAPES)
     recording = None
@@ -155,8 +156,7 @@ def command(
     else:
         _show(report)
     if not report.passed:
-        count = len(report.failures)
-        raise CosimError(f"{count} {'check' if count == 1 else 'checks'} failed.")
+        raise CosimError(f"{counted(len(report.failures), 'check')} failed.")
 
 
 def _check_places(reports: Mapping[str, Path | None], files: Iterable[Path]) -> None:

@@ -8,6 +8,7 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..errors import CommandError
+from ..wording import counted
 from .interface import Interface, read_interface
 from .library import missing_bytes
 from .unpack import UnsafeArchiveError, unpack
@@ -86,6 +87,6 @@ def _whole(path: Path, library: Path) -> Path:
     if missing := missing_bytes(library):
         raise CommandError(
             f"the library '{library.parent.name}/{library.name}' of the FMU '{path}' is cut off: its last "
-            f"{missing} bytes are missing; get the FMU anew."
+            f"{counted(missing, 'byte is', 'bytes are')} missing; get the FMU anew."
         )
     return library

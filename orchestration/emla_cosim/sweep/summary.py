@@ -11,6 +11,7 @@ from ..arrays import Vector
 from ..errors import CommandError
 from ..recorders.metrics import Shown
 from ..terminal import cell
+from ..wording import counted
 from .columns import (
     NOT_CONVERGED,
     check_figure,
@@ -192,4 +193,4 @@ def _titled(title: str, table: Table) -> RenderableType:
 
 
 def _variants(count: int) -> str:
-    return f"{count:,} variant{'s' if count != 1 else ''}"
+    return counted(count, "variant", form=",")

@@ -7,6 +7,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+from ..wording import counted
 from .result import Tuned, TuneResult
 from .score import Score, told
 
@@ -22,8 +23,9 @@ def summary(result: TuneResult) -> list[RenderableType]:
 def lines(result: TuneResult) -> Iterator[str]:
     """How much was run, and how well it holds on other seeds."""
     yield (
-        f"{result.history.height} sets of gains tried, {result.runs:,} runs in {result.wall_s:.0f} s; "
-        f"{int((result.history['violation'] == 0.0).sum())} sets as required"
+        f"{counted(result.history.height, 'set')} of gains tried, "
+        f"{counted(result.runs, 'run', form=',')} in {result.wall_s:.0f} s; "
+        f"{counted(int((result.history['violation'] == 0.0).sum()), 'set')} as required"
     )
     if result.best.validation is None:
         if result.complete:
