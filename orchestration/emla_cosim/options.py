@@ -169,6 +169,9 @@ class Options:
     )
     plots: bool = _output(True, help="Draw plots.", recorded=False)
     animate: bool = _output(False, help="Draw an animation of the machine.", recorded=False, commands=(RUN,))
+    report: bool = _output(
+        False, help="Write a page to look at and to keep, report.html.", recorded=False, commands=(RUN,)
+    )
     checkpoint: Path | None = _output(
         help="Write checkpoints to this file: every minute, and at the end.",
         in_file=False,

@@ -59,7 +59,7 @@ PREPARED = (
 )
 """Options that decide what is prepared: a run of a prepared simulation cannot change them."""
 
-OF_THE_COMMAND = ("output", "plots", "animate")
+OF_THE_COMMAND = ("output", "plots", "animate", "report")
 """Options that say what the command line does with a result."""
 
 

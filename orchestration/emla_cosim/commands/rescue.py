@@ -56,6 +56,7 @@ class _Told:
     form: str
     plots: bool
     animate: bool
+    report: bool
     notes: Sequence[str]
     process: int
     wanted: Wanted
@@ -79,6 +80,7 @@ class Remembered(Recorder):
             output.form,
             scenario.options.plots,
             scenario.options.animate,
+            scenario.options.report,
             scenario.notes,
             os.getpid(),
             wanted(),
@@ -191,9 +193,9 @@ def _kept(told: _Told, output: OutputFolder, cause: str, ended: float) -> str:
         output.change_record(scenario=told.name, status=problem)
         return problem
     result = _finished(told.begun, output, cause, ended, told.rows_written)
-    drawing = told.plots or told.animate
+    drawing = told.plots or told.animate or told.report
     with BarProgress() if drawing else contextlib.nullcontext(Progress()) as progress:
-        result, pictures = output.keep(result, told.plots, progress, told.animate)
+        result, pictures = output.keep(result, told.plots, progress, told.animate, told.report, told.notes)
     show_result(result, told.notes, output, pictures)
     return str(result.problem)
 

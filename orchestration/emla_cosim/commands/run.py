@@ -60,7 +60,12 @@ def run_into(
                     result = simulation.attempt(recorders=recorders)
                     # before FMUs are terminated, which is their last occasion to fail
                     result, pictures = output.keep(
-                        result, options.plots and not asked(), progress, options.animate and not asked()
+                        result,
+                        options.plots and not asked(),
+                        progress,
+                        options.animate and not asked(),
+                        options.report,
+                        chosen.notes,
                     )
                     remembered.keep()
     show_result(result, [note for note in chosen.notes if note not in told], output, pictures)

@@ -16,6 +16,10 @@ _HUGE = 1e150
 """What is larger is not drawn: no axis can show it beside other things."""
 
 
+_UNSEEN = 5e-5
+"""A part of a curve's range that is too small to be seen, unless one looks very closely."""
+
+
 def drawable(values: Vector) -> Vector:
     """The values, NaN where one is infinite or too large."""
     with np.errstate(invalid="ignore"):
@@ -77,35 +81,27 @@ def rounded(values: Iterable[float], grain: float = 0.0) -> list[float | None]:
 
 
 def condensed(time: Vector, values: Vector, most: int) -> np.ndarray:
-    """Indices of about `most` points of one curve: extremes of parts that are short where much happens.
+    """Indices of at most about `most` points of one curve, between which lines come near to the others.
 
-    Half of the parts share the time evenly, half the way that the curve goes up and down: who looks at
-    a short transient closely still sees it. Ends and the beginnings of gaps are kept.
+    Points are added where lines are furthest off, until none is seen to be: who looks at a short
+    transient closely still sees it. Ends and the edges of gaps are kept.
     """
-    count = len(values)
-    if count <= most:
-        return np.arange(count)
-    known = np.isfinite(values)
-    part = _parts(time, values, max(most // 2, 1))
-    starts = np.flatnonzero(np.diff(part, prepend=-1))
-    within = np.repeat(np.arange(len(starts)), np.diff(starts, append=count))
-    kept = [np.array([0, count - 1])]
-    for reduced, none in ((np.minimum, np.inf), (np.maximum, -np.inf)):
-        filled = np.where(known, values, none)
-        kept.append(_firsts(known & (filled == reduced.reduceat(filled, starts)[within]), within))
-    kept.append(_firsts(~known, within))
-    return np.unique(np.concatenate(kept))
-
-
-def _parts(time: Vector, values: Vector, count: int) -> np.ndarray:
-    """In which of so many parts each point is, in order."""
-    with np.errstate(invalid="ignore"):
-        ways = [np.nan_to_num(np.abs(np.diff(of, prepend=of[:1]))) for of in (time, values)]
-    ways = [way / largest for way in ways if (largest := way.max(initial=0.0)) > 0]  # sums stay finite
-    if not ways:
-        return np.zeros(len(values), int)
-    shares = [np.cumsum(way) / way.sum() / len(ways) for way in ways]
-    return np.minimum(np.sum(shares, axis=0) * count, count - 1).astype(int)
+    count, known = len(values), np.isfinite(values)
+    if count <= min(most, 100) or not known.any():
+        return np.arange(count) if known.any() else np.array([0, count - 1][:count], int)
+    edges = np.flatnonzero(np.diff(known))
+    edges = edges[:: 1 + len(edges) // max(most // 4, 1)]
+    filled = np.where(known, values, np.interp(time, time[known], values[known]))
+    kept = np.unique(np.concatenate([np.linspace(0, count - 1, 32).astype(int), edges, edges + 1]))
+    while (room := most - len(kept)) > 0:
+        off = np.abs(filled - np.interp(time, time[kept], filled[kept]))
+        worst = np.maximum.reduceat(off, kept)
+        within = np.repeat(np.arange(len(kept)), np.diff(kept, append=count))
+        found = _firsts((off == worst[within]) & (off > _UNSEEN * np.ptp(filled)), within)
+        if not len(found):
+            break
+        kept = np.union1d(kept, found[np.argsort(-off[found])[:room]])
+    return kept
 
 
 def _firsts(mask: np.ndarray, within: np.ndarray) -> np.ndarray:
@@ -123,13 +119,7 @@ def packed(values: Vector) -> dict[str, Any]:
     return {"middle": middle, "half": half, "data": b64encode(small.tobytes()).decode()}
 
 
-def small(time: Vector, values: Vector, most: int) -> dict[str, Any]:
-    """A curve of about `most` points or fewer as data of a page: x, y, and how many cannot be drawn."""
-    values = drawable(values)
-    known = np.isfinite(values)
-    missing = int(len(values) - known.sum())
-    if not missing and len(values) > 2 and values.min() == values.max():
-        kept = np.array([0, len(values) - 1])
-    else:
-        kept = condensed(time, values, most)
+def small(time: Vector, values: Vector, kept: np.ndarray) -> dict[str, Any]:
+    """These points of a drawable curve as data of a page: x, y, and how many of all cannot be drawn."""
+    missing = int(np.isnan(values).sum())
     return {"missing": missing, "x": packed(time[kept]), "y": packed(values[kept])}

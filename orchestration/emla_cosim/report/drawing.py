@@ -26,7 +26,9 @@ def template(shape: Shape) -> str:
     figure = _figure()
     for k in range(shape.limits):
         for end in ("low", "high"):
-            beyond = BoxAnnotation(name=f"limit-{k}-{end}", visible=False, line_dash="dashed", level="underlay")
+            beyond = BoxAnnotation(
+                name=f"limit-{k}-{end}", visible=False, line_dash="dashed", level="underlay"
+            )
             figure.add_layout(beyond)
     if shape.band:
         source = _source("band", "x", "lower", "upper")

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import Vector
-from .curves import drawable, padded, rounded, small, span, thinned, times
+from .curves import condensed, drawable, padded, rounded, small, span, thinned, times
 from .text import shortened, visible
 
 
@@ -142,7 +142,8 @@ class Plot:
     def _line(self, line: Line, grain: float) -> dict[str, Any]:
         look = {"label": visible(line.label), "color": line.color, "dashed": line.dashed}
         if self.points is not None:
-            return {**look, **small(line.time, line.values, self.points)}
+            values = drawable(line.values)
+            return {**look, **small(line.time, values, condensed(line.time, values, self.points))}
         values, base = drawable(line.values), self._base(line.time)
         kept = thinned(values, *(values - b for b in base))
         return {

@@ -4,7 +4,7 @@ import contextlib
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -24,7 +24,7 @@ from .animation import ANIMATIONS, animate
 from .plotting import FIGURES, draw
 from .result import Result
 
-METRICS, RECORD = "metrics.json", "run.json"
+METRICS, RECORD, REPORT = "metrics.json", "run.json", "report.html"
 
 
 def results_folder(name: str) -> Path:
@@ -101,28 +101,49 @@ class OutputFolder:
                 table.end()
 
     def keep(
-        self, result: Result, plots: bool, progress: Progress, animated: bool = False
+        self,
+        result: Result,
+        plots: bool,
+        progress: Progress,
+        animated: bool = False,
+        report: bool = False,
+        notes: Sequence[str] = (),
     ) -> tuple[Result, list[Path]]:
         """`write`, with a failure among the problems of the result."""
         try:
-            return result, self.write(result, plots, progress, animated)
+            return result, self.write(result, plots, progress, animated, report, notes)
         except RunError as error:
             return replace(result, problem=" ".join(filter(None, (result.problem, str(error))))), []
 
     def write(
-        self, result: Result, plots: bool, progress: Progress | None = None, animated: bool = False
+        self,
+        result: Result,
+        plots: bool,
+        progress: Progress | None = None,
+        animated: bool = False,
+        report: bool = False,
+        notes: Sequence[str] = (),
     ) -> list[Path]:
-        """Write metrics.json, run.json and, if wanted, pictures and animations, which are returned.
+        """Write metrics.json, run.json and, if wanted, pictures, a page and animations, which are returned.
 
-        Raises RunError, also where Ctrl-C ends an animation.
+        `notes` are sentences for the page on what was read. Raises RunError, also where Ctrl-C ends an
+        animation.
         """
         told = progress or Progress()
         with writing_to(self.path):
             self._write_json(METRICS, {**_without_nan(result.metrics), "run": _run_metrics(result)})
             self._write_json(RECORD, result.record)
-            if result.steps == 0 or result.table is None:
-                return []
             written = list[Path]()
+            if report:
+                from .page.page import page
+
+                told.begin("writing the report", 1)
+                with written_whole(self._place / REPORT) as stream:
+                    stream.write(page(result, notes).encode("utf-8", "replace"))
+                written.append(self.path / REPORT)
+                told.advance(1)
+            if result.steps == 0 or result.table is None:
+                return written
             if plots:
                 told.begin("drawing plots", len(FIGURES))
                 written += draw(result, self._place, lambda _: told.advance(1))
@@ -157,7 +178,7 @@ class OutputFolder:
 def _names() -> list[str]:
     """Names of all files but the table of results."""
     pictures = *(f"{figure}.png" for figure in FIGURES), *(f"{name}.gif" for name in ANIMATIONS)
-    return [METRICS, RECORD, *pictures]
+    return [METRICS, RECORD, REPORT, *pictures]
 
 
 class _Clearing(Recorder):

@@ -1,4 +1,4 @@
-"""What a picture shows, apart from how it is drawn: panels of lines over time, with limits."""
+"""What a picture shows, apart from how it is drawn."""
 
 from dataclasses import dataclass
 
@@ -7,20 +7,19 @@ from ..arrays import Vector
 
 @dataclass(frozen=True)
 class ShownLine:
-    """A line over the time of its panel, in a colour of `style`."""
+    """Values at the times of a panel; the label is empty where the panel says what they are."""
 
     label: str
     values: Vector
     color: str
-    dashed: bool = False
+    dashed: bool
 
 
 @dataclass(frozen=True)
 class ShownPanel:
-    """Lines over `time` in s; `column` is what they are of, `label` what they measure, with its unit.
+    """Lines over `time` in s, in the quantity and unit of `label`; `column` is what they are of.
 
-    `limits` are ranges that are not to be left, as label, lowest and highest value; None where there is no
-    such end.
+    `limits` are labels, and what values should not be below and above, None where there is no such end.
     """
 
     column: str

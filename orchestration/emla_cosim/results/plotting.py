@@ -3,7 +3,6 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from ..arrays import Vector
 from ..errors import CommandError
 from ..files import written_whole
 from ..patterns import fits
+from .panels import ShownLine, ShownPanel
 from .style import BLUE, COLORS, new_figure, save, tidied
 
 if TYPE_CHECKING:
@@ -97,7 +97,34 @@ class Picture(Drawing):
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
         """The panels with the curves that there are signals for."""
-        return _drawn(self, list(result.metrics.get(self.of, ())), data)
+        shown = self.resolved(result, data)
+        return _drawn(self, shown) if shown else None
+
+    def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[ShownPanel]:
+        """What it shows, row by row: a panel for each column that there are signals for."""
+        columns = [
+            c
+            for c in result.metrics.get(self.of, ())
+            if any(self.find(c, curve.signal, data) for panel in self.panels for curve in panel.curves)
+        ]
+        return [self._resolved(panel, column, data) for panel in self.panels for column in columns]
+
+    def _resolved(self, panel: Panel, column: str, data: Mapping[str, Vector]) -> ShownPanel:
+        time = data["time"]
+        late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
+        part = time >= time[0] + (_TRANSIENT if late else 0.0)
+        lines = []
+        for curve in panel.curves:
+            values = self._values(column, curve.signal, data)
+            minus = self._values(column, curve.less, data) if curve.less else np.zeros_like(time)
+            if values is not None and minus is not None:
+                shown = curve.scale * (values - minus)[part]
+                lines.append(ShownLine(curve.label, shown, curve.color, curve.dashed))
+        return ShownPanel(column, panel.label, time[part], tuple(lines))
+
+    def _values(self, column: str, signal: str, data: Mapping[str, Vector]) -> Vector | None:
+        name = self.find(column, signal, data)
+        return None if name is None else data[name]
 
 
 FIGURES: dict[str, Drawing] = {}
@@ -155,46 +182,24 @@ def _matching(pattern: str, names: Sequence[str]) -> list[str]:
     return found or [pattern]  # whose reading says what is wrong
 
 
-def _drawn(picture: Picture, columns: Sequence[str], data: Mapping[str, Vector]) -> "Figure | None":
-    panels = picture.panels
-    shown = [
-        c for c in columns if any(picture.find(c, curve.signal, data) for p in panels for curve in p.curves)
-    ]
-    if not shown:
-        return None
-    figure, grid = new_figure(len(panels), len(shown), 3.9)
-    for j, column in enumerate(shown):
+def _drawn(picture: Picture, shown: Sequence[ShownPanel]) -> "Figure":
+    columns = list(dict.fromkeys(panel.column for panel in shown))
+    figure, grid = new_figure(len(picture.panels), len(columns), 3.9)
+    for axes, panel in zip(grid.flat, shown, strict=True):
+        _draw_panel(axes, panel)
+    for j, column in enumerate(columns):
         grid[0, j].set_title(column, fontsize=11, parse_math=False)
         grid[-1, j].set_xlabel("time / s")
-        for i, panel in enumerate(panels):
-            _draw_panel(grid[i, j], panel, partial(_values, picture, column, data), data["time"])
-            if j == 0:
-                grid[i, 0].set_ylabel(panel.label)
+    for i, panel in enumerate(picture.panels):
+        grid[i, 0].set_ylabel(panel.label)
     figure.align_ylabels()
     figure.suptitle(picture.title, fontsize=12, fontweight="bold")
     return figure
 
 
-def _values(picture: Picture, column: str, data: Mapping[str, Vector], signal: str) -> Vector | None:
-    name = picture.find(column, signal, data)
-    return None if name is None else data[name]
-
-
-def _draw_panel(axes: "Axes", panel: Panel, values_of: Callable[[str], Vector | None], time: Vector) -> None:
-    late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
-    part = time >= time[0] + (_TRANSIENT if late else 0.0)
-    shown = []
-    for curve in panel.curves:
-        values = values_of(curve.signal)
-        minus = values_of(curve.less) if curve.less else np.zeros_like(time)
-        if values is None or minus is None:
-            continue
-        axes.plot(
-            time[part],
-            curve.scale * (values - minus)[part],
-            color=curve.color,
-            linestyle=(0, (4, 2)) if curve.dashed else "-",
-            linewidth=1.1,
-        )
-        shown.append(curve.label)
-    tidied(axes, shown if len(panel.curves) > 1 else ())
+def _draw_panel(axes: "Axes", panel: ShownPanel) -> None:
+    for line in panel.lines:
+        style = (0, (4, 2)) if line.dashed else "-"
+        axes.plot(panel.time, line.values, color=line.color, linestyle=style, linewidth=1.1)
+    labels = [line.label for line in panel.lines]
+    tidied(axes, labels if any(labels) else ())

@@ -125,11 +125,13 @@ class Result:
         given = converted(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
         return agreement(self, stored_run(converted(reference, Path, "the reference")), given)
 
-    def save(self, folder: str | Path, plots: bool = True, animate: bool = False) -> list[Path]:
+    def save(
+        self, folder: str | Path, plots: bool = True, animate: bool = False, report: bool = False
+    ) -> list[Path]:
         """Write results.csv, metrics.json, run.json and pictures to a folder; returns the pictures.
 
-        `animate` adds an animation, as a GIF. Raises CommandError where the folder cannot be written, or
-        nothing can be animated; RunError where the disk is full.
+        `animate` adds an animation, as a GIF, and `report` a page, report.html. Raises CommandError where
+        the folder cannot be written, or nothing can be animated; RunError where the disk is full.
         """
         from .animation import check_animated
         from .output_folder import OutputFolder
@@ -139,7 +141,7 @@ class Result:
         output = OutputFolder(converted(folder, Path, "the folder"), self.record["settings"]["output_format"])
         with output.alone():
             output.write_table(self)
-            return output.write(self, plots, animated=animate)
+            return output.write(self, plots, animated=animate, report=report)
 
     @property
     def _table(self) -> Table:

@@ -18,6 +18,7 @@ from .verdict import Verdict
 if TYPE_CHECKING:
     from .report import Examined, Finding, Report
 
+
 def save(report: "Report", path: Path) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
     write_text(page(report), path, "the HTML report")

@@ -1,6 +1,5 @@
 """The page in a real browser: it is read, searched, opened, zoomed, made dark, and looked at."""
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 import pytest
 
 from emla_cosim.verify.report import Report
-from tests.support.browser import chromium
+from tests.support.browser import Page, chromium
 from tests.support.reports import hostile, ordinary, ten
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -22,77 +21,6 @@ def browser() -> Iterator[Any]:
         yield opened
 
 
-class Page:
-    """A report, opened."""
-
-    def __init__(self, browser: Any, report: Report, path: Path) -> None:
-        report.save_html(path)
-        self.browser = browser
-        browser.get_log("browser")
-        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
-        browser.get(path.as_uri())
-        browser.execute_script("localStorage.clear()")
-
-    def run(self, script: str, *arguments: Any) -> Any:
-        return self.browser.execute_script(script, *arguments)
-
-    def until(self, script: str) -> Any:
-        """What the script returns once that is something; AssertionError after 20 s."""
-        end = time.monotonic() + 20
-        while not (found := self.run(script)):
-            assert time.monotonic() < end, (script, self.complaints())
-            time.sleep(0.02)
-        return found
-
-    def count(self, selector: str) -> int:
-        """How many elements of it are to be seen."""
-        script = "return [...document.querySelectorAll(arguments[0])].filter(e => e.checkVisibility()).length"
-        return self.run(script, selector)
-
-    def click(self, selector: str) -> None:
-        self.run("document.querySelector(arguments[0]).click()", selector)
-
-    def type(self, text: str) -> None:
-        field = self.browser.find_element("css selector", "input[type=search]")
-        field.clear()
-        field.send_keys(text)
-
-    def draw(self, plot: str) -> None:
-        """Look at a plot until it is drawn."""
-        self.run(f"document.querySelector('[data-plot={plot}]').scrollIntoView({{block: 'center'}})")
-        self.until(f"return document.querySelector('[data-plot={plot}]').dataset.drawn")
-
-    def range(self, plot: str, axis: str = "x") -> list[float]:
-        one = f"drawn.get(document.querySelector('[data-plot={plot}]')).plot.{axis}_range"
-        return self.run(f"return [{one}.start, {one}.end]")
-
-    def pixels(self, plot: str, color: tuple[int, int, int]) -> int:
-        """How many points of a plot's picture have about this colour."""
-        return self.run(
-            """
-            const found = [], seek = (root) => { for (const e of root.querySelectorAll("*")) {
-              if (e.tagName === "CANVAS") found.push(e); if (e.shadowRoot) seek(e.shadowRoot); } };
-            seek(document.querySelector(`[data-plot=${arguments[0]}]`));
-            let count = 0;
-            for (const canvas of found.filter((c) => c.width && c.height)) {
-              const copy = document.createElement("canvas"), { width, height } = canvas;
-              Object.assign(copy, { width, height });
-              const context = copy.getContext("2d", { willReadFrequently: true });
-              context.drawImage(canvas, 0, 0);
-              const { data } = context.getImageData(0, 0, width, height);
-              for (let k = 0; k < data.length; k += 4)
-                count += data[k + 3] > 200
-                  && [0, 1, 2].every((i) => Math.abs(data[k + i] - arguments[1][i]) < 12);
-            }
-            return count;""",
-            plot,
-            color,
-        )
-
-    def complaints(self) -> list[str]:
-        return [line["message"] for line in self.browser.get_log("browser")]
-
-
 Open = Callable[[Report], Page]
 
 
@@ -101,7 +29,8 @@ def opened(browser: Any, tmp_path: Path) -> Iterator[Open]:
     pages = []
 
     def make(report: Report) -> Page:
-        pages.append(Page(browser, report, tmp_path / "report.html"))
+        report.save_html(tmp_path / "report.html")
+        pages.append(Page(browser, tmp_path / "report.html"))
         return pages[-1]
 
     yield make

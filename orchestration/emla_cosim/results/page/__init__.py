@@ -1,0 +1,1 @@
+"""The page of a run: what came out, with curves to zoom into, and all that was set."""

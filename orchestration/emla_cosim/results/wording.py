@@ -1,0 +1,52 @@
+"""What people are told of a result, in the terminal and on pages alike."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..recorders.metrics import Shown
+    from .result import Result
+
+
+def cell(value: Any, figure: "Shown") -> str:
+    """A figure as the table has it, in the unit of its row unless it says another one."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    scaled = figure.factor * value
+    if value != value:
+        return "none"
+    if abs(scaled) < 1e4:
+        return f"{scaled:.4g}"
+    if figure.large:
+        return f"{value:.4g} {figure.large}"
+    return f"{scaled:,.0f}" if abs(scaled) < 1e12 else f"{scaled:.4g}"
+
+
+def how_stepped(result: "Result") -> Iterator[str]:
+    """How the steps were made and how long they took, in sentences."""
+    if not (result.wall_s > 0 and result.steps):
+        return
+    rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
+    rejected = result.stepping.get("rejected_steps")
+    tried = f" ({rejected} more rejected)" if rejected is not None else ""
+    slowly = "" if result.stepping.get("compiled", True) else ", not compiled"
+    yield (
+        f"{result.steps} steps{tried} in {result.wall_s:.2f} s: "
+        f"{rate:,.0f} steps/s, {factor:.2g} x real time{slowly}"
+    )
+    if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
+        yield f"The compiled loop could not be kept, the next run has to compile it again: {reason}"
+    loops = result.stepping.get("loops", [])
+    if loops:
+        each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps
+        what = "A loop" if len(loops) == 1 else f"{len(loops)} loops"
+        yield f"{what} agreed after {each:.3g} sweeps a step"
+    late = result.stepping["late_connections"]
+    if late:
+        yield f"{len(late)} connections come one step late; run.json names them"
+    if result.pacing is not None:
+        kept = result.pacing
+        yield (
+            f"{kept['overruns']} overruns at {kept['points']} points of {kept['factor']:g} x real time; "
+            f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
+        )

@@ -1,0 +1,308 @@
+"""The page of a run: what it says is what the files say, and it does what it should in a real browser."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import html5lib
+import numpy as np
+import pytest
+from selenium.webdriver import ActionChains, Keys
+from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
+
+from emla_cosim.loading import load
+from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.time_series import TimeSeries
+from emla_cosim.results.page.diagram import diagrams, wires
+from emla_cosim.results.page.page import page
+from emla_cosim.results.result import Result
+from emla_cosim.units import Unit
+from tests.support.browser import Page, chromium
+from tests.support.commands import Emla
+
+XHTML = "{http://www.w3.org/1999/xhtml}"
+CHOSEN = "drawn.get(document.querySelector('.chosen .plot'))"
+"""What a script calls the first plot of chosen signals."""
+
+SCRIPT = "</script><script>document.title = 'taken'</script>"
+
+
+@pytest.fixture(scope="module")
+def result(fmu_folder: Path) -> Result:
+    """A whole run of the study, which every test here looks at."""
+    with load("study", gains="robust", fmus=fmu_folder).prepare() as simulation:
+        return simulation.run()
+
+
+@pytest.fixture(scope="module")
+def folder(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run as it is saved with its page."""
+    place = tmp_path_factory.mktemp("study")
+    result.save(place, plots=False, report=True)
+    return place
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as opened:
+        yield opened
+
+
+@pytest.fixture
+def opened(browser: Any, folder: Path) -> Iterator[Page]:
+    shown = Page(browser, folder / "report.html")
+    yield shown
+    assert shown.complaints() == []
+
+
+def drawn(name: str) -> str:
+    """What a script calls a plot."""
+    return f"drawn.get(document.querySelector('[data-plot={name}]'))"
+
+
+def first(opened: Page, signal: str) -> None:
+    """Choose a signal and look at it until it is drawn."""
+    buttons = "[...document.querySelectorAll('#signals th button')]"
+    opened.run(f"{buttons}.find(b => b.innerText === arguments[0]).click()", signal)
+    opened.until("return document.querySelector('.chosen .plot')?.dataset.drawn")
+
+
+def rebuilt(result: Result, names: list[str], rows: np.ndarray, **changed: Any) -> Result:
+    """The result with other signals in its table."""
+    table = TimeSeries()
+    table.begin(Outline(names, [None] * len(names), result.times, range(len(names))))
+    if len(rows):
+        table.write(rows)
+    table.end()
+    return replace(result, table=table, metrics={}, shown={}, units=dict.fromkeys(names), **changed)
+
+
+# ---- what it says ------------------------------------------------------------------------------------
+
+
+def test_the_page_of_the_study_is_small_and_html5(folder: Path) -> None:
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert len(text.encode()) < 5e6
+    root = html5lib.HTMLParser(strict=True).parse(text)
+    ids = [e.get("id") for e in root.iter() if e.get("id")]
+    assert len(ids) == len(set(ids))
+    links = [a.get("href") for a in root.iter(f"{XHTML}a")]
+    assert links and all(link[1:] in ids for link in links)
+
+
+def test_figures_are_those_of_metrics_json(opened: Page, folder: Path, result: Result) -> None:
+    rows = opened.run(
+        "return [...document.querySelectorAll('#figures tr')].map(r => [...r.cells].map(c => c.innerText))"
+    )
+    found = json.loads((folder / "metrics.json").read_text())["joints"]
+    assert rows[0][1:-1] == list(found)
+    shown = {row[0]: row[1:-1] for row in rows}
+    for one in result.shown["joints"]:
+        for joint, text in zip(found, shown[one.label], strict=True):
+            value = found[joint][one.name]
+            if isinstance(value, bool):
+                assert text == ("yes" if value else "no")
+            else:
+                assert float(text.replace(",", "")) == pytest.approx(one.factor * value, rel=1e-3)
+
+
+def test_signals_have_the_figures_of_their_rows(opened: Page, result: Result) -> None:
+    rows = opened.run(
+        "return [...document.querySelectorAll('[data-signal]')].map(r => [...r.cells].map(c => c.innerText))"
+    )
+    assert [row[0] for row in rows] == result.names
+    name = "lift.plant.i_q"
+    values = result[name]
+    expected = [values.min(), values.max(), math.sqrt(np.mean(values**2)), values[-1]]
+    (row,) = [row for row in rows if row[0] == name]
+    assert [float(text) for text in row[1:5]] == pytest.approx(expected, rel=1e-3)
+    assert row[5] == "A"
+
+
+def test_settings_and_components_are_those_of_run_json(opened: Page, folder: Path) -> None:
+    record = json.loads((folder / "run.json").read_text())
+    said = opened.run("return document.querySelector('main').textContent")
+    for name in record["settings"]:
+        assert name in said
+    for name, component in record["components"].items():
+        assert name in said and component["sha256"] in said
+        for variable, change in component["changed"].items():
+            assert f"{name}.{variable}" in said
+            assert change["value"] == component["parameters"][variable] != change["default"]
+    assert all(connection in said for connection in record["connections"])
+    boxes = opened.run("return [...document.querySelectorAll('.box title')].map(t => t.textContent)")
+    assert [box.partition(":")[0] for box in boxes] == list(record["components"])
+
+
+def test_the_worst_is_said_first(result: Result) -> None:
+    failed = replace(result, problem="the run ended at t = 1 s: <b>it broke</b>.", remarks=["It diverged."])
+    text = page(failed, ["a unit is <i>odd</i>"])
+    assert '<h1 class="failed">' in text and "&lt;b&gt;it broke" in text and "&lt;i&gt;odd" in text
+    assert text.index("it broke") < text.index("It diverged.") < text.index("position error")
+    changed = page(replace(result, record={**result.record, "changed": {"set": {"a.b": 2}, "gains": "x"}}))
+    assert "<bdi>set a.b</bdi> <b><bdi>2</bdi></b>" in changed and "<bdi>gains</bdi>" in changed
+
+
+# ---- what it does ------------------------------------------------------------------------------------
+
+
+def test_plots_zoom_together(opened: Page) -> None:
+    opened.draw("plot-1")
+    before = opened.range("plot-1")
+    canvas = opened.browser.find_element("css selector", "[data-plot=plot-1] .canvas")
+    ActionChains(opened.browser).move_to_element_with_offset(
+        canvas, -80, -50
+    ).click_and_hold().move_by_offset(60, 80).release().perform()
+    opened.until(f"return {drawn('plot-1')}.plot.x_range.end < {before[1]} - 1")
+    low, high = opened.range("plot-1")
+    assert before[0] < low < high < before[1]
+    same = opened.run(
+        "const one = arguments[0]; return [...drawn.values()].filter(o => o?.data.group === 'lift')"
+        ".map(o => [o.plot.x_range.start, o.plot.x_range.end])"
+    )
+    assert len(same) > 1 and all(ends == pytest.approx([low, high]) for ends in same)
+    others = opened.run(
+        "return [...drawn.values()].filter(o => o?.data.group === 'tilt').map(o => o.plot.x_range.end)"
+    )
+    assert others and min(others) > high
+    opened.browser.find_element("css selector", "[data-plot=plot-1]").send_keys("0")
+    assert opened.range("plot-1") == pytest.approx(before)
+
+
+def test_the_wheel_zooms_with_control_and_scrolls_without(opened: Page) -> None:
+    opened.draw("plot-1")
+    before = opened.range("plot-1")
+    canvas = opened.browser.find_element("css selector", "[data-plot=plot-1] .canvas")
+    origin = ScrollOrigin.from_element(canvas)
+    ActionChains(opened.browser).scroll_from_origin(origin, 0, -100).perform()
+    assert opened.range("plot-1") == before
+    zooming = ActionChains(opened.browser).key_down(Keys.CONTROL).scroll_from_origin(origin, 0, -300)
+    zooming.key_up(Keys.CONTROL).perform()
+    opened.until(f"return {drawn('plot-1')}.plot.x_range.end < {before[1]}")
+
+
+def test_a_transient_can_be_looked_at_closely(opened: Page, result: Result) -> None:
+    first(opened, "lift.plant.i_q")
+    line = f"{CHOSEN}.data.lines[0]"
+    x, y = opened.run(f"return [[...{line}.x], [...{line}.y]]")
+    early = (result.time < 0.1) & np.isfinite(result["lift.plant.i_q"])
+    shown = np.interp(result.time[early], x, y)
+    size = np.ptp(result["lift.plant.i_q"])
+    assert np.abs(shown - result["lift.plant.i_q"][early]).max() < 0.03 * size
+
+
+def test_signals_are_found_and_drawn_by_unit(opened: Page, result: Result) -> None:
+    opened.type("LIFT plant i_")
+    names = opened.run(
+        "return [...document.querySelectorAll('[data-signal]')].filter(r => r.checkVisibility())"
+        ".map(r => r.querySelector('button').innerText)"
+    )
+    assert "lift.plant.i_q" in names and all("lift" in n and "i_" in n for n in names)
+    assert opened.run("return document.querySelector('#signals .shown').innerText").startswith(
+        f"{len(names)} of "
+    )
+    for name in ("lift.plant.i_q", "lift.plant.i_d"):
+        first(opened, name)
+    opened.until(f"return {CHOSEN}?.data.lines.length === 2")
+    assert opened.count(".chosen .plot") == 1
+    entries = "[...document.querySelectorAll('.chosen .legend button.entry')]"
+    opened.run(f"{entries}[1].click()")
+    assert opened.run(f"return {CHOSEN}.model('line-1').visible") is False
+    opened.type("nonsense")
+    assert opened.count("[data-signal]") == 0 and opened.count("#signals .nothing") == 1
+    opened.click("#signals .clear")
+    opened.until("return document.querySelectorAll('.chosen .plot').length === 0")
+
+
+@pytest.mark.parametrize("width", [380, 1600])
+def test_nothing_is_wider_than_the_window(opened: Page, width: int) -> None:
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    opened.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    opened.draw("plot-1")
+    assert opened.run("return document.documentElement.scrollWidth") <= width
+    opened.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_a_reference_is_shown_as_verify_shows_it(browser: Any, result: Result, folder: Path) -> None:
+    comparisons = result.compare(folder)[:3]
+    record = {**result.record, "reference": {"run": "earlier"}}
+    path = folder / "compared.html"
+    path.write_text(page(replace(result, comparisons=comparisons, record=record)), encoding="utf-8")
+    opened = Page(browser, path)
+    assert opened.count("tr.signal.passed") == 3
+    plot = opened.run("return document.querySelector('tr.signal button').getAttribute('aria-controls')")
+    opened.draw(plot)
+    assert "tube" in opened.run(f"return document.querySelector('[data-plot={plot}] .legend').innerText")
+    assert opened.complaints() == []
+
+
+# ---- what others put into it -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 3000])
+def test_hostile_content_does_nothing(browser: Any, result: Result, tmp_path: Path, rows: int) -> None:
+    names = [f"a.{SCRIPT}", "a.<!--<script>", "a.{{7*7}}\u202e"]
+    time = np.linspace(0, 1, rows)
+    values = np.column_stack(
+        [time, np.where(time > 0.5, np.nan, 1e308 * np.sin(9 * time)), np.full(rows, np.inf), 1e-320 * time]
+    )
+    components = {
+        f"a{SCRIPT}": {"fmu": SCRIPT, "sha256": SCRIPT, "changed": {}},
+        "b": {"fmu": "", "sha256": ""},
+    }
+    record = {**result.record, "components": components, "connections": [f"a{SCRIPT}.x -> b.y", SCRIPT]}
+    given = rebuilt(result, names, values, name=SCRIPT, remarks=[SCRIPT], record=record, steps=rows)
+    given = replace(given, units=dict.fromkeys(names, Unit(SCRIPT)))
+    (tmp_path / "page.html").write_text(page(given, [SCRIPT]), encoding="utf-8")
+    opened = Page(browser, tmp_path / "page.html")
+    assert opened.browser.title.startswith("</script>")
+    assert opened.run("return document.querySelectorAll('[data-signal]').length") == (3 if rows else 0)
+    if rows:
+        first(opened, f"a.{SCRIPT}")
+    assert opened.browser.title.startswith("</script>") and opened.complaints() == []
+
+
+def test_many_signals_and_rows_make_no_larger_page(result: Result) -> None:
+    rng = np.random.default_rng(1)
+    names = [f"a.s{k}" for k in range(1500)]
+    many = page(rebuilt(result, names, np.column_stack([np.arange(2000.0), rng.normal(size=(2000, 1500))])))
+    assert len(many.encode()) < 5e6 and "500 more signals" in many
+    long = page(rebuilt(result, names[:3], np.column_stack([np.arange(1e6), rng.normal(size=(1000000, 3))])))
+    assert len(long.encode()) < 5e6
+
+
+def test_large_systems_are_drawn_by_their_parts() -> None:
+    def named(names: list[str]) -> Mapping[str, str]:
+        return dict.fromkeys(names, "an FMU")
+
+    sixty = [f"joint{k // 6}.part{k % 6}" for k in range(60)]
+    joined = wires(sixty, [f"{a}.out -> {b}.in" for a, b in pairwise(sixty)])
+    made = diagrams(named(sixty), joined)
+    assert [d.title for d in made] == ["Overview", *(f"joint{k}" for k in range(10))]
+    assert len(made[0].boxes) == 10 and len(made[0].lines) == 9
+    assert all(len(d.boxes) == 6 and len(d.lines) == 5 for d in made[1:])
+    assert diagrams(named([f"c{k}" for k in range(500)]), []) == []
+    assert diagrams({}, []) == []
+
+
+def test_connections_of_run_json_are_understood() -> None:
+    found = wires(
+        ["a", "a.b", "c -> d"], ["a.b.x -> a.y", "a.x -> a.b.y value * 2", "a.z -> a.b.w", "nonsense"]
+    )
+    assert [(w.source, w.target, w.signals) for w in found] == [
+        ("a.b", "a", (("x", "y"),)),
+        ("a", "a.b", (("x", "y"), ("z", "w"))),
+    ]
+
+
+def test_the_command_writes_it(emla: Emla, tmp_path: Path) -> None:
+    short = ("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "out")
+    shown = emla(*short, "--report")
+    assert shown.exit_code == 0 and "Report: out/report.html" in shown.output
+    assert "emla rerun run.json" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert emla(*short).exit_code == 0
+    assert not (tmp_path / "out" / "report.html").exists()  # that of an earlier run is not left
