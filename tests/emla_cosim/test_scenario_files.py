@@ -102,9 +102,11 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 
 ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"} | {
     "animate",
+    "actuator",
     "trajectory",
 }
-"""Keys of the tests below; `mapping` is in test_replacement.py, `trajectory` in test_machine.py."""
+"""Keys of the tests below; `mapping` is in test_replacement.py, `trajectory` in test_machine.py,
+`actuator` in test_actuator.py."""
 
 
 @pytest.mark.parametrize("key", SETTINGS)

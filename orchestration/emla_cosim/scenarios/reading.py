@@ -15,18 +15,11 @@ from ..origin import Origin, of_file, with_gains
 from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
 from .built_in import FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, built_in
-from .scenario import Scenario
+from .scenario import MADE_OF, Scenario
 from .scenario_file import ScenarioFile, parse_scenario
 from .single_fmu import single_fmu
 
 _SSP = (".ssp", ".ssd")
-_OF_BUILT_IN = {
-    "controller": "gains",
-    "gains": "gains",
-    "trajectory": "reference",
-    "actuator": "actuators",
-}
-"""Options that decide how a built-in system is made, and what an SSP has of its own instead."""
 
 
 def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Scenario:
@@ -37,7 +30,7 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     CommandError for whatever is wrong with it.
     """
     if isinstance(source, System):
-        return Scenario("system", "", source, Options().updated(given), origin=Origin().updated(given))
+        return Scenario("system", "", source).with_options(given)
     if not isinstance(source, (str, Path)):
         raise CommandError(f"a scenario is a name, a path or a System, not {source!r}.")
     name, path = str(source), Path(source)
@@ -100,7 +93,7 @@ def _of_ssp(
     path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: Origin
 ) -> Scenario:
     """The scenario of an SSP, with what a scenario file says about it."""
-    for option, has in _OF_BUILT_IN.items():
+    for option, has in MADE_OF.items():
         if option in given or option in read.options:
             raise CommandError(f"'{read.where}' has its own {has}; --{option} is for built-in systems.")
 

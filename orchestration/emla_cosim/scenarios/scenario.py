@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import called_as_in
+from ..errors import CommandError, called_as_in
 from ..experiment import run_times
 from ..options import Options
 from ..preparation import prepared, until_data_end
@@ -13,6 +13,9 @@ from ..progress import Progress
 from ..simulation import Simulation
 from ..ssp.writer.writing import Experiment, write_ssp
 from ..system.model import System
+
+MADE_OF = {"controller": "gains", "gains": "gains", "trajectory": "reference", "actuator": "actuators"}
+"""Options that decide how a built-in system is made, and what an SSP has of its own instead."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +40,24 @@ class Scenario:
         """The scenario with further options, by name; CommandError for what does not fit."""
         return replace(self, options=self.options.updated(options), origin=self.origin.updated(options))
 
+    def with_options(self, given: Mapping[str, Any]) -> "Scenario":
+        """The scenario with other options, by name; CommandError for those that its system was made of."""
+        for name in MADE_OF:
+            if name in given:
+                raise CommandError(
+                    f"the system of '{self.name}' is made already; give {name} where a scenario is loaded.",
+                    option=name,
+                )
+        return replace(self, options=self.options.updated(given))
+
     def prepare(self, progress: Progress | None = None, **options: Any) -> Simulation:
         """Build and load all FMUs and compile the loop, so that it can be run many times.
 
         `options` are those of `Options`, by name. Raises CommandError for what does not fit,
         RunError where FMUs cannot be built.
         """
-        chosen = self.updated(options)
-        return Simulation(
-            self.system, chosen.options, self.name, progress, self.unpacked, self.holds, chosen.origin
-        )
+        chosen = self.with_options(options).options
+        return Simulation(self.system, chosen, self.name, progress, self.unpacked, self.holds)
 
     def export(
         self, file: str | Path, nested: bool = False, progress: Progress | None = None, **options: Any
@@ -56,7 +67,7 @@ class Scenario:
         `nested` makes one system of all components with the same first part of their names. Raises
         CommandError for what does not fit, RunError where something cannot be built or written.
         """
-        chosen, told = until_data_end(self.options.updated(options)), progress or Progress()
+        chosen, told = self.with_options(options).options, progress or Progress()
         times = run_times(chosen, self.name)
         experiment = Experiment(times.start, times.stop, times.step)
         with called_as_in(self.unpacked):

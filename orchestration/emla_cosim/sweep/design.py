@@ -165,7 +165,7 @@ def _scenario(plan: Plan, options: Mapping[str, Any]) -> Scenario:
     """The scenario of a plan with these options over those of the plan."""
     given = merged([plan.options, options])
     if isinstance(plan.scenario, Scenario):
-        return plan.scenario.updated(given)
+        return plan.scenario.with_options(given)
     return load(plan.scenario, **given)
 
 

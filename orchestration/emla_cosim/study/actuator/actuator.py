@@ -77,7 +77,12 @@ class Actuator(Entered):
         """What sentences call it."""
         if self.file is not None:
             return f"the actuator '{self.file}'"
-        return f"the actuator '{self.name}'" if self.name else "the actuator"
+        return f"the actuator '{self.title}'" if self.title else "the actuator"
+
+    @property
+    def title(self) -> str:
+        """Its name on one line."""
+        return " ".join("".join(c if c.isprintable() else " " for c in self.name).split())
 
     @cached_property
     def printed(self) -> dict[str, Printed]:

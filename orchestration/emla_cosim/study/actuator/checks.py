@@ -1,6 +1,8 @@
 """What cannot be in an actuator's data, and what is worth a remark, each in a sentence."""
 
+import math
 from collections.abc import Iterator
+from dataclasses import asdict
 
 from . import derived
 from .derived import Values
@@ -15,6 +17,9 @@ _MARGIN = 1.1
 
 def contradictions(v: Values) -> Iterator[str]:
     """Sentences on what of the data contradicts itself."""
+    if not _has_numbers(v):
+        yield "what follows from the numbers is too large or too small to compute with; look at their units"
+        return
     if (off := _disagreement(v)) > IMPOSSIBLE:
         yield f"{_two_fluxes(v, off)}; look whether each is rms or peak, and line to line or per phase"
     per_current = derived.torque_per_current(v)
@@ -55,8 +60,8 @@ def _too_fast(v: Values) -> Iterator[str]:
             f"at its largest speed, {speed * 60.0 / TURN:.4g} rpm of the motor, the back-EMF is "
             f"{emf:.4g} V peak ({emf * ROOT_3 / ROOT_2:.4g} V rms line to line), above the "
             f"inverter's {made.u_max:.4g} V peak; enter a motor.n_max of at most "
-            f"{possible * 60.0 / TURN:.4g} rpm, or a screw.v_max of at most "
-            f"{1e3 * possible / made.alpha_RL:.4g} mm/s"
+            f"{_at_most(possible * 60.0 / TURN)} rpm, or a screw.v_max of at most "
+            f"{_at_most(1e3 * possible / made.alpha_RL)} mm/s"
         )
 
 
@@ -72,6 +77,27 @@ def _two_fluxes(v: Values, off: float) -> str:
         f"motor.kT means a flux of {by['kT']:.4g} Wb and motor.K_E one of {by['K_E']:.4g} Wb, which differ "
         f"by {100.0 * off:.0f} %"
     )
+
+
+def _has_numbers(v: Values) -> bool:
+    """Whether all that is computed of the entries is finite, and what is divided by is not zero."""
+    try:
+        made = derived.emla(v)
+        found = [*asdict(made).values(), made.alpha_RL, made.A_eq, made.B_eq, made.D_eq, made.i_max]
+        found += [derived.braking(v, 0.0), *derived.plant(v).values()]
+        divisors = made.alpha_RL, made.A_eq, made.i_max, made.v_max, made.Phi_PM, made.u_max, made.eta_GB
+    except (ZeroDivisionError, OverflowError):
+        return False
+    return all(map(math.isfinite, found)) and all(one >= _SMALLEST for one in divisors)
+
+
+_SMALLEST = 1e-30
+
+
+def _at_most(number: float) -> str:
+    """A number with four digits, rounded so that it is not more."""
+    unit = 10.0 ** (math.floor(math.log10(number)) - 3)
+    return f"{math.floor(number / unit) * unit:.4g}"
 
 
 def _rms(peak: float) -> str:

@@ -1,5 +1,6 @@
 """Whether an actuator can do what its joint is to do: stroke, speed, load."""
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -7,11 +8,13 @@ from emla_fmu.schedule import NEVER
 
 from ...options import Options
 from ...system.model import System
+from ..trajectory import motion
 from .actuator import Actuator
 from .derived import holding_torque
 from .settings import number, numbers
 
 _ROUNDING = 1.0 + 1e-9
+_LED = "machine.trajectory"
 
 
 def impossible(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
@@ -21,19 +24,34 @@ def impossible(joint: str, own: Actuator, system: System, options: Options) -> I
     start = number(system, options, f"{joint}.plant", "start.x_L")
     if start is not None and not low <= start <= high:
         yield f"{joint} starts at {1e3 * start:.4g} mm, outside {stroke}; set {joint}.plant.start.x_L"
-    points = numbers(system, options, f"{joint}.reference", "waypoint")
-    if points and not (low <= min(points) and max(points) <= high):
+    found = _motion(joint, system, options)
+    if found is None:
+        return
+    nearest, farthest, peak, ways = found
+    if not (low <= nearest and farthest <= high):
         yield (
-            f"the reference of {joint} goes from {1e3 * min(points):.4g} to {1e3 * max(points):.4g} mm, "
-            f"outside {stroke}; set {joint}.reference.waypoint[*], or enter screw.q_LB"
+            f"the reference of {joint} goes from {1e3 * nearest:.4g} to {1e3 * farthest:.4g} mm, "
+            f"outside {stroke}; {ways[0]}, or enter screw.q_LB"
         )
-    peak = _peak_speed(joint, system, options)
     if peak > _ROUNDING * fastest:
         yield (
             f"the reference of {joint} peaks at {1e3 * peak:.4g} mm/s, faster than its actuator's "
-            f"{1e3 * fastest:.4g} mm/s; make {joint}.reference.move.duration[*] "
-            f"{peak / fastest:.3g} times as long"
+            f"{1e3 * fastest:.4g} mm/s; {ways[1]} {math.ceil(100.0 * peak / fastest) / 100.0:g} times as long"
         )
+
+
+def _motion(
+    joint: str, system: System, options: Options
+) -> tuple[float, float, float, tuple[str, str]] | None:
+    """How far in and out a joint's reference goes in m, its largest speed, and what would change both."""
+    points = numbers(system, options, f"{joint}.reference", "waypoint")
+    if points:
+        ways = f"set {joint}.reference.waypoint[*]", f"make {joint}.reference.move.duration[*]"
+        return min(points), max(points), _peak_speed(joint, system, options), ways
+    if any(c.name == _LED for c in system.components) and _LED not in options.replace:
+        ways = "give another --trajectory", "give a --trajectory that takes"
+        return *motion(options.trajectory).travel(joint), ways
+    return None
 
 
 def heavy(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
