@@ -35,11 +35,11 @@ def heading(result: Result) -> Heading:
 
 
 def _ending(result: Result) -> tuple[str, list[str]]:
-    if result.problem is not None and not result.interrupted:
-        return "failed", [result.problem, *result.remarks]
     if result.interrupted:
-        said = result.problem or f"Interrupted at t = {result.end_s:.6g} s, before the stop time."
-        return "warning", [said, *result.remarks]
+        said = result.problem or f"interrupted at t = {result.end_s:.6g} s."
+        return "warning", [f"{said[:1].upper()}{said[1:]}", *result.remarks]
+    if result.problem is not None:
+        return "failed", [f"Failed: {result.problem}", *result.remarks]
     if result.remarks:
         return "warning", list(result.remarks)
     found = [figures for kind in result.metrics.values() for figures in kind.values()]
