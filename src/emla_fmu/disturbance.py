@@ -48,22 +48,34 @@ class Disturbance(Block):
 
     v_L = Input(unit="m/s", nominal=0.1, description="Screw speed, for the arctan term", terminal="load")
 
-    level = Parameter(0.0, shape=LEVELS, unit="N", name="load.level", description="Load force level")
+    level = Parameter(
+        0.0, shape=LEVELS, unit="N", name="load.level", symbol="F_i", description="Load force level"
+    )
     level_start = Parameter(
         NEVER,
         shape=LEVELS,
         unit="s",
         name="load.start",
+        symbol="t_i",
         description="Time at which a level begins (the first: always)",
     )
     ramp = Parameter(
-        0.5, unit="s", minimum=1e-6, name="load.ramp", description="Time from one load level to the next"
+        0.5,
+        unit="s",
+        minimum=1e-6,
+        name="load.ramp",
+        symbol="T_r",
+        description="Time from one load level to the next",
     )
     ripple = Parameter(
-        0.0, unit="N", minimum=0.0, name="load.ripple", description="Width of the load's ripple"
+        0.0, unit="N", minimum=0.0, name="load.ripple", symbol="w", description="Width of the load's ripple"
     )
     ripple_omega = Parameter(
-        2.0 * math.pi, unit="rad/s", name="load.ripple_omega", description="Angular frequency of the ripple"
+        2.0 * math.pi,
+        unit="rad/s",
+        name="load.ripple_omega",
+        symbol=r"\omega_r",
+        description="Angular frequency of the ripple",
     )
     reading = Parameter(
         DisturbanceReading.ACCELERATION, name="d_2.reading", description="Whether d_2 is in m/s2 or in N"
@@ -73,56 +85,93 @@ class Disturbance(Block):
         shape=2,
         unit="m/s2",
         name="d_2.amplitude",
+        symbol="a_{2,i}",
         description="Amplitudes of the sines (in N if a force)",
     )
     omega_2 = Parameter(0.0, shape=2, unit="rad/s", name="d_2.omega", description="Their angular frequencies")
-    phase_2 = Parameter(0.0, shape=2, unit="rad", name="d_2.phase", description="Their phases")
-    arctan_2 = Parameter(0.0, unit="m/s2", name="d_2.arctan", description="Factor of arctan(v_L / (1 m/s))")
-    decay_2 = Parameter(
-        0.0, unit="1/s", minimum=0.0, name="d_2.decay", description="Decay of the arctan term"
+    phase_2 = Parameter(
+        0.0, shape=2, unit="rad", name="d_2.phase", symbol=r"\varphi_{2,i}", description="Their phases"
     )
-    low_2 = Parameter(0.0, unit="m/s2", name="d_2.low", description="Lower end of the random value")
-    high_2 = Parameter(0.0, unit="m/s2", name="d_2.high", description="Upper end of the random value")
+    arctan_2 = Parameter(
+        0.0, unit="m/s2", name="d_2.arctan", symbol="c", description="Factor of arctan(v_L / (1 m/s))"
+    )
+    decay_2 = Parameter(
+        0.0,
+        unit="1/s",
+        minimum=0.0,
+        name="d_2.decay",
+        symbol=r"\lambda",
+        description="Decay of the arctan term",
+    )
+    low_2 = Parameter(
+        0.0, unit="m/s2", name="d_2.low", symbol="b_{low}", description="Lower end of the random value"
+    )
+    high_2 = Parameter(
+        0.0, unit="m/s2", name="d_2.high", symbol="b_{high}", description="Upper end of the random value"
+    )
     sample_time = Parameter(
         1e-4,
         unit="s",
         minimum=1e-9,
         name="d_2.sample_time",
+        symbol="T_d",
         description="Time for which a random value holds",
     )
     seed = Parameter(
         1690412731, minimum=1, maximum=2147483646, name="d_2.seed", description="Start of the random sequence"
     )
     amplitude_3 = Parameter(
-        0.0, shape=2, unit="V", name="d_3.amplitude", description="Amplitudes of the cosines in d_3"
+        0.0,
+        shape=2,
+        unit="V",
+        name="d_3.amplitude",
+        symbol="a_{3,i}",
+        description="Amplitudes of the cosines in d_3",
     )
     omega_3 = Parameter(0.0, shape=2, unit="rad/s", name="d_3.omega", description="Their angular frequencies")
-    phase_3 = Parameter(0.0, shape=2, unit="rad", name="d_3.phase", description="Their phases")
-    amplitude_4 = Parameter(0.0, unit="V", name="d_4.amplitude", description="Amplitude of the cosine d_4")
+    phase_3 = Parameter(
+        0.0, shape=2, unit="rad", name="d_3.phase", symbol=r"\varphi_{3,i}", description="Their phases"
+    )
+    amplitude_4 = Parameter(
+        0.0, unit="V", name="d_4.amplitude", symbol="a_4", description="Amplitude of the cosine d_4"
+    )
     omega_4 = Parameter(0.0, unit="rad/s", name="d_4.omega", description="Its angular frequency")
-    phase_4 = Parameter(0.0, unit="rad", name="d_4.phase", description="Its phase")
+    phase_4 = Parameter(0.0, unit="rad", name="d_4.phase", symbol=r"\varphi_4", description="Its phase")
 
     sag_depth = Parameter(
         0.0,
         minimum=0.0,
         maximum=0.99,
         name="supply.depth",
+        symbol="D",
         description="Part of the supply's voltage that a sag takes",
     )
-    sag_start = Parameter(NEVER, unit="s", name="supply.start", description="Time at which the sag begins")
+    sag_start = Parameter(
+        NEVER, unit="s", name="supply.start", symbol="t_s", description="Time at which the sag begins"
+    )
     sag_duration = Parameter(
-        1.0, unit="s", minimum=0.0, name="supply.duration", description="Time that the sag lasts"
+        1.0,
+        unit="s",
+        minimum=0.0,
+        name="supply.duration",
+        symbol="T_s",
+        description="Time that the sag lasts",
     )
 
-    random = DiscreteState(seed, name="d_2.random", description="State of the random generator")
-    sample = DiscreteState(0.0, name="d_2.sample", description="Number of the present random value")
+    random = DiscreteState(seed, name="d_2.random", symbol="r", description="State of the random generator")
+    sample = DiscreteState(
+        0.0, name="d_2.sample", symbol="k", description="Number of the present random value"
+    )
 
     F_L = Output(unit="N", nominal=1e4, description="Load force, positive against extension", terminal="load")
     d_2 = Output(unit="m/s2", description="Disturbance of the screw's acceleration", terminal="load")
     d_3 = Output(unit="V", nominal=10.0, description="Disturbance of the q-axis voltage", terminal="load")
     d_4 = Output(unit="V", nominal=10.0, description="Disturbance of the d-axis voltage", terminal="load")
     sag = Output(
-        name="supply.sag", description="Part of the supply's voltage that is missing", terminal="load"
+        name="supply.sag",
+        symbol=r"\sigma_u",
+        description="Part of the supply's voltage that is missing",
+        terminal="load",
     )
 
     def update(self, v: Any) -> dict[str, Any]:

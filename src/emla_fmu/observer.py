@@ -69,10 +69,13 @@ class EmlaObserver(Block):
     Q_22 = Parameter(0.3949, minimum=1e-9, description="Q of the Lyapunov equation (18), row 2")
     H_0 = Parameter(20.0, minimum=0.0, description="H(y) = H_0 (cos(y)^4 + sin(y)^4), y in m (86)")
     m_0 = Parameter(200.0, minimum=1e-30, description="m(t) = m_0 exp(-m_decay t) of (21) and (23) at t = 0")
-    m_decay = Parameter(1e-3, unit="1/s", minimum=1e-12, description="Decay of m(t), so that (22) holds")
+    m_decay = Parameter(
+        1e-3, unit="1/s", minimum=1e-12, symbol=r"\lambda", description="Decay of m(t), so that (22) holds"
+    )
     ell = Parameter(1.0, minimum=0.0, description="Adaptation gain of (23)")
     use_model = Parameter(
         True,
+        symbol=r"\kappa",
         description="Include B u + g of (20): commanded torque and viscous friction",
     )
     use_measured_current = Parameter(
@@ -110,9 +113,21 @@ class EmlaObserver(Block):
     )
 
     x_hat = State(
-        x_hat_start, unit="m", nominal=0.1, description="Estimated screw position", terminal="estimate"
+        x_hat_start,
+        unit="m",
+        nominal=0.1,
+        symbol=r"\hat{x}_1",
+        description="Estimated screw position",
+        terminal="estimate",
     )
-    v_hat = State(0.0, unit="m/s", nominal=0.1, description="Estimated screw speed", terminal="estimate")
+    v_hat = State(
+        0.0,
+        unit="m/s",
+        nominal=0.1,
+        symbol=r"\hat{x}_2",
+        description="Estimated screw speed",
+        terminal="estimate",
+    )
     d_hat = State(
         0.0, unit="m/s2", description="Estimated disturbance of the screw's acceleration", terminal="estimate"
     )

@@ -44,7 +44,10 @@ class EmlaPlant(Block):
     d_3 = Input(unit="V", nominal=10.0, description="Disturbance of the q-axis voltage", terminal="load")
     d_4 = Input(unit="V", nominal=10.0, description="Disturbance of the d-axis voltage", terminal="load")
     sag = Input(
-        name="supply.sag", description="Part of the supply's voltage that is missing", terminal="load"
+        name="supply.sag",
+        symbol=r"\sigma_u",
+        description="Part of the supply's voltage that is missing",
+        terminal="load",
     )
 
     R_s = Parameter(
@@ -82,9 +85,12 @@ class EmlaPlant(Block):
         0.0,
         maximum=1.0,
         name="gearbox.eta_back",
+        symbol=r"\eta_{back}",
         description="Efficiency where the load drives, used with directional; 0 is 2 - 1 / eta_GB",
     )
-    lead = Parameter(0.02, unit="m", minimum=1e-9, name="screw.lead", description="Screw travel per turn")
+    lead = Parameter(
+        0.02, unit="m", minimum=1e-9, name="screw.lead", symbol="l", description="Screw travel per turn"
+    )
     M_BS = Parameter(156.5, unit="kg", minimum=0.0, name="screw.M_BS", description="Mass moved by the screw")
     B_BS = Parameter(
         0.0, unit="N.s/m", minimum=0.0, name="screw.B_BS", description="Viscous friction of the screw"
@@ -120,10 +126,16 @@ class EmlaPlant(Block):
         unit="K",
         minimum=1e-3,
         name="motor.permitted_rise",
+        symbol=r"\vartheta_N",
         description="Temperature rise of the winding that the rated current ends at",
     )
     tau_th = Parameter(
-        100.0, unit="s", minimum=1e-3, name="motor.tau_th", description="Thermal time constant of the winding"
+        100.0,
+        unit="s",
+        minimum=1e-3,
+        name="motor.tau_th",
+        symbol=r"\tau",
+        description="Thermal time constant of the winding",
     )
     F_C = Parameter(
         0.0, unit="N", minimum=0.0, name="friction.F_C", description="Coulomb friction at the screw"
@@ -150,6 +162,7 @@ class EmlaPlant(Block):
         unit="N/m2",
         minimum=0.0,
         name="stop.stiffness",
+        symbol="k",
         description="Force of an end stop per squared depth; 0 is no end stop",
     )
     stop_damping = Parameter(
@@ -157,6 +170,7 @@ class EmlaPlant(Block):
         unit="s/m",
         minimum=0.0,
         name="stop.damping",
+        symbol="c",
         description="Relative growth of an end stop's force with the speed of approach",
     )
     u_max = Parameter(
@@ -171,6 +185,7 @@ class EmlaPlant(Block):
         unit="s",
         minimum=0.0,
         name="inverter.delay",
+        symbol="T",
         description="Time after which a voltage takes effect: 1 to 32 whole steps; 0 is none",
     )
     dead_time = Parameter(
@@ -178,6 +193,7 @@ class EmlaPlant(Block):
         unit="s",
         minimum=0.0,
         name="inverter.dead_time",
+        symbol="T_d",
         description="Dead time of the inverter's legs that nothing makes up for",
     )
     f_PWM = Parameter(8e3, unit="Hz", minimum=0.0, name="inverter.f_PWM", description="Switching frequency")
@@ -207,6 +223,7 @@ class EmlaPlant(Block):
         unit="m",
         minimum=0.0,
         name="sensor.resolution",
+        symbol="q",
         description="Position step of the sensor; 0 is none",
     )
     seed = Parameter(
@@ -245,11 +262,12 @@ class EmlaPlant(Block):
         nominal=10.0,
         limits=permitted_rise,
         name="motor.temperature_rise",
+        symbol=r"\vartheta",
         description="Temperature rise of the winding",
     )
 
-    random = DiscreteState(seed, name="sensor.random", description="State of the noise generator")
-    noise = DiscreteState(0.0, name="sensor.noise", description="Present draw from N(0, 1)")
+    random = DiscreteState(seed, name="sensor.random", symbol="r", description="State of the noise generator")
+    noise = DiscreteState(0.0, name="sensor.noise", symbol="n", description="Present draw from N(0, 1)")
     u_measured = DiscreteState(
         u_max, unit="V", name="inverter.u_measured", description="Voltage that the supply last allowed"
     )
@@ -307,10 +325,18 @@ class EmlaPlant(Block):
     tau_m = Output(unit="N.m", nominal=10.0, description="Motor torque that drives the screw")
     omega_m = Output(unit="rad/s", nominal=100.0, description="Motor speed")
     v_q = Output(
-        unit="V", nominal=100.0, name="inverter.u_q", description="q-axis voltage after the inverter"
+        unit="V",
+        nominal=100.0,
+        name="inverter.u_q",
+        symbol="",
+        description="q-axis voltage after the inverter",
     )
     v_d = Output(
-        unit="V", nominal=100.0, name="inverter.u_d", description="d-axis voltage after the inverter"
+        unit="V",
+        nominal=100.0,
+        name="inverter.u_d",
+        symbol="",
+        description="d-axis voltage after the inverter",
     )
     saturated = Output(
         name="inverter.saturated", description="1 while the demanded voltage exceeds the limit"

@@ -24,12 +24,21 @@ class Reference(Block):
         shape=MOVES,
         unit="s",
         name="move.start",
+        symbol="t_i",
         description="Time at which a move begins",
     )
     duration = Parameter(
-        1.0, shape=MOVES, unit="s", minimum=1e-6, name="move.duration", description="Time that a move takes"
+        1.0,
+        shape=MOVES,
+        unit="s",
+        minimum=1e-6,
+        name="move.duration",
+        symbol="T_i",
+        description="Time that a move takes",
     )
-    period = Parameter(0.0, unit="s", minimum=0.0, description="Time after which all repeats; 0 is never")
+    period = Parameter(
+        0.0, unit="s", minimum=0.0, symbol="T_p", description="Time after which all repeats; 0 is never"
+    )
 
     x_d = Output(unit="m", nominal=0.1, description="Reference position", terminal="reference")
     v_d = Output(unit="m/s", nominal=0.1, description="Reference speed", terminal="reference")

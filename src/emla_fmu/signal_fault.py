@@ -33,11 +33,11 @@ class SignalFault(Block):
     u = Input(0.0, description="Signal as it is")
 
     kind = Parameter(FaultKind.NONE, description="What becomes of the signal")
-    start = Parameter(NEVER, unit="s", description="Time at which the fault begins")
-    duration = Parameter(NEVER, unit="s", minimum=0.0, description="Time that it lasts")
-    value = Parameter(0.0, description="Offset, gain or constant")
+    start = Parameter(NEVER, unit="s", symbol="t_0", description="Time at which the fault begins")
+    duration = Parameter(NEVER, unit="s", minimum=0.0, symbol="T", description="Time that it lasts")
+    value = Parameter(0.0, symbol="w", description="Offset, gain or constant")
 
-    frozen = DiscreteState(0.0, description="Value that a freeze keeps")
+    frozen = DiscreteState(0.0, symbol="u_-", description="Value that a freeze keeps")
     known = DiscreteState(0.0, description="1 once there is such a value")
 
     y = Output(description="Signal as its receivers get it")

@@ -11,7 +11,7 @@ from mdit_py_plugins.dollarmath import dollarmath_plugin
 
 from .block import Block
 from .cache import tool_environment
-from .variables import Variable
+from .variables import Output, Variable
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -21,7 +21,7 @@ _PAGE = """<!DOCTYPE html>
 <style>
 body {{ font-family: sans-serif; line-height: 1.5; max-width: 52rem; margin: 2rem auto; padding: 0 1rem; }}
 table {{ border-collapse: collapse; margin: 1rem 0; }}
-th, td {{ border-bottom: 1px solid #ccc; padding: 0.2rem 0.8rem; text-align: left; vertical-align: top; }}
+th, td {{ border-bottom: 1px solid #ccc; padding: 0.2rem 0.5rem; text-align: left; vertical-align: top; }}
 pre {{ background: #f4f4f4; padding: 0.6rem; overflow-x: auto; }}
 math {{ font-family: "Latin Modern Math", "STIX Two Math", "Cambria Math", "TeX Gyre Termes Math", math; }}
 math[display="block"] {{ margin: 0.8rem 0; }}
@@ -54,32 +54,85 @@ def docstring_page(block: Block) -> str:
     return f"# {type(block).__name__}\n\n{inspect.cleandoc(block.__doc__ or '')}\n"
 
 
-def variable_table(block: Block) -> str:
-    """The block's variables as a Markdown table: name, unit, start value, meaning."""
+def variable_table(block: Block | type[Block]) -> str:
+    """The block's variables as Markdown tables: symbol, name, unit, start value, range, meaning."""
     layout = block.layout()
     lines: list[str] = []
     for heading, variables in (
         ("Inputs", layout.inputs),
         ("Outputs", (*layout.states, *layout.outputs)),
         ("Parameters", layout.parameters),
+        ("What it remembers between steps", layout.discrete_states),
     ):
         if variables:
-            lines += [f"\n## {heading}\n", "| Name | Unit | Start | Meaning |", "|---|---|---|---|"]
-            lines += [_row(x) for x in variables]
+            lines += [f"\n### {heading}\n", *_HEADING, *map(_row, variables)]
     return "\n".join(lines) + "\n"
+
+
+_HEADING = ["| Symbol | Name | Unit | Start | Range | Meaning |", "|---|---|---|---|---|---|"]
+
+_BEGIN, _END = "<!-- variables begin -->", "<!-- variables end -->"
+"""Between these a page has the table of variables."""
+
+
+def with_variables(page: str, block: Block | type[Block]) -> str:
+    """A Markdown page with the block's table of variables: at its place, or at the end of a page without."""
+    before, begin, rest = page.partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not (begin and end):
+        return f"{page}\n## Variables\n{variable_table(block)}"
+    return f"{before}{begin}\n{variable_table(block).strip()}\n{end}{after}"
 
 
 def _row(variable: Variable) -> str:
     elements = ",".join(f"1..{n}" for n in variable.shape)
     name = f"{variable.name}[{elements}]" if elements else variable.name
-    starts = [f"{s.start:g}" for s in variable.scalars()]
-    start = starts[0] if len(set(starts)) == 1 else ", ".join(starts)
+    symbol = f"${variable.symbol}$" if variable.symbol else ""
+    cells = (
+        symbol,
+        f"`{name}`",
+        variable.unit or "",
+        _start(variable),
+        _range(variable),
+        variable.description,
+    )
+    return f"| {' | '.join(cells).replace(chr(10), ' ')} |"
+
+
+def _start(variable: Variable) -> str:
+    """What it starts from: a value, one for each element, or a parameter."""
+    if variable.start_parameter is not None:
+        return f"`{variable.start_parameter.name}`"
+    if isinstance(variable, Output):
+        return ""
     if variable.fmi_type == "Boolean":
-        start = str(variable.start).lower()
+        return str(variable.start).lower()
     if variable.enumeration is not None:
-        start = f"{variable.start.name.lower()} of {', '.join(m.name.lower() for m in variable.enumeration)}"
-    unit = variable.unit or ""
-    return f"| `{name}` | {unit} | {start} | {variable.description} |"
+        return f"`{variable.start.name.lower()}`"
+    starts = [_number(s.start) for s in variable.scalars()]
+    if len(set(starts)) == 1:
+        return starts[0]
+    return ", ".join(starts[:_MOST_STARTS]) + (", ..." if len(starts) > _MOST_STARTS else "")
+
+
+_MOST_STARTS = 9
+"""Elements of an array whose start values are shown, where they differ."""
+
+
+def _range(variable: Variable) -> str:
+    """What values it may have; nothing where it may have any."""
+    if variable.enumeration is not None:
+        return ", ".join(f"`{member.name.lower()}`" for member in variable.enumeration)
+    low, high = (None if x is None else _number(x) for x in (variable.minimum, variable.maximum))
+    if low is not None and high is not None:
+        return f"{low} to {high}"
+    return f"≥ {low}" if low is not None else f"≤ {high}" if high is not None else ""
+
+
+def _number(value: float) -> str:
+    """A number with the digits that people need; a whole one, such as a seed, with all of them."""
+    text = f"{value:.9g}"
+    return str(int(value)) if float(value).is_integer() and float(text) != value else text
 
 
 def icon(block: Block) -> bytes:

@@ -8,7 +8,7 @@ from pathlib import Path
 from .archive import content_guid, key_comment, write_archive
 from .block import Block
 from .description import Offers, model_description
-from .documentation import docstring_page, html_page, icon, variable_table
+from .documentation import docstring_page, html_page, icon, with_variables
 from .recipe import Documents, Producer
 from .symbolic import SymbolicBlock
 from .terminals import terminals_and_icons
@@ -54,7 +54,7 @@ def draft(
     page = docstring_page(block) if documents.readme is None else documents.readme
     files = {
         **content,
-        "documentation/index.html": html_page(page + variable_table(block), name).encode(),
+        "documentation/index.html": html_page(with_variables(page, block), name).encode(),
         "model.png": picture,
         "terminalsAndIcons/icon.png": picture,
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(block),

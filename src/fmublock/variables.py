@@ -7,6 +7,7 @@ from enum import IntEnum
 from itertools import product
 from typing import Any
 
+from .symbols import symbol_of
 from .units import per_second
 
 
@@ -20,6 +21,7 @@ class Variable:
     attribute's own unless given. `shape` makes a vector (`shape=3`) or a matrix (`shape=(3, 3)`):
     the equations see a list, or a list of rows, and the FMI names are x[1], x[2], ... or M[1,1],
     M[1,2], ..., row by row. Its start is one value for all elements, or a list of this shape.
+    `symbol` is what the block's equations call it, as LaTeX, where the attribute does not say so.
     `terminal` bundles inputs and outputs that are connected together ("drive"); where the partner
     has another name for the variable, that follows after a dot ("sensor.x_measured").
     `limits` are two parameters of the block, the lowest and the highest value that a state or an output
@@ -35,6 +37,7 @@ class Variable:
         *,
         unit: str | None = None,
         description: str = "",
+        symbol: str | None = None,
         name: str | None = None,
         shape: int | tuple[int, ...] = (),
         minimum: float | None = None,
@@ -46,6 +49,7 @@ class Variable:
         self.start = start
         self.unit = unit
         self.description = description
+        self._symbol = symbol
         self.name = name
         self.shape = shape if isinstance(shape, tuple) else (shape,)
         self.minimum = minimum
@@ -76,6 +80,11 @@ class Variable:
         self.attribute = attribute
         if self.name is None:
             self.name = attribute
+
+    @property
+    def symbol(self) -> str:
+        """What equations call it, as LaTeX: as declared, or as the attribute says; empty for a word."""
+        return symbol_of(self.attribute, len(self.shape)) if self._symbol is None else self._symbol
 
     @property
     def start_parameter(self) -> "Parameter | None":

@@ -17,6 +17,7 @@ class Machine(Block):
         nominal=100.0,
         minimum=0.0,
         name="payload.m",
+        symbol="m",
         description="Mass that the tip carries",
     )
 
@@ -25,6 +26,7 @@ class Machine(Block):
         unit="m",
         minimum=1e-3,
         name="lift.a",
+        symbol="a",
         description="Distance of the fixed pin from the turning point",
     )
     lift_b = Parameter(
@@ -32,6 +34,7 @@ class Machine(Block):
         unit="m",
         minimum=1e-3,
         name="lift.b",
+        symbol="b",
         description="Distance of the boom pin from the turning point",
     )
     lift_L_0 = Parameter(
@@ -39,18 +42,21 @@ class Machine(Block):
         unit="m",
         minimum=1e-3,
         name="lift.L_0",
+        symbol="L_0",
         description="Distance of the pins at stroke 0",
     )
     lift_delta = Parameter(
         HDRM.lift_delta,
         unit="rad",
         name="lift.delta",
+        symbol=r"\delta",
         description="Direction of the fixed pin against what carries the turning point",
     )
     lift_epsilon = Parameter(
         HDRM.lift_epsilon,
         unit="rad",
         name="lift.epsilon",
+        symbol=r"\varepsilon",
         description="Direction of the boom pin against the boom",
     )
     tilt_a = Parameter(
@@ -58,6 +64,7 @@ class Machine(Block):
         unit="m",
         minimum=1e-3,
         name="tilt.a",
+        symbol="a",
         description="Distance of the fixed pin from the turning point",
     )
     tilt_b = Parameter(
@@ -65,6 +72,7 @@ class Machine(Block):
         unit="m",
         minimum=1e-3,
         name="tilt.b",
+        symbol="b",
         description="Distance of the boom pin from the turning point",
     )
     tilt_L_0 = Parameter(
@@ -72,18 +80,21 @@ class Machine(Block):
         unit="m",
         minimum=1e-3,
         name="tilt.L_0",
+        symbol="L_0",
         description="Distance of the pins at stroke 0",
     )
     tilt_delta = Parameter(
         HDRM.tilt_delta,
         unit="rad",
         name="tilt.delta",
+        symbol=r"\delta",
         description="Direction of the fixed pin against what carries the turning point",
     )
     tilt_epsilon = Parameter(
         HDRM.tilt_epsilon,
         unit="rad",
         name="tilt.epsilon",
+        symbol=r"\varepsilon",
         description="Direction of the boom pin against the boom",
     )
 
@@ -192,7 +203,7 @@ class Machine(Block):
     )
     q_LB = Parameter(HDRM.q_LB, shape=3, unit="m", name="screw.q_LB", description="Lower end of a stroke")
     q_UB = Parameter(HDRM.q_UB, shape=3, unit="m", name="screw.q_UB", description="Upper end of a stroke")
-    gravity = Parameter(HDRM.gravity, unit="m/s2", description="Gravitational acceleration")
+    gravity = Parameter(HDRM.gravity, unit="m/s2", symbol="g", description="Gravitational acceleration")
 
     def conditions(self, v: Any) -> dict[str, Any]:
         """Triangles close over the whole stroke, and the payload is no less than nothing."""

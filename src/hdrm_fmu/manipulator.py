@@ -17,9 +17,9 @@ class HdrmManipulator(Machine):
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-3)
 
-    x_L = Input((0.244, 0.389, 0.499), shape=3, unit="m", nominal=0.1, description="Stroke")
-    v_L = Input(shape=3, unit="m/s", nominal=0.1, description="Speed of a stroke")
-    a_L = Input(shape=3, unit="m/s2", description="Acceleration of a stroke")
+    x_L = Input((0.244, 0.389, 0.499), shape=3, unit="m", nominal=0.1, symbol="q_i", description="Stroke")
+    v_L = Input(shape=3, unit="m/s", nominal=0.1, symbol=r"\dot{q}_i", description="Speed of a stroke")
+    a_L = Input(shape=3, unit="m/s2", symbol=r"\ddot{q}_i", description="Acceleration of a stroke")
 
     F_L = Output(
         shape=3,

@@ -78,6 +78,7 @@ class HdrmPlant(Machine):
         unit="m",
         minimum=1e-9,
         name="screw.lead",
+        symbol="l_i",
         description="Screw travel per turn",
     )
     B_BS = Parameter(
@@ -121,6 +122,7 @@ class HdrmPlant(Machine):
         unit="m",
         nominal=0.1,
         limits=(Machine.q_LB, Machine.q_UB),
+        symbol="q_i",
         description="Screw position",
     )
     v_L = State(
@@ -129,10 +131,11 @@ class HdrmPlant(Machine):
         unit="m/s",
         nominal=0.1,
         limits=v_max,
+        symbol=r"\dot{q}_i",
         description="Screw speed",
     )
 
-    a_L = Output(shape=3, unit="m/s2", description="Screw acceleration")
+    a_L = Output(shape=3, unit="m/s2", symbol=r"\ddot{q}_i", description="Screw acceleration")
     F_L, tip_x, tip_y = HdrmManipulator.F_L, HdrmManipulator.tip_x, HdrmManipulator.tip_y
     energy = Output(
         unit="J", nominal=1e4, description="Energy of manipulator and actuators; weight against O1"

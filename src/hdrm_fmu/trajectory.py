@@ -33,6 +33,7 @@ def _coefficients(joint: str, start: float, end: float) -> Parameter:
         shape=COEFFICIENTS,
         unit="m",
         name=f"coefficient.{joint}",
+        symbol="c_i",
         description=f"Coefficient (control point) of the stroke of {joint}; the last one fills up",
     )
 
@@ -45,11 +46,12 @@ class Trajectory(Block):
 
     default_experiment = DefaultExperiment(stop_time=37.7, step_size=1e-3)
 
-    degree = Parameter(DEGREE, minimum=1, maximum=DEGREE, description="Degree of the polynomials")
+    degree = Parameter(DEGREE, minimum=1, maximum=DEGREE, symbol="p", description="Degree of the polynomials")
     knot = Parameter(
         [0.0] * (DEGREE + 1) + [37.7] * (KNOTS - DEGREE - 1),
         shape=KNOTS,
         unit="s",
+        symbol="t_i",
         description="Knots in increasing order, first and last degree + 1 times; the last one fills up",
     )
     c_lift = _coefficients("lift", 0.244, 0.270)

@@ -57,7 +57,13 @@ class CacController(DriveController):
         unit="1/s2",
         description="Rates of adaptation of speed, q-axis and d-axis current",
     )
-    leak = Parameter(0.01, unit="1/s", minimum=0.0, description="Leak of the adaptation (sigma-modification)")
+    leak = Parameter(
+        0.01,
+        unit="1/s",
+        minimum=0.0,
+        symbol=r"\gamma",
+        description="Leak of the adaptation (sigma-modification)",
+    )
     epsilon = Parameter(
         [0.1, 0.1, 1.0, 1.0],
         shape=4,
@@ -69,14 +75,24 @@ class CacController(DriveController):
         shape=2,
         unit="rad/s",
         minimum=1e-9,
+        symbol=r"\omega_i",
         description="Natural frequency of the command filters of speed and current",
     )
-    damping = Parameter(1.0, minimum=1e-3, description="Damping of the command filters")
+    damping = Parameter(1.0, minimum=1e-3, symbol=r"\zeta", description="Damping of the command filters")
 
-    w = State(0.0, unit="m/s", nominal=0.1, name="filter.w", description="Filtered approach speed")
-    w_rate = State(0.0, unit="m/s2", name="filter.w_rate", description="Its derivative")
+    w = State(
+        0.0, unit="m/s", nominal=0.1, name="filter.w", symbol="w_c", description="Filtered approach speed"
+    )
+    w_rate = State(0.0, unit="m/s2", name="filter.w_rate", symbol=r"\dot{w}_c", description="Its derivative")
     i_c = State(0.0, unit="A", nominal=10.0, name="filter.i_q", description="Filtered virtual current")
-    i_c_rate = State(0.0, unit="A/s", nominal=1e3, name="filter.i_q_rate", description="Its derivative")
+    i_c_rate = State(
+        0.0,
+        unit="A/s",
+        nominal=1e3,
+        name="filter.i_q_rate",
+        symbol=r"\dot{i}_c",
+        description="Its derivative",
+    )
     xi_1 = State(0.0, unit="m", name="xi[1]", nominal=1e-3, description="Compensation of the position")
     xi_2 = State(0.0, unit="m/s", name="xi[2]", nominal=1e-2, description="Compensation of the speed")
     xi_3 = State(0.0, unit="A", name="xi[3]", description="Compensation of the q-axis current")

@@ -65,11 +65,17 @@ class RsbaController(KnownDrive):
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
 
-    x_hat = Input(unit="m", nominal=0.1, description="Estimated screw position x_1", terminal="estimate")
-    v_hat = Input(unit="m/s", nominal=0.1, description="Estimated screw speed x_2", terminal="estimate")
+    x_hat = Input(
+        unit="m", nominal=0.1, symbol="x_1", description="Estimated screw position x_1", terminal="estimate"
+    )
+    v_hat = Input(
+        unit="m/s", nominal=0.1, symbol="x_2", description="Estimated screw speed x_2", terminal="estimate"
+    )
     i_q = Input(unit="A", nominal=10.0, description="Measured q-axis current x_3", terminal="drive")
     i_d = Input(unit="A", nominal=10.0, description="Measured d-axis current x_4", terminal="drive")
-    x_d = Input(unit="m", nominal=0.1, description="Reference position x_1d", terminal="reference")
+    x_d = Input(
+        unit="m", nominal=0.1, symbol="x_{1d}", description="Reference position x_1d", terminal="reference"
+    )
     v_d = Input(unit="m/s", nominal=0.1, description="Reference speed x_2d", terminal="reference")
     a_d = Input(
         unit="m/s2", description="Reference acceleration, used with feed_acceleration", terminal="reference"
@@ -98,14 +104,16 @@ class RsbaController(KnownDrive):
     )
     sigma = Parameter([0.001, 0.001, 0.01, 0.01], shape=4, minimum=0.0, description="Adaptation leak of (32)")
 
-    x_2d_in_a_1 = Parameter(True, description="Keep -x_2d in (31), as printed; it makes the position lag")
-    feed_acceleration = Parameter(False, description="Add a_d / A_2 to (39)")
+    x_2d_in_a_1 = Parameter(
+        True, symbol=r"\kappa_1", description="Keep -x_2d in (31), as printed; it makes the position lag"
+    )
+    feed_acceleration = Parameter(False, symbol=r"\kappa_2", description="Add a_d / A_2 to (39)")
     limit_acceleration = Parameter(False, description="Keep the approach speed to what a_max can brake")
     limit_current = Parameter(False, description="Keep i_q* within i_max")
     limit_voltage = Parameter(False, description="Keep the voltage vector within u_max")
     freeze_adaptation = Parameter(False, description="Stop adapting while saturated and at theta_max")
     limit_speed = Parameter(False, description="Keep the approach within v_max and the base speed")
-    compensate = Parameter(False, description="Take d_hat / A_2 off u_2")
+    compensate = Parameter(False, symbol=r"\kappa_3", description="Take d_hat / A_2 off u_2")
     weaken_field = Parameter(False, description="Ask for i_d < 0 where back-EMF needs it")
     measure_supply = Parameter(False, description="Take u_available for the voltage limit")
     omega_u = Parameter(
@@ -120,6 +128,7 @@ class RsbaController(KnownDrive):
         minimum=0.0,
         maximum=0.9,
         name="limit.u_reserve",
+        symbol="r",
         description="Part of the voltage that weaken_field keeps for changes of current",
     )
     i_reserve = Parameter(
@@ -133,7 +142,9 @@ class RsbaController(KnownDrive):
         1e6, minimum=0.0, name="limit.theta_max", description="Largest adaptation parameter"
     )
 
-    theta = State(0.0, shape=4, minimum=0.0, description="Adaptation parameter theta_hat")
+    theta = State(
+        0.0, shape=4, minimum=0.0, symbol=r"\hat{\theta}_i", description="Adaptation parameter theta_hat"
+    )
 
     z_q = State(0.0, unit="A", description="q-axis current that the known voltages would make")
     z_d = State(0.0, unit="A", description="d-axis current that the known voltages would make")

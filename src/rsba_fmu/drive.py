@@ -35,7 +35,9 @@ class DriveController(KnownDrive):
     a_d = Input(unit="m/s2", description="Reference acceleration", terminal="reference")
 
     compensate = Parameter(
-        True, description="Let the current take up d_hat, the disturbance as the observer sees it"
+        True,
+        symbol=r"\kappa",
+        description="Let the current take up d_hat, the disturbance as the observer sees it",
     )
     weaken_field = Parameter(
         True, description="Let i_d weaken the field where back-EMF leaves i_q too little voltage"

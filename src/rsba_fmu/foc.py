@@ -38,7 +38,9 @@ class FocController(DriveController):
     )
 
     v_ref = Output(unit="m/s", nominal=0.1, description="Commanded speed")
-    d_used = Output(unit="m/s2", name="load.d", description="Disturbance that the current takes up")
+    d_used = Output(
+        unit="m/s2", name="load.d", symbol="d", description="Disturbance that the current takes up"
+    )
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """Integrals of the current controllers, and the disturbance observer."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from ..report.text import visible
-from .parts import VariableInfo
+from .parts import Start, VariableInfo
 from .told import start_text
 
 _ELEMENT = re.compile(r"(.*)\[([0-9]{1,9})\]", re.DOTALL)
@@ -79,7 +79,7 @@ def _kind(variable: VariableInfo) -> str:
     return line(" ".join(filter(None, (variability, kind, variable.causality))))
 
 
-def _values(values: Sequence[object]) -> str:
+def _values(values: Sequence[Start | None]) -> str:
     """Start values of elements: one where all are the same, the first few otherwise."""
     texts = ["" if x is None else _number(x) for x in values]
     if len(set(texts)) == 1:
@@ -88,14 +88,15 @@ def _values(values: Sequence[object]) -> str:
     return ", ".join(texts[:_MOST_STARTS]) + more
 
 
-def _number(value: object) -> str:
-    """A value as people read it; the digits that do not change it are enough."""
-    return f"{value:.9g}" if isinstance(value, float) else line(start_text(value))  # type: ignore[arg-type]
+def _number(value: Start) -> str:
+    """A value as people read it; a whole number, such as a seed, with all its digits."""
+    if not isinstance(value, float):
+        return line(start_text(value))
+    text = f"{value:.9g}"
+    return str(int(value)) if value.is_integer() and float(text) != value else text
 
 
 def _range(low: float | None, high: float | None) -> str:
-    if low is not None and high is not None:
-        return f"{low:.6g} to {high:.6g}"
-    if low is None and high is None:
-        return ""
-    return f">= {low:.6g}" if high is None else f"<= {high:.6g}"
+    if low is None:
+        return "" if high is None else f"<= {_number(high)}"
+    return f">= {_number(low)}" if high is None else f"{_number(low)} to {_number(high)}"

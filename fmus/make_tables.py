@@ -1,0 +1,28 @@
+"""Write the tables of variables into the FMUs' READMEs: `python -m fmus.make_tables`."""
+
+from pathlib import Path
+
+from emla_cosim.models import MODELS
+from fmublock.documentation import with_variables
+
+FMUS = Path(__file__).parent
+
+
+def readme(model: str) -> Path:
+    """The README of a model."""
+    return FMUS / model / "README.md"
+
+
+def page(model: str) -> str:
+    """What it should say: its own text, with the present table of variables."""
+    return with_variables(readme(model).read_text(encoding="utf-8"), MODELS[model])
+
+
+def main() -> None:
+    """Write all of them."""
+    for model in MODELS:
+        readme(model).write_text(page(model), encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,130 @@
+"""The FMUs' READMEs: their tables of variables are those of the FMUs, and symbols are those of equations."""
+
+import re
+import zipfile
+from pathlib import Path
+
+import fmpy
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emla_cosim.models import MODELS, fmu_path
+from fmublock import Block, Output, Parameter
+from fmublock.documentation import html_page, with_variables
+from fmublock.symbols import symbol_of
+from fmus.make_tables import page, readme
+from tests.support.browser import chromium
+
+_ROW = re.compile(r"^\| (?:\$(.+)\$)? *\| `([^`]+)` \| (\S*) \| ", re.MULTILINE)
+
+
+def rows(model: str) -> list[tuple[str, str, str]]:
+    """Symbol, name and unit of each row of a README's tables."""
+    return _ROW.findall(readme(model).read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_tables_are_up_to_date(model: str) -> None:
+    found = readme(model).read_text(encoding="utf-8")
+    assert found == page(model), "python -m fmus.make_tables writes them"
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_table_has_the_variables_of_the_fmu(model: str, fmu_folder: Path) -> None:
+    said = fmpy.read_model_description(str(fmu_path(model, "native", fmu_folder)))
+    expected = {v.name: v.unit or "" for v in said.modelVariables if not v.name.startswith("der(")}
+    found = {}
+    for _, name, unit in rows(model):
+        array, dots, last = name.removesuffix("]").partition("[1..")
+        names = [f"{array}[{i + 1}]" for i in range(int(last))] if dots else [name]
+        found |= dict.fromkeys(names, unit)
+    assert found == expected
+
+
+@pytest.mark.parametrize(
+    ("model", "names"),
+    [
+        ("Reference", {"waypoint[1..9]": "x_i", "period": "T_p", "move.start[1..8]": "t_i"}),
+        ("EmlaPlant", {"tau_m": r"\tau_m", "screw.lead": "l", "motor.R_s": "R_s", "i_q_ref": "i_q^*"}),
+        ("EmlaObserver", {"ell": r"\ell", "y_bar": r"\bar{y}", "model.A_eq": "A_{eq}"}),
+        ("Disturbance", {"supply.sag": r"\sigma_u", "d_2.phase[1..2]": r"\varphi_{2,i}"}),
+    ],
+)
+def test_symbols_are_tied_to_names(model: str, names: dict[str, str]) -> None:
+    found = {name: symbol for symbol, name, _ in rows(model)}
+    assert names.items() <= found.items()
+
+
+@pytest.mark.parametrize("model", ["EmlaPlant", "EmlaObserver", "Reference", "Disturbance", "FocController"])
+def test_most_symbols_stand_in_the_equations(model: str) -> None:
+    """Those that do not are of variables that no equation needs, such as limits."""
+    text = readme(model).read_text(encoding="utf-8")
+    text = re.sub("<!-- variables begin -->.*<!-- variables end -->", "", text, flags=re.DOTALL)
+    equations = "".join("".join(re.findall(r"\$\$?(.+?)\$\$?", text, re.DOTALL)).split())
+    symbols = [symbol for symbol, _, _ in rows(model) if symbol]
+    absent = [symbol for symbol in symbols if symbol not in equations]
+    assert len(absent) <= 0.15 * len(symbols), absent
+    assert len(set(symbols)) == len(symbols)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "symbol"),
+    [
+        ("x_hat", r"\hat{x}"),
+        ("alpha_RL", r"\alpha_{RL}"),
+        ("i_q_measured", r"i_{q,measured}"),
+        ("Phi_PM", r"\Phi_{PM}"),
+        ("u", "u"),
+        ("lead", ""),
+        ("x_L_start", ""),
+        ("delay_steps", ""),
+        ("u_q_late", ""),
+    ],
+)
+def test_a_symbol_is_what_an_attribute_says(attribute: str, symbol: str) -> None:
+    assert symbol_of(attribute) == symbol
+
+
+@given(st.from_regex(r"[A-Za-z]\w{0,20}", fullmatch=True))
+def test_any_attribute_has_a_symbol_that_can_be_typeset(attribute: str) -> None:
+    symbol = symbol_of(attribute, 1)
+    assert symbol.count("{") == symbol.count("}")
+    if symbol.isascii():
+        html_page(f"| ${symbol}$ |", "x")
+
+
+def test_a_page_without_a_place_gets_the_table_at_its_end() -> None:
+    class Some(Block):
+        """Something."""
+
+        x_2 = Parameter(0.5, unit="m", minimum=0.0, description="Length")
+        odd = Parameter(1.0, symbol=r"\omega^2")
+        y = Output()
+
+    found = with_variables("# Some\n\nText.\n", Some)
+    assert found.startswith("# Some\n\nText.\n\n## Variables\n\n### Outputs\n")
+    assert "| $x_2$ | `x_2` | m | 0.5 | ≥ 0 | Length |" in found
+    assert r"| $\omega^2$ | `odd` |  | 1 |  |  |" in found
+    placed = with_variables("a\n<!-- variables begin -->\nold\n<!-- variables end -->\nb\n", Some)
+    assert placed.startswith("a\n<!-- variables begin -->\n### Outputs\n")
+    assert placed.endswith("\n<!-- variables end -->\nb\n")
+    assert with_variables(placed, Some) == placed
+    assert "old" not in placed
+
+
+def test_the_fmus_own_page_shows_its_tables_in_a_browser(fmu_folder: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(fmu_path("EmlaPlant", "native", fmu_folder)) as archive:
+        (tmp_path / "index.html").write_bytes(archive.read("documentation/index.html"))
+    with chromium() as browser:
+        browser.get((tmp_path / "index.html").as_uri())
+        assert not browser.get_log("browser")
+        tables = browser.find_elements("css selector", "table")
+        names = {x.text for x in browser.find_elements("css selector", "td:nth-child(2) code")}
+        assert len(tables) == 4
+        assert names == {name for _, name, _ in rows("EmlaPlant")}
+        symbols = browser.find_elements("css selector", "td:first-child math")
+        assert len(symbols) == sum(bool(symbol) for symbol, _, _ in rows("EmlaPlant"))
+        width = browser.execute_script("return document.body.clientWidth")
+        assert all(table.size["width"] <= width for table in tables)
+        assert not browser.execute_script("return document.body.innerText.includes('$')")
