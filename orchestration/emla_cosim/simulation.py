@@ -27,7 +27,7 @@ from .options import Options
 from .preparation import prepared, until_data_end
 from .progress import Progress
 from .recorders.checkpoints import Checkpoints, resumable
-from .recorders.metrics import MetricsRecorder
+from .recorders.metrics import SIGNALS, MetricsRecorder
 from .recorders.recorder import Outline, Recorder
 from .recorders.stored import StoredRun, stored_run
 from .recorders.table import Table
@@ -445,6 +445,7 @@ class Simulation:
             interrupted=run.interrupted,
             record=record,
             parameters=self._assembly.parameters(),
+            signals=going.metrics.signals(),
         )
 
 
@@ -500,7 +501,7 @@ def _unmet(going: _Going, result: Result) -> str | None:
         return (
             f"interrupted at t = {result.end_s:.6g} s, before it could be judged whether {'; '.join(wanted)}."
         )
-    found = [unmet(going.required, result.metrics, result.run_figures)]
+    found = [unmet(going.required, {**result.metrics, SIGNALS: result.signals}, result.run_figures)]
     if going.stored is not None:
         found.append(disagreement(result.comparisons, going.stored))
     return " ".join(filter(None, found)) or None

@@ -1,8 +1,10 @@
 """What a person sees of a run in the terminal: progress bars and the table of results."""
 
+import math
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
@@ -38,8 +40,8 @@ class _Stderr:
 _MOST_SIGNALS = 10
 """That left their tubes: so many have a row."""
 
-_UNFOLDED = 10_000
-"""Columns that no table needs."""
+_MOST_FIGURES = 20
+"""Signals whose figures have a row."""
 
 OUT, ERR = Console(), Console(file=cast(IO[str], _Stderr()))
 """Results go to standard output, progress and errors to standard error."""
@@ -115,6 +117,8 @@ def show_result(
     for kind, figures in result.metrics.items():
         if result.shown[kind]:
             show(_figures(f"{result.name}, {span:g} s simulated", figures, result.shown[kind]))
+    if not any(result.metrics.values()) and result.signals:
+        _show_signals(result, f"{result.name}, {span:g} s simulated")
     for note in notes:
         say(f"Note: {note}.")
     if result.comparisons:
@@ -162,6 +166,23 @@ def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
         values = (cell(f[figure.name], figure) for f in figures.values())
         table.add_row(escape(figure.label), *values, escape(figure.unit))
     return table
+
+
+def _show_signals(result: "Result", title: str) -> None:
+    """A table with the figures of the first signals, each in its unit."""
+    names = ("minimum", "maximum", "rms", "final")
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("")
+    for name in names:
+        table.add_column(name, justify="right")
+    table.add_column("")
+    for signal, figures in islice(result.signals.items(), _MOST_FIGURES):
+        unit = result.units.get(signal)
+        values = ("none" if math.isnan(figures[name]) else f"{figures[name]:.5g}" for name in names)
+        table.add_row(escape(signal), *values, escape(str(unit) if unit is not None else ""))
+    show(table)
+    if (more := len(result.signals) - _MOST_FIGURES) > 0:
+        say(f"The figures of {more} more signals are in metrics.json.")
 
 
 def _show_agreement(result: "Result") -> None:

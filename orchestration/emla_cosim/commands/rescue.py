@@ -220,6 +220,7 @@ def _finished(begun: _Begun, output: OutputFolder, cause: str, ended: float, wri
         before,
         table=None if written else table,
         metrics=metrics.figures(),
+        signals=metrics.signals(),
         remarks=metrics.remarks(),
         steps=steps,
         simulated_s=end - before.end_s,

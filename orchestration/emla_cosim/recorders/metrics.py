@@ -7,6 +7,7 @@ from typing import Any
 
 from ..arrays import Vector
 from .recorder import Outline, Recorder
+from .signal_figures import SignalFigures
 
 Figures = Mapping[str, Mapping[str, Any]]
 """Figures by what they are of, and by name."""
@@ -61,13 +62,18 @@ TRACKED: dict[str, Callable[[Collection[str]], Mapping[str, tuple[str, str]]]] =
 """What finds signals that follow others among names: both of them by what they are of; by kind of metrics."""
 
 
+SIGNALS = "signals"
+"""What metrics.json calls the part with the figures of signals, which every run has."""
+
+
 class MetricsRecorder(Recorder):
-    """Computes all registered metrics that a run has signals for."""
+    """Computes all registered metrics that a run has signals for, and the figures of every signal."""
 
     key = "metrics"
 
     def __init__(self) -> None:
         self.kinds: dict[str, Metrics] = {}
+        self._signals: SignalFigures | None = None
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin all of them, or go on."""
@@ -75,23 +81,28 @@ class MetricsRecorder(Recorder):
         self.kinds = {name: metrics for name, metrics in made.items() if metrics is not None}
         for name, metrics in self.kinds.items():
             if memory is not None:
-                metrics.remember(memory[name])
+                metrics.remember(memory["kinds"][name])
+        self._signals = SignalFigures(outline, None if memory is None else memory[SIGNALS])
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
         for metrics in self.kinds.values():
             metrics.write(rows)
+        assert self._signals is not None
+        self._signals.write(rows)
 
     def memory(self) -> Any:
         """That of all of them."""
-        return {name: metrics.memory() for name, metrics in self.kinds.items()}
+        assert self._signals is not None
+        kinds = {name: metrics.memory() for name, metrics in self.kinds.items()}
+        return {"kinds": kinds, SIGNALS: self._signals.memory()}
 
     @classmethod
     def before(cls, outline: Outline) -> dict[str, Figures]:
         """The figures that a run has before its first row, which have the names of all that it will have."""
         recorder = cls()
         recorder.begin(outline)
-        return recorder.figures()
+        return {**recorder.figures(), SIGNALS: recorder.signals()}
 
     def remarks(self) -> list[str]:
         """Sentences that a person should read before the figures."""
@@ -100,3 +111,7 @@ class MetricsRecorder(Recorder):
     def figures(self) -> dict[str, Figures]:
         """The figures of all rows so far, by the name of their kind."""
         return {name: metrics.figures() for name, metrics in self.kinds.items()}
+
+    def signals(self) -> dict[str, dict[str, float]]:
+        """The figures of every recorded signal, of all rows so far; see `SignalFigures`."""
+        return self._signals.figures() if self._signals is not None else {}

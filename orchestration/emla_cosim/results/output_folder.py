@@ -17,6 +17,7 @@ from ..errors import CommandError, RunError
 from ..files import UNFINISHED, place_of, writing_to, written_whole
 from ..locking import alone
 from ..progress import Progress
+from ..recorders.metrics import SIGNALS
 from ..recorders.recorder import Outline, Recorder, recording
 from ..recorders.registry import TABLES
 from ..recorders.table import Table
@@ -131,7 +132,8 @@ class OutputFolder:
         """
         told = progress or Progress()
         with writing_to(self.path):
-            self._write_json(METRICS, {**_without_nan(result.metrics), "run": _run_metrics(result)})
+            figures = {**result.metrics, SIGNALS: result.signals}
+            self._write_json(METRICS, {**_without_nan(figures), "run": _run_metrics(result)})
             self._write_json(RECORD, result.record)
             written = list[Path]()
             if report:

@@ -29,6 +29,8 @@ class Result:
     `result["lift.plant.x_L"]` is a signal as an array, with one value for each of `time`; its unit is
     in `units`. `metrics` has figures by kind, by what they are of, and by name, as in metrics.json;
     `remarks` are sentences to be read before them.
+    `signals` has `minimum`, `maximum`, `rms` and `final` value of every recorded signal by its full name,
+    in its unit and from every communication point; NaN where a value was NaN.
     `problem` is None, or the sentence that says why the run ended early, or what is not as required;
     `interrupted` says whether somebody wanted it so. `steps`, `simulated_s` and
     `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
@@ -55,6 +57,7 @@ class Result:
     record: Mapping[str, Any]
     comparisons: Sequence[Comparison] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
+    signals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Vector:
         """A signal at the times of `time`, in its unit; CommandError names the choices if there is none."""

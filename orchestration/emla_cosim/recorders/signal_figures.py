@@ -1,0 +1,96 @@
+"""Minimum, maximum, root mean square and final value of every signal, from every communication point."""
+
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Vector
+from .recorder import Outline
+
+MINIMUM, MAXIMUM, RMS, FINAL = NAMES = ("minimum", "maximum", "rms", "final")
+"""What metrics.json calls the figures of a signal; each is in the signal's unit."""
+
+_WIDTH = 1000
+"""Numbers that NumPy takes at once at its full speed: rows of few signals are put side by side."""
+
+_SQUARED = 1e150
+"""The square of a number beyond this, or below its inverse, may not be a double."""
+
+
+class SignalFigures:
+    """Takes rows, time first, and has the figures of the signals that are recorded.
+
+    The root mean square is over the points, each counted once. A figure is NaN where there was no row,
+    or where a value was NaN, and may be infinite where a value was.
+    """
+
+    def __init__(self, outline: Outline, memory: Any = None) -> None:
+        """Begin, or go on from what `memory` gave. Raises ValueError, KeyError where that fits no such run."""
+        self._names = [outline.names[i] for i in outline.recorded]
+        whole = len(self._names) == len(outline.names)
+        self._columns = None if whole else np.array([1 + i for i in outline.recorded], dtype=int)
+        self._rows = 0
+        self._values = np.full((len(NAMES), len(self._names)), np.nan)
+        if memory is not None:
+            self._rows = int(memory["rows"])
+            self._values = np.array([memory[name] for name in NAMES], dtype=float).reshape(self._values.shape)
+
+    def write(self, rows: Vector) -> None:
+        """Take the next rows."""
+        taken = rows if self._columns is None else np.ascontiguousarray(rows[:, self._columns])
+        with np.errstate(all="ignore"):
+            found = np.stack((*_reduced(taken), taken[-1]))
+            if self._columns is None:
+                found = found[:, 1:]
+            self._values = _joined(self._values, self._rows, found, len(rows)) if self._rows else found
+        self._rows += len(rows)
+
+    def memory(self) -> dict[str, Any]:
+        """Plain data from which another one can go on."""
+        values = dict(zip(NAMES, self._values.tolist(), strict=True))
+        return {"rows": self._rows, **values}
+
+    def figures(self) -> dict[str, dict[str, float]]:
+        """The figures of all rows so far, by the full name of the signal."""
+        columns = self._values.T.tolist()
+        return {
+            name: dict(zip(NAMES, values, strict=True))
+            for name, values in zip(self._names, columns, strict=True)
+        }
+
+
+def _reduced(rows: Vector) -> tuple[Vector, Vector, Vector]:
+    """Minimum, maximum and root mean square of every column."""
+    width = rows.shape[1]
+    beside = max(_WIDTH // max(width, 1), 1)
+    count = len(rows) // beside * beside
+    wide, rest = rows[:count].reshape(-1, beside * width), rows[count:]
+    low, high, squares = rest.min(axis=0, initial=np.inf), rest.max(axis=0, initial=-np.inf), _squares(rest)
+    if count:
+        low = np.minimum(low, wide.min(axis=0).reshape(beside, width).min(axis=0))
+        high = np.maximum(high, wide.max(axis=0).reshape(beside, width).max(axis=0))
+        squares = squares + _squares(wide).reshape(beside, width).sum(axis=0)
+    rms = np.sqrt(squares / len(rows))
+    peak = np.maximum(np.abs(low), np.abs(high))
+    unsquared = np.isfinite(peak) & (peak > 0) & ((peak > _SQUARED) | (peak < 1 / _SQUARED))
+    if unsquared.any():
+        largest = peak[unsquared]
+        rms[unsquared] = largest * np.sqrt(np.mean((rows[:, unsquared] / largest) ** 2, axis=0))
+    return low, high, rms
+
+
+def _squares(rows: Vector) -> Vector:
+    return np.einsum("ij,ij->j", rows, rows)
+
+
+def _joined(before: Vector, rows: int, after: Vector, more: int) -> Vector:
+    """The figures of so many rows and of more that follow, each as rows of `NAMES`."""
+    whole = rows + more
+    return np.stack(
+        (
+            np.minimum(before[0], after[0]),
+            np.maximum(before[1], after[1]),
+            np.hypot(before[2] * np.sqrt(rows / whole), after[2] * np.sqrt(more / whole)),
+            after[3],
+        )
+    )

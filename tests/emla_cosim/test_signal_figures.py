@@ -1,0 +1,119 @@
+"""Minimum, maximum, rms and final value of every signal, against NumPy on all rows."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+
+import emla_cosim as ec
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.signal_figures import NAMES, SignalFigures
+from tests.support.axis import axis
+from tests.support.commands import Emla, sentence
+
+ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
+FIGURES = {"minimum": np.min, "maximum": np.max, "final": lambda values: values[-1]}
+
+
+def outline(count: int, recorded: Sequence[int]) -> Outline:
+    return Outline([f"a.x{i}" for i in range(count)], [None] * count, timing(1.0, 0.1), recorded)
+
+
+def taken(rows: np.ndarray, sizes: Sequence[int], recorded: Sequence[int]) -> dict[str, dict[str, float]]:
+    """The figures of rows that come in blocks of these sizes, each to another one that goes on."""
+    about = outline(rows.shape[1] - 1, recorded)
+    memory, at = None, 0
+    for size in (*sizes, len(rows)):
+        found = SignalFigures(about, memory)
+        if at < len(rows):
+            found.write(rows[at : at + size])
+        at += size
+        memory = json.loads(json.dumps(found.memory()))
+    return SignalFigures(about, memory).figures()
+
+
+def rms(values: np.ndarray) -> float:
+    """The root mean square in a number format with a wider exponent."""
+    wide = values.astype(np.longdouble)
+    return float(np.sqrt(np.mean(wide * wide)))
+
+
+@given(data=st.data(), signals=st.integers(1, 4), sizes=st.lists(st.integers(1, 40), max_size=4))
+def test_they_are_those_of_numpy_however_rows_come(data: st.DataObject, signals: int, sizes: list[int]) -> None:
+    numbers = data.draw(st.sampled_from((ANY, st.floats(-1e3, 1e3), st.floats(1e300, 1.7e308))))
+    row = st.lists(numbers, min_size=signals, max_size=signals)
+    values = np.array(data.draw(st.lists(row, min_size=1, max_size=60)))
+    rows = np.column_stack((np.arange(len(values)) * 0.1, values))
+    chosen = sorted(data.draw(st.sets(st.integers(0, signals - 1), min_size=1)))
+    found = taken(rows, sizes, chosen)
+    assert list(found) == [f"a.x{i}" for i in chosen]
+    for i in chosen:
+        figures = found[f"a.x{i}"]
+        for name, right in FIGURES.items():
+            np.testing.assert_equal(figures[name], right(values[:, i]))
+        with np.errstate(all="ignore"):
+            np.testing.assert_allclose(figures["rms"], rms(values[:, i]), rtol=1e-12, atol=0)
+
+
+@pytest.mark.parametrize("signals", [1, 30, 999, 1500])
+def test_rows_of_any_width_count_once(signals: int) -> None:
+    rows = np.random.default_rng(signals).normal(size=(217, 1 + signals))
+    found = taken(rows, [100], range(signals))
+    for i in (0, signals - 1):
+        assert found[f"a.x{i}"]["rms"] == pytest.approx(rms(rows[:, 1 + i]), rel=1e-13)
+        assert found[f"a.x{i}"]["minimum"] == rows[:, 1 + i].min()
+
+
+def test_there_are_none_before_the_first_row() -> None:
+    figures = SignalFigures(outline(2, [1])).figures()
+    assert list(figures) == ["a.x1"] and np.isnan([figures["a.x1"][name] for name in NAMES]).all()
+
+
+def test_a_run_counts_every_point_and_keeps_what_is_recorded(fmu_folder: Path, tmp_path: Path) -> None:
+    with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.05, output_interval=0.01) as simulation:
+        every = simulation.run(output_interval=1e-4)
+        result = simulation.run(signals=["lift.plant.*"], require=["lift.plant.x_L.maximum < 0.25"])
+        with pytest.raises(ec.RunError, match=r"lift.plant.x_L.maximum < 0.24, but it is 0.24"):
+            simulation.run(require=["lift.plant.x_L.maximum < 0.24"])
+        with pytest.raises(ec.CommandError, match="did you mean lift.plant.x_L.maximum"):
+            simulation.run(require=["lift.plant.x_L.maxmum < 0.24"])
+    assert list(result.signals) == result.names and len(result.time) == 6
+    for name, figures in result.signals.items():
+        values = every[name]
+        right = (values.min(), values.max(), rms(values), values[-1])
+        assert [figures[n] for n in NAMES] == pytest.approx(right, rel=1e-12, abs=0), name
+    result.save(tmp_path, plots=False)
+    kept = json.loads((tmp_path / "metrics.json").read_text())
+    assert kept["signals"] == result.signals and list(kept) == ["joints", "signals", "run"]
+
+
+@pytest.fixture(scope="module")
+def package(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return axis(tmp_path_factory.mktemp("axis"), fmu_folder)
+
+
+def test_a_system_without_other_figures_shows_these(package: Path, emla: Emla) -> None:
+    result = emla("run", str(package), "--no-plots", "--output", "o", "--require", "gantry.slide.place.final>0")
+    assert result.exit_code == 0, result.output
+    figures = json.loads(Path("o/metrics.json").read_text())["signals"]["gantry.slide.pull"]
+    shown = next(line for line in result.stdout.splitlines() if "gantry.slide.pull" in line)
+    assert [text.strip() for text in shown.strip("│").split("│")] == [
+        "gantry.slide.pull",
+        *(f"{figures[name]:.5g}" for name in NAMES),
+        "N",
+    ]
+    text = sentence(emla("run", str(package), "--require", "gantry.slide.place.peak>0"), 2)
+    assert "there is no figure 'gantry.slide.place.peak' to require" in text
+
+
+def test_of_many_signals_the_first_have_a_row(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(ec.METRICS, "joints")
+    shown = emla("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "o").stdout
+    names = list(json.loads(Path("o/metrics.json").read_text())["signals"])
+    assert names[19] in shown and names[20] not in shown
+    assert f"The figures of {len(names) - 20} more signals are in metrics.json." in shown
