@@ -26,7 +26,7 @@ def _row(option: Option) -> str:
     about = option.about
     flag = f"{option.flag}, --no-{option.flag.removeprefix('--')}" if option.type is bool else option.flag
     choices = f" One of {', '.join(about.choices())}." if about.choices is not None else ""
-    unit = f" In {about.unit}." if about.unit else ""
+    unit = f" In {about.unit}, or with a unit." if about.unit else ""
     place = "" if about.in_file else " Not in scenario files."
     place += "" if RUN in about.commands else " Of `emla export`."
     meaning = f"{about.help}{choices}{unit}{_default(option)}{place}"
@@ -46,4 +46,8 @@ def _value(option: Option) -> str:
 def _default(option: Option) -> str:
     if option.default is None or isinstance(option.default, (bool, list, dict)):
         return ""
-    return f" Without: {option.default}."
+    return f" Default: {_plain(option.default)}."
+
+
+def _plain(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -10,16 +10,15 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 COMMANDS = {
-    "build": "Build FMUs.",
-    "list": "List scenarios, plans of sweeps, models and what else can be chosen.",
-    "info": "Tell what an FMU, an SSP or a scenario is made of: variables, and what can be set.",
-    "run": "Run a scenario: progress, a table of results, and an output folder with data and plots.",
+    "build": "Build our FMUs, or yours from a Python block, for other tools and all platforms.",
+    "list": "List the scenarios, plans, models and gains that have names.",
+    "run": "Run a scenario: figures on the screen; data, pictures and a record in a folder.",
     "rerun": "Repeat a run from its run.json, and say what is not as it was.",
     "sweep": "Run many variants of a scenario side by side: grids, Monte Carlo, sensitivities.",
     "compare": "Run a scenario with several controllers side by side, also as the paper's tables.",
     "tune": "Find gains: optimised over cases that are simulated, validated on other seeds.",
     "trajectory": "Find the manipulator's motion: optimised for actuator power, within all bounds.",
-    "verify": "Verify FMUs of any tool: as the standard says, and still doing what they did.",
+    "verify": "Check FMUs of any tool: do they follow the standard, and still do what they did?",
     "export": "Write a scenario as an SSP package, which other tools run.",
 }
 """Commands in the order of the help; each is `command` of the module of its name in `commands`."""
@@ -53,7 +52,11 @@ class _Later(TyperCommand):
     def _imported(self, info_name: str | None, args: list[str], parent: Any, **extra: Any) -> Any:
         module = import_module(f"emla_cosim.commands.{self.name}")
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=_SETTINGS)
-        alone.command(self.name, help=self.help)(_ready(module, quiet=self.name not in ANSWERS))
+        examples = "\n\n".join(("Examples:", *getattr(module, "EXAMPLES", ())))
+        epilog = examples if hasattr(module, "EXAMPLES") else None
+        alone.command(self.name, help=self.help, epilog=epilog)(
+            _ready(module, quiet=self.name not in ANSWERS)
+        )
         command = typer.main.get_command(alone)
         if self.name in ANSWERS:
             args = [a for a in args if a not in QUIET]
@@ -122,6 +125,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings=_SETTINGS,
+    epilog="Begin with: emla run study",
 )
 
 

@@ -39,20 +39,31 @@ class Options:
     """
 
     set: Mapping[str, Value] = _system(
-        {}, help="Other start value (repeatable).", metavar="COMPONENT.VARIABLE=VALUE"
+        {},
+        help="Set a start value or parameter; * in the name for several, with a unit if you like, such as "
+        "'lift.disturbance.load.level[*]=30 kN' (repeatable).",
+        metavar="COMPONENT.VARIABLE=VALUE",
     )
     parameters: Sequence[Path] = _system(
-        [], help="Start values from a file (repeatable); --set overrides.", metavar="FILE.ssv"
+        [],
+        help="Set the start values that an SSP parameter file holds; --set wins over it (repeatable).",
+        metavar="FILE.ssv",
     )
     replace: Mapping[str, Replacement] = _system(
-        {}, help="Use another FMU for a component (repeatable).", metavar="COMPONENT=FILE.fmu"
+        {},
+        help="Put your FMU in the place of a component, such as lift.controller=mine.fmu (repeatable).",
+        metavar="COMPONENT=FILE.fmu",
     )
     mapping: Mapping[str, Path] = _system(
-        {}, help="What the other FMU calls its variables (repeatable).", metavar="COMPONENT=FILE.ssm"
+        {},
+        help="File that says what the FMU of --replace calls its variables, an SSP parameter mapping "
+        "(repeatable).",
+        metavar="COMPONENT=FILE.ssm",
     )
     fault: Sequence[Fault] = _system(
         [],
-        help="What becomes of a signal, from a time on (s), for a time; comma between several.",
+        help="Let a signal fail from START on, for DURATION, both in s: freeze, offset, gain or constant. "
+        "Commas between several.",
         metavar="SIGNAL=KIND[:VALUE]@START[+DURATION]",
         parse=read_faults,
     )
@@ -62,59 +73,73 @@ class Options:
         metavar="FILE[:SIGNAL=COLUMN,...,end=repeat]",
     )
     controller: str | type | None = _system(
-        takes=type, help="Controller: a name, FILE.fmu or FILE.py:BLOCK.", commands=(RUN, EXPORT, SWEEP, INFO)
+        takes=type,
+        help="Controller of all joints: a name (`emla list` shows them), your FMU, or your block as "
+        "FILE.py:BLOCK.",
+        commands=(RUN, EXPORT, SWEEP),
     )
     gains: str | None = _system(
-        help="Gains of controller and observer; `emla list` shows which.", commands=(RUN, EXPORT, SWEEP, INFO)
+        help="Set of gains for controller and observer (`emla list` shows them). Default: the controller's "
+        "first.",
+        commands=(RUN, EXPORT, SWEEP),
     )
     trajectory: Path | None = _system(
-        help="Trajectory of the manipulator, as `emla trajectory` writes it.",
+        help="Motion that the manipulator follows, a file that `emla trajectory` wrote.",
         metavar="FILE.json",
     )
-    actuator: Mapping[str, Path | Entered] = _system(
-        {},
-        help="Another actuator for a joint, from its data sheets: docs/actuator.md (repeatable).",
-        metavar="JOINT=FILE.toml",
-        takes=Entered,
+    flavour: str = _system(
+        "native",
+        help="Which build of our own FMUs: compiled (native), or Python inside (python).",
+        choices=lambda: FLAVOURS,
     )
-    flavour: str = _system("native", help="Flavour of our FMUs.", choices=lambda: FLAVOURS)
     fmus: Path | None = _system(
-        help="Folder of our FMUs, where missing ones are built. Without: fmus/, or your cache.",
+        help="Folder of our own FMUs; missing ones are built there. Default: fmus/ if it has them, else your "
+        "cache.",
         in_file=False,
         recorded=False,
     )
     platform: Sequence[str] = option(
         [],
         group=SYSTEM,
-        help="FMI platform of our FMUs' binaries (repeatable); without, this one.",
+        help="Platform to compile our own FMUs for (repeatable). Default: this machine's.",
         choices=lambda: PLATFORMS,
         commands=(EXPORT,),
         in_file=False,
         recorded=False,
     )
     start_time: float | None = _stepping(
-        help="Beginning of the run.", unit="s", identity="start time", commands=ALL
+        help="Simulated time at which the run begins. Default: the scenario's, or 0.",
+        unit="s",
+        identity="start time",
+        commands=ALL,
     )
-    stop_time: float | None = _stepping(help="End of the run.", unit="s", commands=ALL)
+    stop_time: float | None = _stepping(
+        help="Simulated time at which the run ends. Default: the scenario's.", unit="s", commands=ALL
+    )
     step_size: float | None = _stepping(
-        help="Communication step.", unit="s", identity="step size", commands=ALL
+        help="Time between two exchanges of values between the FMUs. Default: the scenario's.",
+        unit="s",
+        identity="step size",
+        commands=ALL,
     )
     algorithm: str | Algorithm = _stepping(
         "gauss-seidel",
-        help="Co-simulation algorithm.",
+        help="In which order FMUs step and exchange values, see docs/master.md.",
         choices=lambda: ALGORITHMS,
         identity="algorithm",
         takes=Algorithm,
     )
     error_tolerance: float | None = _stepping(
-        help="Choose steps by their error, relative to each signal's size.",
+        help="Let the step size follow the error, which may be this much of each signal's size. Default: "
+        "fixed steps.",
         above=0.0,
         below=1.0,
         identity="error tolerance",
     )
     isolate: Sequence[str] | bool = _system(
         [],
-        help="Run a component in a process of its own (repeatable, * for anything); without a name, all.",
+        help="Run a component in a process of its own, so that a crash ends it alone (repeatable, * for "
+        "several). Without a name: all.",
         metavar="[COMPONENT]",
         commands=(RUN, SWEEP, COMPARE),
         takes=bool,
@@ -122,64 +147,66 @@ class Options:
     )
     compiled: bool = _stepping(
         True,
-        help="Step in compiled code where that is possible.",
+        help="Step in compiled code where that is possible; the results are the same.",
         flag="--kernel",
         in_file=False,
         recorded=False,
     )
     real_time: float | None = _stepping(
-        help="Simulate so many seconds per second, not more.",
+        help="Simulate at most so many seconds per second. Default: as fast as it goes.",
         flag="--realtime",
         metavar="FACTOR",
         record="real_time_factor",
         commands=(RUN,),
     )
-    output: Path | None = _output(help="Output folder. Without: results/SCENARIO.", recorded=False)
+    output: Path | None = _output(
+        help="Folder for all that comes out. Default: results/SCENARIO.", recorded=False
+    )
     output_format: str = _output(
-        "csv", help="Form of the table of results.", choices=lambda: TABLES, commands=(RUN,)
+        "csv", help="File format of the table of results.", choices=lambda: TABLES, commands=(RUN,)
     )
     signals: Sequence[str] = _output(
         [],
-        help="Signals of the table, * for anything (repeatable); without, all.",
+        help="Signals to keep in the table, such as 'lift.plant.*' (repeatable). Default: all.",
         metavar="PATTERN",
         commands=(RUN,),
     )
     output_interval: float | None = _output(
-        help="Time between rows of the table. Without: 1 ms.", unit="s", identity="output interval"
+        help="Time between rows of the table. Default: 1 ms.", unit="s", identity="output interval"
     )
     require: Sequence[str] = _output(
         [],
-        help="Fail unless a figure is as said, such as lift.position_error_m < 2e-5 (repeatable).",
+        help="Fail unless this holds, such as 'lift.position_error_m < 2e-5' (repeatable).",
         metavar="'FIGURE < VALUE'",
         commands=(RUN, SWEEP),
     )
     reference: Path | None = _output(
-        help="Fail unless every signal stays in the tube around that of an earlier run.",
+        help="Fail unless every signal agrees with that of an earlier run, whose folder this is.",
         metavar="FOLDER",
         commands=(RUN,),
         in_file=False,
     )
     tolerance: Mapping[str, Tolerance] = _output(
         {},
-        help="How wide tubes are: relative to a signal's range (repeatable). Without: 1e-3.",
+        help="How far signals may be off in --reference, as a part of their range; of all, or of those that "
+        "PATTERN means (repeatable). Default: 1e-3.",
         metavar="[PATTERN=]NUMBER",
         commands=(RUN,),
         in_file=False,
         parse=read_tolerances,
     )
-    plots: bool = _output(True, help="Draw plots.", recorded=False)
-    animate: bool = _output(False, help="Draw an animation of the machine.", recorded=False, commands=(RUN,))
-    report: bool = _output(
-        False, help="Write a page to look at and to keep, report.html.", recorded=False, commands=(RUN,)
+    plots: bool = _output(True, help="Draw pictures into the output folder.", recorded=False)
+    animate: bool = _output(
+        False, help="Draw an animation of the manipulator, a GIF.", recorded=False, commands=(RUN,)
     )
     checkpoint: Path | None = _output(
-        help="Write checkpoints to this file: every minute, and at the end.",
+        help="Save the state of the run to this file every minute and at the end, for --resume.",
         in_file=False,
         recorded=False,
         commands=(RUN,),
     )
     resume: Path | None = _output(
-        help="Continue the run of this checkpoint.",
+        help="Continue the run whose state this file of --checkpoint holds.",
         in_file=False,
         record="resumed_from",
         commands=(RUN,),

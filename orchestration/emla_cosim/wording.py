@@ -1,4 +1,4 @@
-"""Counts in words."""
+"""Counts in words, and numbers in digits."""
 
 
 def counted(count: int, one: str, many: str = "", form: str = "") -> str:
@@ -7,3 +7,12 @@ def counted(count: int, one: str, many: str = "", form: str = "") -> str:
     Both may go on: `counted(n, "step is late", "steps are late")`. `form` is that of the number.
     """
     return f"{count:{form}} {one if count == 1 else many or f'{one}s'}"
+
+
+def number(value: float, digits: int = 6) -> str:
+    """A number in so many digits; a whole one, which may be an identity such as a seed, in all of its own."""
+    return f"{value:.0f}" if abs(value) < _LARGE and value == int(value) else f"{value:.{digits}g}"
+
+
+_LARGE = 1e15
+"""Below it every whole number is a number of its own in floating point."""

@@ -123,7 +123,7 @@ def test_what_is_added_is_in_the_help(emla: Emla, monkeypatch: pytest.MonkeyPatc
     text = re.sub(r"[\s│]+", " ", emla("run", "--help").output)
     assert "jacobi, gauss-seidel, strong, backwards" in text
     assert "--settings" in text
-    assert "How often inputs are set. Without: 1." in text
+    assert "How often inputs are set. Default: 1." in text
     assert "--extreme-of" in text
     assert "csv, parquet, jsonl" in text
     assert "backwards" in emla("list").output

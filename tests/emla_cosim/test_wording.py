@@ -2,7 +2,7 @@
 
 import pytest
 
-from emla_cosim.wording import counted
+from emla_cosim.wording import counted, number
 
 
 @pytest.mark.parametrize(
@@ -19,3 +19,20 @@ from emla_cosim.wording import counted
 )
 def test_a_count_agrees_with_what_is_counted(arguments: tuple[int, str], said: str) -> None:
     assert counted(*arguments) == said
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (1690000001.0, "1690000001"),
+        (2147483647, "2147483647"),
+        (-3.0, "-3"),
+        (0.123456789, "0.123457"),
+        (1234567.5, "1.23457e+06"),
+        (1e308, "1e+308"),
+        (float("nan"), "nan"),
+        (float("-inf"), "-inf"),
+    ],
+)
+def test_whole_numbers_have_all_their_digits(value: float, said: str) -> None:
+    assert number(value) == said

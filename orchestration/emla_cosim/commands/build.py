@@ -10,6 +10,12 @@ from ..errors import CommandError, check_choice
 from ..models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, block_of, build
 from ..terminal import show_file
 
+EXAMPLES = (
+    "emla build EmlaPlant",
+    "emla build mine.py:Drive --output mine",
+)
+"""Commands that the help shows."""
+
 
 def command(
     models: Annotated[

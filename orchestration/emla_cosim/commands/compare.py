@@ -28,6 +28,12 @@ _MOST_LOST = 12
 
 _WHO = "What is compared"
 
+EXAMPLES = (
+    "emla compare study --controllers rsba,foc",
+    "emla compare study --table paper",
+)
+"""Commands that the help shows."""
+
 
 def command(
     scenario: Annotated[str, typer.Argument(help="Name of a built-in scenario, or scenario file (.toml).")],
@@ -35,7 +41,7 @@ def command(
     controllers: Annotated[
         str | None,
         typer.Option(
-            help="Controllers: names, FILE.fmu or FILE.py:BLOCK. Without: all that `emla list` shows.",
+            help="Controllers: names, FILE.fmu or FILE.py:BLOCK. Default: all that `emla list` shows.",
             metavar="NAME,...",
             rich_help_panel=_WHO,
         ),
@@ -61,7 +67,7 @@ def command(
     resolution: Annotated[
         int | None,
         typer.Option(
-            help=f"Points along each axis of the maps of {STABILITY}. Without: {RESOLUTION}.",
+            help=f"Points along each axis of the maps of {STABILITY}. Default: {RESOLUTION}.",
             rich_help_panel=_WHO,
         ),
     ] = None,

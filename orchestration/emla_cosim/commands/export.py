@@ -15,6 +15,12 @@ from .options import SOURCE
 OPTIONS = EXPORT
 """Options that the command takes."""
 
+EXAMPLES = (
+    "emla export study study.ssp",
+    "emla export lift lift.ssp --set lift.plant.motor.R_s=0.2 --platform win64",
+)
+"""Commands that the help shows."""
+
 
 def command(
     scenario: Annotated[str, typer.Argument(help=SOURCE)],

@@ -15,12 +15,12 @@ from ..option import Option
 from ..options import table
 
 SOURCE = (
-    "Name of a scenario (`emla list` shows them), scenario file (.toml), SSP (.ssp, .ssd, folder), or the "
-    "run.json of a run to repeat."
+    "What to run: a name that `emla list` shows, a scenario file (.toml), an SSP (.ssp, .ssd, or folder), or "
+    "the run.json of a run."
 )
 """What commands that take a scenario say of it."""
 
-PLAN = "Plan (.toml, or its name), or scenario as `emla run` takes it."
+PLAN = "A plan (.toml, or a name that `emla list` shows), or a scenario as `emla run` takes it."
 """What commands that take a plan say of it."""
 
 RUNS = "Where it runs"
@@ -29,14 +29,14 @@ RUNS = "Where it runs"
 Scheduler = Annotated[
     str | None,
     typer.Option(
-        help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Without: this machine's cores.",
+        help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Default: this machine's cores.",
         metavar="ADDRESS",
         rich_help_panel=RUNS,
     ),
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(help="Processes on this machine. Without: one per core.", rich_help_panel=RUNS),
+    typer.Option(help="Processes on this machine. Default: one per core.", rich_help_panel=RUNS),
 ]
 """Options of commands that have many runs."""
 
@@ -76,13 +76,16 @@ def with_values(arguments: Sequence[str], command: str, own: Mapping[str, str]) 
 def _parameter(option: Option) -> inspect.Parameter:
     about = option.about
     text = about.help
-    if about.choices is not None:
-        text = f"{text.removesuffix('.')}: {', '.join(about.choices())}."
+    choices = None if about.choices is None else list(about.choices())
+    if choices is not None:
+        text += f" One of {', '.join(choices)}."
+    if about.unit:
+        text += f" In {about.unit}, or with a unit as in 0.1ms."
     names = [option.flag]
     if option.type is bool:
         names = [f"{option.flag}/--no-{option.flag.removeprefix('--')}"]
     described = typer.Option(
-        *names, help=text + _default(option), metavar=about.metavar, rich_help_panel=about.group
+        *names, help=text + _default(option), metavar=_metavar(option), rich_help_panel=about.group
     )
     annotation = Annotated[_text_type(option) | None, described]
     return inspect.Parameter(option.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
@@ -93,7 +96,17 @@ def _default(option: Option) -> str:
     default = option.default
     if default is None or isinstance(default, (bool, list, dict)):
         return ""
-    return f" Without: {default}."
+    return f" Default: {default:g}." if isinstance(default, float) else f" Default: {default}."
+
+
+def _metavar(option: Option) -> str | None:
+    """What stands for the value in the help; None of one that is on or off."""
+    if option.about.metavar or option.type is bool:
+        return option.about.metavar
+    if option.about.unit:
+        return "TIME"
+    kinds = {Path: "PATH", float: "NUMBER", int: "N", str: "NAME"}
+    return next((name for kind, name in kinds.items() if kind in (option.type, *get_args(option.type))), None)
 
 
 def _text_type(option: Option) -> Any:

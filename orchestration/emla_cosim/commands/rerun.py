@@ -19,6 +19,12 @@ from .run import run_into
 OPTIONS = RUN
 """Options that the command takes."""
 
+EXAMPLES = (
+    "emla rerun results/study",
+    "emla rerun results/study/run.json --step-size 5e-5 --output finer",
+)
+"""Commands that the help shows."""
+
 
 def command(
     run: Annotated[Path, typer.Argument(help="run.json of the run to repeat, or its folder.")],

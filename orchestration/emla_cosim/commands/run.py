@@ -27,6 +27,13 @@ from .rescue import Remembered
 OPTIONS = RUN
 """Options that the command takes."""
 
+EXAMPLES = (
+    "emla run study --stop-time 2 --gains robust",
+    "emla run lift --set lift.plant.motor.R_s=0.2 --replace lift.controller=mine.fmu",
+    "emla run mine.toml --output results/mine --no-plots",
+)
+"""Commands that the help shows."""
+
 
 def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[str, Any]) -> None:
     """Run a scenario into an output folder."""

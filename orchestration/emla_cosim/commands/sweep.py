@@ -31,6 +31,13 @@ _MOST_LETTERS = 1600
 
 _VARIES = "What varies"
 
+EXAMPLES = (
+    "emla sweep lift --vary lift.plant.motor.R_s=0.05:0.3:20",
+    "emla sweep lift --vary lift.plant.motor.R_s=80%:120% --runs 200 --seed 1",
+    "emla sweep study-robustness --output results/robust",
+)
+"""Commands that the help shows."""
+
 
 def command(
     plan: Annotated[str, typer.Argument(help=PLAN)],
@@ -38,27 +45,31 @@ def command(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            help=f"What varies (repeatable, * for anything): {FORMS}.",
+            help=f"What varies, and its values as {FORMS}; * in the name for several (repeatable).",
             metavar="NAME=VALUES",
             rich_help_panel=_VARIES,
         ),
     ] = None,
     runs: Annotated[
-        int | None, typer.Option(help="Variants to draw. Without: a grid.", rich_help_panel=_VARIES)
+        int | None,
+        typer.Option(
+            help="How many variants to draw. Default: all points of a grid.", rich_help_panel=_VARIES
+        ),
     ] = None,
     sampling: Annotated[
         str | None,
         typer.Option(
-            help=f"{', '.join(SAMPLINGS)}. Without: grid, or random with --runs.", rich_help_panel=_VARIES
+            help=f"How to draw. One of {', '.join(SAMPLINGS)}. Default: grid, or random with --runs.",
+            rich_help_panel=_VARIES,
         ),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of what is drawn. Without: 0.", rich_help_panel=_VARIES)
+        int | None, typer.Option(help="Seed of what is drawn. Default: 0.", rich_help_panel=_VARIES)
     ] = None,
     metric: Annotated[
         list[str] | None,
         typer.Option(
-            help="Figure to keep (repeatable, * for anything), or 'NAME = EXPRESSION'. Without: all.",
+            help="Figure to keep, or a new one as 'NAME = EXPRESSION' (repeatable). Default: all.",
             metavar="FIGURE",
             rich_help_panel="What comes out",
         ),
@@ -66,7 +77,7 @@ def command(
     signals: Annotated[
         list[str] | None,
         typer.Option(
-            help="Signals to keep over time, * for anything (repeatable). Without: none.",
+            help="Signals to keep over time, such as 'lift.plant.*' (repeatable). Default: none.",
             metavar="PATTERN",
             rich_help_panel="What comes out",
         ),
@@ -74,7 +85,12 @@ def command(
     scheduler: Scheduler = None,
     workers: Workers = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with what the output folder has.", rich_help_panel=RUNS)
+        bool,
+        typer.Option(
+            "--resume",
+            help="Continue a sweep that was interrupted in this output folder.",
+            rich_help_panel=RUNS,
+        ),
     ] = False,
 ) -> None:
     """Run many variants of a scenario into an output folder."""

@@ -18,6 +18,12 @@ from .options import pairs
 _WHAT, _HOW, _OUT = "What is asked", "How it is found", "What comes out"
 _USUAL = trajectory.__kwdefaults__ or {}
 
+EXAMPLES = (
+    "emla trajectory",
+    "emla trajectory --set t_M=20 --output mine.json",
+)
+"""Commands that the help shows."""
+
 
 def command(
     problem: Annotated[
@@ -63,7 +69,7 @@ def command(
     output: Annotated[
         Path | None,
         typer.Option(
-            help="The trajectory file. Without: results/trajectory/trajectory.json.", rich_help_panel=_OUT
+            help="The trajectory file. Default: results/trajectory/trajectory.json.", rich_help_panel=_OUT
         ),
     ] = None,
     plots: Annotated[bool, typer.Option(help="Draw plots beside it.", rich_help_panel=_OUT)] = True,

@@ -23,6 +23,12 @@ OPTIONS = SWEEP
 
 _WANTED, _TRIED = "What is wanted", "What is tried"
 
+EXAMPLES = (
+    "emla tune rsba-tilt",
+    "emla tune lift --vary lift.controller.k_1=10:1000 --objective lift.position_error_m",
+)
+"""Commands that the help shows."""
+
 
 def command(
     plan: Annotated[str, typer.Argument(help=PLAN)],
@@ -30,7 +36,7 @@ def command(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            help=f"Gains and their ranges (repeatable, * for anything), LOW:HIGH by ratio: {FORMS}.",
+            help=f"A gain and its range, as {FORMS}; LOW:HIGH is searched by ratio (repeatable).",
             metavar="NAME=RANGE",
             rich_help_panel=_TRIED,
         ),
@@ -62,22 +68,22 @@ def command(
     tolerance: Annotated[
         float | None,
         typer.Option(
-            help="Fail if the objective is worse by more than this part on other seeds. Without: not judged.",
+            help="Fail if the objective is worse by more than this part on other seeds. Default: not judged.",
             metavar="NUMBER",
             rich_help_panel=_WANTED,
         ),
     ] = None,
     evaluations: Annotated[
-        int | None, typer.Option(help="Sets of gains to try. Without: 200.", rich_help_panel=_TRIED)
+        int | None, typer.Option(help="Sets of gains to try. Default: 200.", rich_help_panel=_TRIED)
     ] = None,
     training: Annotated[
-        int | None, typer.Option(help="Seeds to tune on. Without: 2.", rich_help_panel=_TRIED)
+        int | None, typer.Option(help="Seeds to tune on. Default: 2.", rich_help_panel=_TRIED)
     ] = None,
     validation: Annotated[
-        int | None, typer.Option(help="Other seeds to validate with. Without: 4.", rich_help_panel=_TRIED)
+        int | None, typer.Option(help="Other seeds to validate with. Default: 4.", rich_help_panel=_TRIED)
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of whatever is drawn. Without: 0.", rich_help_panel=_TRIED)
+        int | None, typer.Option(help="Seed of whatever is drawn. Default: 0.", rich_help_panel=_TRIED)
     ] = None,
     scheduler: Scheduler = None,
     workers: Workers = None,

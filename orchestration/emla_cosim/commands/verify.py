@@ -34,6 +34,12 @@ _STYLE = {
     Verdict.SKIPPED: "dim",
 }
 
+EXAMPLES = (
+    "emla verify mine.fmu --html report.html",
+    "emla verify mine.fmu --record references --stop-time 1",
+)
+"""Commands that the help shows."""
+
 
 def command(
     files: Annotated[list[str] | None, typer.Argument(help="FMUs and SSPs.", metavar="[FILE]...")] = None,
@@ -62,7 +68,7 @@ def command(
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of reference files; of a system, of results. Without: beside each FMU.",
+            help="Folder of reference files; of a system, of results. Default: beside each FMU.",
             metavar="FOLDER",
             rich_help_panel=_WHAT,
         ),
@@ -70,7 +76,7 @@ def command(
     tolerance: Annotated[
         list[str] | None,
         typer.Option(
-            help="How wide tubes are: relative to a signal's range (repeatable). Without: 1e-3.",
+            help="How wide tubes are: relative to a signal's range (repeatable). Default: 1e-3.",
             metavar="[PATTERN=]NUMBER",
             rich_help_panel=_WHAT,
         ),

@@ -8,6 +8,7 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ..errors import CommandError
+from ..wording import number as in_digits
 from .interface import Interface
 
 TypedValue = tuple[ModelVariable, Any]
@@ -60,11 +61,11 @@ def start_value(component: str, interface: Interface, variable: ModelVariable, v
     low = float(variable.min) if variable.min is not None else -widest
     high = float(variable.max) if variable.max is not None else widest
     if not (low <= number <= high and np.isfinite(number)):
-        limits = [f"at least {low:g}"] if low > -np.inf else []
-        limits += [f"at most {high:g}"] if high < np.inf else []
+        limits = [f"at least {in_digits(low)}"] if low > -np.inf else []
+        limits += [f"at most {in_digits(high)}"] if high < np.inf else []
         right = " and ".join(limits) or "a finite number"
         raise CommandError(
-            f"{name} = {number:g}{unit} is out of range: it must be {right}{unit}.",
+            f"{name} = {in_digits(number)}{unit} is out of range: it must be {right}{unit}.",
             variable=name,
             value=number,
             minimum=low,

@@ -7,7 +7,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from ..wording import counted
+from ..wording import counted, number
 from .result import Tuned, TuneResult
 from .score import Score, told
 
@@ -51,7 +51,7 @@ def _gains(result: TuneResult) -> Table:
 def _value(value: object) -> str:
     if value is None:
         return ""
-    return f"{value:.5g}" if isinstance(value, float) else escape(str(value))
+    return number(value, 5) if isinstance(value, float) else escape(str(value))
 
 
 def _objective(result: TuneResult) -> Table:

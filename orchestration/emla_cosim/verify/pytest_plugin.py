@@ -57,7 +57,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="append",
         default=[],
         metavar="[PATTERN=]NUMBER",
-        help="How wide tubes are: relative to a signal's range (repeatable). Without: 1e-3.",
+        help="How wide tubes are: relative to a signal's range (repeatable). Default: 1e-3.",
     )
     parser.addini("fmus", "FMUs to verify where no paths are given: globs.", type="linelist", default=[])
 

@@ -32,7 +32,7 @@ class Algorithm(ABC):
 
     extrapolation: str = option(
         "none",
-        help="Inputs during a step.",
+        help="How inputs go on during a step: held, extrapolated by us, or by the FMU itself.",
         choices=lambda: EXTRAPOLATIONS,
         identity="extrapolation",
     )

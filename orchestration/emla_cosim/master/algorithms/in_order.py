@@ -19,7 +19,7 @@ class InOrder(Algorithm):
 
     order: Sequence[str] = option(
         [],
-        help="Components in the order of stepping, comma between; without, the graph's.",
+        help="Order in which components step, with commas between. Default: derived from the connections.",
         parse=_names,
         identity="order",
     )

@@ -46,7 +46,7 @@ class Sampling(Algorithm):
 
     step_multiples: Mapping[str, int] = option(
         {},
-        help="Let a component sample at every N-th point and do N steps at once (repeatable).",
+        help="Let a component run N times slower: it takes its inputs every N-th step (repeatable).",
         flag="--step-multiple",
         metavar="COMPONENT=N",
         identity="step multiples",

@@ -43,7 +43,8 @@ class Strong(InOrder, Sampling):
 
     coupling_tolerance: float = option(
         1e-8,
-        help="What the values of a loop agree to, relative to each signal's size.",
+        help="When the values of an algebraic loop count as agreed: their difference as a part of each "
+        "signal's size.",
         above=0.0,
         below=1.0,
         identity="coupling tolerance",

@@ -8,6 +8,7 @@ import numpy as np
 from ...arrays import Vector
 from ...errors import CommandError
 from ...results.style import new_figure, tidied
+from ...wording import number
 from ..columns import Factor, factor, figure_values, influence, is_truth, outcomes, shown_as, varying
 from ..result import DONE, SweepResult
 from .labels import (
@@ -121,7 +122,7 @@ def _draw_cells(axes: "Axes", one: Factor, other: Factor, values: Vector, told: 
         axes.pcolormesh(cells(np.ones(len(told)), chosen), cmap=ListedColormap([color]))
     shades = axes.pcolormesh(cells(values, ~np.isnan(values)), **_shading(values))
     for axis, factor_, levels in ((axes.xaxis, one, x_levels), (axes.yaxis, other, y_levels)):
-        names = [factor_.levels[int(v)] for v in levels] if factor_.levels else [f"{v:.4g}" for v in levels]
+        names = [factor_.levels[int(v)] for v in levels] if factor_.levels else [number(v, 4) for v in levels]
         put_levels(axis, names, room=_ROOM if axis is axes.xaxis else None, first=0.5)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
