@@ -184,6 +184,15 @@ def test_the_notation_of_the_command_line() -> None:
     assert Input.of_text("named").file == Path("named")
 
 
+def test_an_input_can_be_written_as_the_command_line_has_it() -> None:
+    one = Input(Path("m.csv"), {"a.b": Column("F", "kN", 1)}, ["c.*"], interpolation="cubic", end="stop")
+    assert str(one) == "m.csv:a.b=der(F [kN]),c.*,interpolation=cubic,end=stop"
+    assert one.is_text and str(Input.of_text(str(one))) == str(one)
+    assert str(Input(Path("m.csv"))) == "m.csv"
+    for other in (Input(Path("m.csv"), {"a.b": Column("F,kN")}), Input(data={})):
+        assert not other.is_text
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

@@ -112,6 +112,12 @@ _USEFUL: dict[str, Sequence[str]] = {
         "lift.observer.y=offset:1@0+1,lift.x.y=gain:1@0",
         "lift.plant=@",
     ],
+    "input": [
+        "out/results.csv:lift.reference.*",
+        "device",
+        "ok.toml",
+        "gone.csv:lift.plant.F_L=x,end=repeat",
+    ],
     "parameters": ["empty.ssv", "gone.ssv"],
     "signals": ["lift.plant.*", "*", "time"],
     "isolate": ["lift.plant", "lift.x"],

@@ -255,12 +255,12 @@ class FrameData(Data):
 def read_data(source: Input) -> Data:
     """The table of an input; CommandError, one sentence, for whatever is wrong with its file."""
     if source.file is None:
-        return FrameData(str(source), source.data)
-    _check_kind(source.file, str(source))
+        return FrameData(source.label, source.data)
+    _check_kind(source.file, source.label)
     content = read_file(source.file, "the input")
     if content.startswith(_PARQUET) or source.file.suffix.lower() == ".parquet":
-        return ParquetData(str(source), content)
-    return CsvData(str(source), content)
+        return ParquetData(source.label, content)
+    return CsvData(source.label, content)
 
 
 def _check_kind(file: Path, label: str) -> None:

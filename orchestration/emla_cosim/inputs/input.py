@@ -13,7 +13,8 @@ from fmublock.table import ENDS, INTERPOLATIONS
 from ..errors import CommandError, check_choice
 
 _FILE = re.compile(r"(?P<file>.+?\.(?:csv|tsv|txt|dat|parquet))(?::(?P<rest>.*))?", re.IGNORECASE | re.DOTALL)
-_SETTINGS = ("time", "interpolation", "end")
+_USUAL = {"time": None, "interpolation": "linear", "end": "hold"}
+_SETTINGS = tuple(_USUAL)
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ class Input:
         found = _FILE.fullmatch(text.strip())
         if found is None or not found["rest"]:
             return cls(Path(found["file"] if found is not None else text.strip()))
-        settings: dict[str, str] = {}
+        settings = dict[str, str]()
         signals: dict[str, Column] = {}
         columns = []
         for part in found["rest"].split(","):
@@ -107,17 +108,36 @@ class Input:
         """With a path that is relative to a folder."""
         return self if self.file is None else dataclasses.replace(self, file=folder / self.file)
 
-    def __str__(self) -> str:
+    @property
+    def label(self) -> str:
+        """What sentences call it."""
         return f"the input '{self.file}'" if self.file is not None else "the input of data"
+
+    @property
+    def is_text(self) -> bool:
+        """Whether the command line can say it too; `str` is how."""
+        if self.file is None:
+            return False
+        read = Input.of_text(str(self))
+        return (read.file, read._told()) == (self.file, self._told())
+
+    def __str__(self) -> str:
+        given = {name: getattr(self, name) for name in _SETTINGS}
+        parts = [*(f"{s}={c}" for s, c in self.signals.items()), *self.columns]
+        parts += [f"{name}={x}" for name, x in given.items() if x != _USUAL[name]]
+        return f"{self.file}:{','.join(parts)}" if parts else str(self.file)
 
     def record(self) -> dict[str, Any]:
         """What run.json says of it, with the hash of the file; None in its place where it cannot be read."""
-        told = {"signals": {s: str(c) for s, c in self.signals.items()}, "columns": list(self.columns)}
-        told |= {name: getattr(self, name) for name in _SETTINGS}
         if self.file is None:
-            return {"data": "given in Python", **told}
+            return {"data": "given in Python", **self._told()}
         try:
             digest = hashlib.sha256(self.file.read_bytes()).hexdigest()
         except OSError:
             digest = None
-        return {"file": str(self.file), "sha256": digest, **told}
+        return {"file": str(self.file), "sha256": digest, **self._told()}
+
+    def _told(self) -> dict[str, Any]:
+        """What is said of the data beside where they are."""
+        told = {"signals": {s: str(c) for s, c in self.signals.items()}, "columns": list(self.columns)}
+        return told | {name: getattr(self, name) for name in _SETTINGS}

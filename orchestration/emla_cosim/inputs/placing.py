@@ -67,10 +67,10 @@ def with_inputs(
     for table, (driven, idle) in zip(tables, found, strict=True):
         if idle:
             more = f" and {len(idle) - 8} more" if len(idle) > 8 else ""
-            notes.append(f"{table.source} has columns that drive nothing: {', '.join(idle[:8])}{more}.")
+            notes.append(f"{table.source.label} has columns that drive nothing: {', '.join(idle[:8])}{more}.")
         if table.source.end == "stop":
             notes.append(
-                f"the run stops where the data of {table.source} end, at t = {table.times[-1]:.9g} s."
+                f"the run stops where the data of {table.source.label} end, at t = {table.times[-1]:.9g} s."
             )
         places, rest = _places(system, driven)
         for name, part in places.items():
@@ -178,7 +178,7 @@ def _built(table: Readable, driven: Sequence[tuple[Wanted, str]], platforms: Seq
     try:
         return build_table(content, path, platforms, producer(), license_text())
     except (BuildError, CacheError) as error:
-        raise RunError(f"the FMU of {table.source} could not be built: {error}") from error
+        raise RunError(f"the FMU of {table.source.label} could not be built: {error}") from error
 
 
 def _unit(unit: Unit | None) -> DataUnit | None:

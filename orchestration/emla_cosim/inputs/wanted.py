@@ -51,6 +51,10 @@ def wanted(
             chosen[header.name] = position, Column(header.text, header.unit)
         else:
             idle.append(header.name)
+    if not chosen and source.columns:
+        raise CommandError(
+            f"{source.label} drives no signal: {listed(idle[:8])} is none that somebody reads."
+        )
     if not chosen:
         raise CommandError(_nothing(source, data, time, system, interfaces))
     found = [
@@ -132,7 +136,7 @@ def _nothing(
     near = [s for name in names[:20] for s in difflib.get_close_matches(name, signals, n=1, cutoff=0.6)]
     meant = f"did you mean {listed(near[:3])}?" if near else "say which column drives which signal."
     columns = f"are called {listed(names[:8])}" if names else "are none but the times"
-    return f"{source} drives no signal: its columns {columns}; {meant}"
+    return f"{source.label} drives no signal: its columns {columns}; {meant}"
 
 
 def _wanted(

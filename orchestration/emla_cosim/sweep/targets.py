@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_origin
 
-from ..option import SWEEP, Entered, Option
+from ..inputs.input import Input
+from ..option import SWEEP, Option
 from ..options import table
 from ..system.model import Replacement, Value
 
@@ -73,6 +74,8 @@ def _arguments(option: Option, value: Any) -> list[str] | None:
     if isinstance(value, (list, tuple)):
         if option.about.parse is not None:
             return [flag, ",".join(map(_text, value))]
+        if any(isinstance(inner, Input) and not inner.is_text for inner in value):
+            return None
         return [text for inner in value for text in (flag, _text(inner))]
     return [flag, _text(value)] if isinstance(value, (str, int, float, Path)) else None
 
