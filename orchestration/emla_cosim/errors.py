@@ -2,7 +2,8 @@
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -64,3 +65,9 @@ def listed(names: Iterable[str]) -> str:
     """Names as a phrase: a, b and c."""
     *front, last = names
     return f"{', '.join(front)} and {last}" if front else last
+
+
+def some(names: Collection[str], most: int = 12) -> str:
+    """Names as a phrase, of more than so many the first; "none" where there are none."""
+    more = len(names) - most
+    return listed([*islice(names, most), *([f"{more} more"] if more > 0 else [])]) if names else "none"

@@ -174,6 +174,14 @@ class Options:
     output_interval: float | None = _output(
         help="Time between rows of the table. Default: 1 ms.", unit="s", identity="output interval"
     )
+    roles: Mapping[str, str] = _output(
+        {},
+        help="Signal that plays a role for a joint, such as lift.x_L=axis.position (repeatable).",
+        flag="--role",
+        metavar="JOINT.ROLE=SIGNAL",
+        commands=(RUN, SWEEP),
+        identity="roles",
+    )
     require: Sequence[str] = _output(
         [],
         help="Fail unless this holds, such as 'lift.position_error_m < 2e-5' (repeatable).",

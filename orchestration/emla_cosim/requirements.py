@@ -6,10 +6,9 @@ import operator
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
-from .errors import CommandError, listed
+from .errors import CommandError, listed, some
 
 _COMPARISONS = {
     "<=": operator.le,
@@ -21,9 +20,6 @@ _COMPARISONS = {
 }
 _SIGN = re.compile(f"({'|'.join(_COMPARISONS)})")
 _WORDS = {"true": True, "false": False}
-
-_MOST_NAMED = 12
-"""So many of the figures that there are stand in a sentence."""
 
 Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """The content of metrics.json but for the run: by kind, by what they are of, and by name."""
@@ -79,17 +75,11 @@ def check_requirements(requirements: Sequence[Requirement], figures: Figures, ru
             if not complete:
                 continue
             near = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
-            meant = f"did you mean {' or '.join(near)}?" if near else f"there are {_some(known)}."
+            meant = f"did you mean {' or '.join(near)}?" if near else f"there are {some(known)}."
             raise CommandError(f"there is no figure '{name}' to require; {meant}", name=name, near=near)
         if isinstance(known[name], bool) != isinstance(required.value, bool):
             right = "true or false" if isinstance(known[name], bool) else "a number"
             raise CommandError(f"the requirement '{required}' does not fit: {name} is {right}.", name=name)
-
-
-def _some(names: Mapping[str, Any]) -> str:
-    """Names as a phrase, the last of many left out."""
-    more = len(names) - _MOST_NAMED
-    return listed([*islice(names, _MOST_NAMED), *([f"{more} more"] if more > 0 else [])])
 
 
 def unmet(requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]) -> str | None:

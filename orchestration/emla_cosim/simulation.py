@@ -216,7 +216,7 @@ class Simulation:
             if stored is not None:
                 _check_comparable(stored, [assembly.network.names[i] for i in recorded], taking)
             units, parameters = list(self.units.values()), assembly.parameters()
-            outline = Outline(assembly.network.names, units, times, recorded, every, parameters)
+            outline = Outline(assembly.network.names, units, times, recorded, every, parameters, chosen.roles)
             if required:
                 check_requirements(required, MetricsRecorder.before(outline), run_figures())
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
@@ -446,6 +446,7 @@ class Simulation:
             record=record,
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),
+            roles=going.options.roles,
         )
 
 

@@ -178,14 +178,14 @@ def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
         for panel in picture.panels:
             for curve in panel.curves:
                 for i, joint in enumerate(JOINTS, 1):
-                    name = picture.find(joint, curve.signal, result.names)
+                    name = picture.find(joint, curve.signal, result.names, {})
                     assert name is not None and (name.startswith(f"{joint}.") or name.endswith(f"[{i}]"))
     errors = {joint: result.metrics["joints"][joint]["position_error_m"] for joint in JOINTS}
     late = result.time >= 0.3
     found = np.abs(column(result, "x_L") - column(result, "x_d"))[late].max(axis=0)
     assert found == pytest.approx(list(errors.values()), rel=1e-9)
     assert variable("tilt", "tau_m", result.names) == "tilt.motor.tau_m"
-    assert tracked(result.names)["tilt"] == ("machine.plant.x_L[2]", "machine.trajectory.x_d[2]")
+    assert tracked(result.names, {})["tilt"] == ("machine.plant.x_L[2]", "machine.trajectory.x_d[2]")
 
 
 def test_ranges_of_the_merged_plant_are_watched(merged: Simulation) -> None:

@@ -44,7 +44,7 @@ def rms(values: np.ndarray) -> float:
 
 
 @given(data=st.data(), signals=st.integers(1, 4), sizes=st.lists(st.integers(1, 40), max_size=4))
-def test_they_are_those_of_numpy_however_rows_come(data: st.DataObject, signals: int, sizes: list[int]) -> None:
+def test_they_are_those_of_numpy(data: st.DataObject, signals: int, sizes: list[int]) -> None:
     numbers = data.draw(st.sampled_from((ANY, st.floats(-1e3, 1e3), st.floats(1e300, 1.7e308))))
     row = st.lists(numbers, min_size=signals, max_size=signals)
     values = np.array(data.draw(st.lists(row, min_size=1, max_size=60)))
@@ -80,7 +80,7 @@ def test_a_run_counts_every_point_and_keeps_what_is_recorded(fmu_folder: Path, t
         result = simulation.run(signals=["lift.plant.*"], require=["lift.plant.x_L.maximum < 0.25"])
         with pytest.raises(ec.RunError, match=r"lift.plant.x_L.maximum < 0.24, but it is 0.24"):
             simulation.run(require=["lift.plant.x_L.maximum < 0.24"])
-        with pytest.raises(ec.CommandError, match="did you mean lift.plant.x_L.maximum"):
+        with pytest.raises(ec.CommandError, match=r"did you mean lift.plant.x_L.maximum"):
             simulation.run(require=["lift.plant.x_L.maxmum < 0.24"])
     assert list(result.signals) == result.names and len(result.time) == 6
     for name, figures in result.signals.items():
@@ -98,7 +98,8 @@ def package(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_system_without_other_figures_shows_these(package: Path, emla: Emla) -> None:
-    result = emla("run", str(package), "--no-plots", "--output", "o", "--require", "gantry.slide.place.final>0")
+    wanted = ("--require", "gantry.slide.place.final > 0")
+    result = emla("run", str(package), "--no-plots", "--output", "o", *wanted)
     assert result.exit_code == 0, result.output
     figures = json.loads(Path("o/metrics.json").read_text())["signals"]["gantry.slide.pull"]
     shown = next(line for line in result.stdout.splitlines() if "gantry.slide.pull" in line)

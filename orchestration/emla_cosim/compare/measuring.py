@@ -27,7 +27,7 @@ class JointMeasures(Measures):
 
     def series(self, result: Result) -> polars.DataFrame:
         """The position error of each joint in m over time in s, in columns of their names."""
-        ends = tracked(result.names)
+        ends = tracked(result.names, result.roles)
         table = polars.DataFrame(result.read(["time", *(name for pair in ends.values() for name in pair)]))
         errors = [
             (polars.col(position) - polars.col(reference)).alias(joint)

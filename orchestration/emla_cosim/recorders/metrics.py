@@ -58,8 +58,8 @@ METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}
 """What makes metrics for a run, or None, by the name of their part in metrics.json."""
 
 
-TRACKED: dict[str, Callable[[Collection[str]], Mapping[str, tuple[str, str]]]] = {}
-"""What finds signals that follow others among names: both of them by what they are of; by kind of metrics."""
+TRACKED: dict[str, Callable[[Collection[str], Mapping[str, str]], Mapping[str, tuple[str, str]]]] = {}
+"""What finds signals that follow others among names, with given roles: both by what they are of; by kind."""
 
 
 SIGNALS = "signals"

@@ -21,7 +21,8 @@ class Outline:
 
     Rows have the time in s and then the signals of `names`, in the units of `units`. `recorded` are
     the positions of those signals that the user wants to keep, and every `every`-th row is to be kept.
-    `parameters` has the values of the components' Real parameters, by full name.
+    `parameters` has the values of the components' Real parameters, by full name. `roles` says which of
+    all these plays a role, by what it is of and the role: `lift.x_L`.
     """
 
     names: Sequence[str]
@@ -30,6 +31,7 @@ class Outline:
     recorded: Sequence[int]
     every: int = 1
     parameters: Mapping[str, float] = field(default_factory=dict)
+    roles: Mapping[str, str] = field(default_factory=dict)
 
 
 class Pause(Protocol):

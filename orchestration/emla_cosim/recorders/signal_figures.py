@@ -25,7 +25,7 @@ class SignalFigures:
     """
 
     def __init__(self, outline: Outline, memory: Any = None) -> None:
-        """Begin, or go on from what `memory` gave. Raises ValueError, KeyError where that fits no such run."""
+        """Begin, or go on from what `memory` gave; ValueError or KeyError where it is of another run."""
         self._names = [outline.names[i] for i in outline.recorded]
         whole = len(self._names) == len(outline.names)
         self._columns = None if whole else np.array([1 + i for i in outline.recorded], dtype=int)

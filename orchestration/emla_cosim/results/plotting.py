@@ -40,8 +40,9 @@ class Drawing(ABC):
         """The picture; None where the signals at hand, `time` among them, are not enough for one."""
 
 
-def _inside(column: str, signal: str, names: Collection[str]) -> str | None:
+def _inside(column: str, signal: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
     name = f"{column}.{signal}"
+    name = roles.get(name, name)
     return name if name in names else None
 
 
@@ -74,19 +75,20 @@ class Picture(Drawing):
     """A grid of panels: a column for everything that metrics of the kind `of` were computed for.
 
     `find` gives the full name of a column's signal, of those that there are, or None: it takes the column,
-    what a curve calls the signal, and all names. Usually the signal has the column's name before a dot.
+    what a curve calls the signal, all names, and the result's roles. Usually the signal has the column's
+    name before a dot.
     """
 
     title: str
     panels: tuple[Panel, ...]
     of: str
-    find: Callable[[str, str, Collection[str]], str | None] = _inside
+    find: Callable[[str, str, Collection[str], Mapping[str, str]], str | None] = _inside
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Those of the curves, of every column."""
         names = set(result.names)
         found = (
-            self.find(column, signal, names)
+            self.find(column, signal, names, result.roles)
             for column in result.metrics.get(self.of, ())
             for panel in self.panels
             for curve in panel.curves
@@ -97,34 +99,7 @@ class Picture(Drawing):
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
         """The panels with the curves that there are signals for."""
-        shown = self.resolved(result, data)
-        return _drawn(self, shown) if shown else None
-
-    def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[ShownPanel]:
-        """What it shows, row by row: a panel for each column that there are signals for."""
-        columns = [
-            c
-            for c in result.metrics.get(self.of, ())
-            if any(self.find(c, curve.signal, data) for panel in self.panels for curve in panel.curves)
-        ]
-        return [self._resolved(panel, column, data) for panel in self.panels for column in columns]
-
-    def _resolved(self, panel: Panel, column: str, data: Mapping[str, Vector]) -> ShownPanel:
-        time = data["time"]
-        late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
-        part = time >= time[0] + (_TRANSIENT if late else 0.0)
-        lines = []
-        for curve in panel.curves:
-            values = self._values(column, curve.signal, data)
-            minus = self._values(column, curve.less, data) if curve.less else np.zeros_like(time)
-            if values is not None and minus is not None:
-                shown = curve.scale * (values - minus)[part]
-                lines.append(ShownLine(curve.label, shown, curve.color, curve.dashed))
-        return ShownPanel(column, panel.label, time[part], tuple(lines))
-
-    def _values(self, column: str, signal: str, data: Mapping[str, Vector]) -> Vector | None:
-        name = self.find(column, signal, data)
-        return None if name is None else data[name]
+        return _drawn(self, list(result.metrics.get(self.of, ())), data, result.roles)
 
 
 FIGURES: dict[str, Drawing] = {}
@@ -182,24 +157,52 @@ def _matching(pattern: str, names: Sequence[str]) -> list[str]:
     return found or [pattern]  # whose reading says what is wrong
 
 
-def _drawn(picture: Picture, shown: Sequence[ShownPanel]) -> "Figure":
-    columns = list(dict.fromkeys(panel.column for panel in shown))
-    figure, grid = new_figure(len(picture.panels), len(columns), 3.9)
-    for axes, panel in zip(grid.flat, shown, strict=True):
-        _draw_panel(axes, panel)
-    for j, column in enumerate(columns):
+def _drawn(
+    picture: Picture, columns: Sequence[str], data: Mapping[str, Vector], roles: Mapping[str, str]
+) -> "Figure | None":
+    panels = picture.panels
+    shown = [
+        c
+        for c in columns
+        if any(picture.find(c, curve.signal, data, roles) for p in panels for curve in p.curves)
+    ]
+    if not shown:
+        return None
+    figure, grid = new_figure(len(panels), len(shown), 3.9)
+    for j, column in enumerate(shown):
         grid[0, j].set_title(column, fontsize=11, parse_math=False)
         grid[-1, j].set_xlabel("time / s")
-    for i, panel in enumerate(picture.panels):
-        grid[i, 0].set_ylabel(panel.label)
+        for i, panel in enumerate(panels):
+            _draw_panel(grid[i, j], panel, partial(_values, picture, column, data, roles), data["time"])
+            if j == 0:
+                grid[i, 0].set_ylabel(panel.label)
     figure.align_ylabels()
     figure.suptitle(picture.title, fontsize=12, fontweight="bold")
     return figure
 
 
-def _draw_panel(axes: "Axes", panel: ShownPanel) -> None:
-    for line in panel.lines:
-        style = (0, (4, 2)) if line.dashed else "-"
-        axes.plot(panel.time, line.values, color=line.color, linestyle=style, linewidth=1.1)
-    labels = [line.label for line in panel.lines]
-    tidied(axes, labels if any(labels) else ())
+def _values(
+    picture: Picture, column: str, data: Mapping[str, Vector], roles: Mapping[str, str], signal: str
+) -> Vector | None:
+    name = picture.find(column, signal, data, roles)
+    return None if name is None else data[name]
+
+
+def _draw_panel(axes: "Axes", panel: Panel, values_of: Callable[[str], Vector | None], time: Vector) -> None:
+    late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
+    part = time >= time[0] + (_TRANSIENT if late else 0.0)
+    shown = []
+    for curve in panel.curves:
+        values = values_of(curve.signal)
+        minus = values_of(curve.less) if curve.less else np.zeros_like(time)
+        if values is None or minus is None:
+            continue
+        axes.plot(
+            time[part],
+            curve.scale * (values - minus)[part],
+            color=curve.color,
+            linestyle=(0, (4, 2)) if curve.dashed else "-",
+            linewidth=1.1,
+        )
+        shown.append(curve.label)
+    tidied(axes, shown if len(panel.curves) > 1 else ())

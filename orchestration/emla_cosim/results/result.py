@@ -36,7 +36,7 @@ class Result:
     `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
     `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
     `comparisons` are signals beside those of the run that the option `reference` names; `parameters` are
-    the Real parameters of all components, by full name.
+    the Real parameters of all components, by full name. `roles` are those of the option.
     """
 
     name: str
@@ -58,6 +58,7 @@ class Result:
     comparisons: Sequence[Comparison] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
     signals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    roles: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Vector:
         """A signal at the times of `time`, in its unit; CommandError names the choices if there is none."""

@@ -1,6 +1,6 @@
 """The pictures of joints, and of those that move a machine together."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 from ..results.plotting import Curve, Panel, Picture
 from ..results.style import GREY, ORANGE
@@ -78,10 +78,10 @@ JOINT_FIGURES: dict[str, Picture] = {
 """The pictures of a joint by file name; their signals are roles."""
 
 
-def _in_machine(joint: str, role: str, names: Collection[str]) -> str | None:
+def _in_machine(joint: str, role: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
     """`variable` where joints move a machine together."""
     there = any(name.startswith("machine.") for name in names)
-    return variable(joint, role, names) if there else None
+    return variable(joint, role, names, roles) if there else None
 
 
 MACHINE_FIGURES: dict[str, Picture] = {

@@ -54,14 +54,18 @@ class LimitWatch:
     """Looks at every row for the first value outside a range, for each joint."""
 
     def __init__(
-        self, joints: Iterable[str], columns: Mapping[str, int], parameters: Mapping[str, float]
+        self,
+        joints: Iterable[str],
+        columns: Mapping[str, int],
+        parameters: Mapping[str, float],
+        roles: Mapping[str, str],
     ) -> None:
-        """Take the columns of signals and the values of parameters, both by full name."""
+        """Take the columns of signals and the values of parameters, both by full name, and given roles."""
         self._watched = [
             watched
             for joint in joints
             for range_ in RANGES
-            if (watched := _watched(joint, range_, columns, parameters)) is not None
+            if (watched := _watched(joint, range_, columns, parameters, roles)) is not None
         ]
         self._ranges = {watched.signal: watched.range for watched in self._watched}
         self._left: dict[str, LeftLimits] = {}
@@ -120,14 +124,18 @@ class LimitWatch:
 
 
 def _watched(
-    joint: str, range_: Range, columns: Mapping[str, int], parameters: Mapping[str, float]
+    joint: str,
+    range_: Range,
+    columns: Mapping[str, int],
+    parameters: Mapping[str, float],
+    roles: Mapping[str, str],
 ) -> _Watched | None:
-    signal = variable(joint, range_.role, columns)
-    highest = variable(joint, range_.high, parameters)
+    signal = variable(joint, range_.role, columns, roles)
+    highest = variable(joint, range_.high, parameters, roles)
     if signal is None or highest is None:
         return None
     high = parameters[highest]
-    lowest = None if range_.low is None else variable(joint, range_.low, parameters)
+    lowest = None if range_.low is None else variable(joint, range_.low, parameters, roles)
     low = -high if range_.low is None else -np.inf if lowest is None else parameters[lowest]
     return _Watched(joint, range_, signal, columns[signal], low, high)
 

@@ -10,7 +10,7 @@ from ..arrays import Vector
 from ..recorders.metrics import Figures, Metrics, Shown
 from ..recorders.recorder import Outline
 from .limits import LimitWatch
-from .roles import variable
+from .roles import all_joints, check_roles, given_joints, variable
 
 SETTLED_AFTER = 0.3
 """Errors and torque count from this time on in s, or from convergence if that is later."""
@@ -47,7 +47,8 @@ class JointFigures:
     saturated_after_convergence: float = 0.0
 
 
-_NEEDED = ("x_L", "v_L", "tau_m", "x_d", "v_d")
+_TRACKED = ("x_L", "x_d")
+_NEEDED = (*_TRACKED, "v_L", "tau_m", "v_d")
 _OPTIONAL = ("x_hat", "limited_control", "limited_inverter")
 
 _SHOWN = (
@@ -67,29 +68,37 @@ _TOO_SHORT = f"Too short to judge convergence: that takes more than {SETTLED_AFT
 
 
 def joint_metrics(outline: Outline) -> "JointMetrics | None":
-    """The metrics of all joints of a run; None where it has none."""
-    metrics = JointMetrics(outline.names, outline.parameters)
+    """The metrics of all joints of a run; None where it has none. CommandError for wrong roles."""
+    check_roles(outline.roles, outline.names, outline.parameters)
+    metrics = JointMetrics(outline.names, outline.parameters, outline.roles)
     return metrics if metrics.joints else None
 
 
 class JointMetrics(Metrics):
     """Tracking metrics by joint: what stands before the first dot of a signal's name.
 
-    Joints without position, speed, torque and reference have no metrics. `parameters` has the limits
-    of the plants' ranges, by full name.
+    Joints without position, speed, torque and reference have no metrics, but those that are named in
+    `roles` need no speed and no torque. `parameters` has the limits of the plants' ranges, by full name.
     """
 
     shown = (_CONVERGED, *_SHOWN)
 
-    def __init__(self, names: Sequence[str], parameters: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        parameters: Mapping[str, float] | None = None,
+        roles: Mapping[str, str] | None = None,
+    ) -> None:
         column = {name: i + 1 for i, name in enumerate(names)}
         self._joints: dict[str, _JointAccumulator] = {}
-        for joint in dict.fromkeys(name.partition(".")[0] for name in names):
-            found = {role: variable(joint, role, column) for role in (*_NEEDED, *_OPTIONAL)}
-            if all(found[role] is not None for role in _NEEDED):
+        given = roles or {}
+        told = given_joints(given)
+        for joint in all_joints(names, given):
+            found = {role: variable(joint, role, column, given) for role in (*_NEEDED, *_OPTIONAL)}
+            if all(found[role] is not None for role in (_TRACKED if joint in told else _NEEDED)):
                 channels = {role: -1 if name is None else column[name] for role, name in found.items()}
                 self._joints[joint] = _JointAccumulator(channels)
-        self._limits = LimitWatch(self._joints, column, parameters or {})
+        self._limits = LimitWatch(self._joints, column, parameters or {}, given)
 
     @property
     def joints(self) -> list[str]:
@@ -153,7 +162,7 @@ class _JointAccumulator:
         self._start = self._last_outside = 0.0
         self._last = np.nan
         self._largest = np.full(4, np.nan)
-        self._peak = 0.0
+        self._peak = 0.0 if channels["tau_m"] >= 0 else np.nan
         self._rows = self._limited = 0
         self._settled = self._settled_limited = 0
 
@@ -179,7 +188,7 @@ class _JointAccumulator:
                 self._settled = self._settled_limited = 0
         if settled.any():
             self._largest = np.fmax(self._largest, counted[:, settled].max(axis=1))
-        self._peak = max(self._peak, float(torque.max()))
+        self._peak = float(np.fmax(self._peak, torque.max()))
         self._rows += len(rows)
         limited = (c["limited_control"] > 0) | (c["limited_inverter"] > 0)
         self._limited += int(limited.sum())

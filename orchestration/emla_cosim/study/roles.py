@@ -4,11 +4,12 @@ A joint has a plant and a reference of its own, or a part in those of a machine,
 element for each joint.
 """
 
-from collections.abc import Collection, Iterable
+import difflib
+from collections.abc import Collection, Iterable, Mapping
 
 from hdrm_fmu.trajectory import JOINTS
 
-from ..inputs.placing import data_of
+from ..errors import CommandError, listed, some
 
 _PLACES: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),
@@ -42,21 +43,57 @@ _PLACES: dict[str, tuple[str, ...]] = {
 }
 """Where the variable of a role may be, the first that there is."""
 
+_BOUNDS = ("i_max", "permitted_rise", "q_LB", "q_UB", "v_max")
+"""The roles of parameters."""
 
-def variable(joint: str, role: str, names: Collection[str]) -> str | None:
+
+def variable(
+    joint: str, role: str, names: Collection[str], roles: Mapping[str, str] | None = None
+) -> str | None:
     """The full name of what plays a role for a joint, one of `names`; None where nothing does.
 
-    Where data are read in its place, it is theirs.
+    What `roles` names by joint.role goes before the places above.
     """
-    found = next((name for name in _names(joint, _PLACES[role]) if name in names), None)
-    return None if found is None else data_of(found, names)
+    given = (roles or {}).get(f"{joint}.{role}")
+    places = _names(joint, _PLACES[role]) if given is None else (given,)
+    return next((name for name in places if name in names), None)
 
 
-def tracked(names: Collection[str]) -> dict[str, tuple[str, str]]:
+def all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:
+    """What may be a joint: the first part of each name, and what has a role."""
+    return list(dict.fromkeys([*(n.partition(".")[0] for n in names), *given_joints(roles)]))
+
+
+def given_joints(roles: Mapping[str, str]) -> list[str]:
+    """The joints that have roles."""
+    return list(dict.fromkeys(name.rpartition(".")[0] for name in roles))
+
+
+def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: Collection[str]) -> None:
+    """Raise CommandError for a role, a signal or a parameter that there is not, and for half a joint."""
+    for place, name in roles.items():
+        joint, _, role = place.rpartition(".")
+        if not joint or role not in _PLACES:
+            right = f"write JOINT.ROLE, with one of {listed(_PLACES)} as the role"
+            raise CommandError(f"there is no role '{place}'; {right}.", role=place)
+        bounds = role in _BOUNDS
+        if name not in (parameters if bounds else signals):
+            kind, there = ("parameter", parameters) if bounds else ("signal", signals)
+            near = difflib.get_close_matches(name, there, n=3, cutoff=0.4)
+            meant = f"did you mean {' or '.join(near)}?" if near else f"there are {some(there)}."
+            raise CommandError(f"there is no {kind} '{name}' for the role {place}; {meant}", name=name)
+    for joint in given_joints(roles):
+        missing = [role for role in ("x_L", "x_d") if variable(joint, role, signals, roles) is None]
+        if missing:
+            entries = listed(f"{joint}.{role}" for role in missing)
+            raise CommandError(f"the joint '{joint}' has roles, but nobody plays {entries}: name it too.")
+
+
+def tracked(names: Collection[str], roles: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     """Position and reference of each joint that has both among these names."""
     ends = {
-        joint: [variable(joint, role, names) for role in ("x_L", "x_d")]
-        for joint in dict.fromkeys(name.partition(".")[0] for name in names)
+        joint: [variable(joint, role, names, roles) for role in ("x_L", "x_d")]
+        for joint in all_joints(names, roles)
     }
     return {joint: (x, x_d) for joint, (x, x_d) in ends.items() if x is not None and x_d is not None}
 

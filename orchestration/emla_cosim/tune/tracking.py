@@ -54,7 +54,7 @@ def misses(outline: Outline) -> Metrics | None:
     found = {
         joint: (column[position], column[reference])
         for find in TRACKED.values()
-        for joint, (position, reference) in find(column).items()
+        for joint, (position, reference) in find(column, outline.roles).items()
     }
     return _Misses(found) if found else None
 

@@ -1,0 +1,133 @@
+"""Roles that are given: figures, limits and pictures of joints in systems that call everything otherwise."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.loading import load
+from emla_cosim.study.roles import check_roles
+from tests.support.axis import axis
+from tests.support.commands import Emla, sentence
+
+OTHER = {"plant": "press", "reference": "plan", "observer": "guess", "controller": "loop"}
+ROLES = {
+    "x_L": "a.press.x_L",
+    "v_L": "a.press.v_L",
+    "tau_m": "a.press.tau_m",
+    "x_d": "a.plan.x_d",
+    "v_d": "a.plan.v_d",
+    "x_hat": "a.guess.x_hat",
+    "limited_control": "a.loop.saturated",
+    "limited_inverter": "a.press.inverter.saturated",
+    "i_q": "a.press.i_q",
+    "i_d": "a.press.i_d",
+    "temperature_rise": "a.press.motor.temperature_rise",
+    "q_LB": "a.press.screw.q_LB",
+    "q_UB": "a.press.screw.q_UB",
+    "v_max": "a.press.screw.v_max",
+    "i_max": "a.press.motor.i_max",
+    "permitted_rise": "a.press.motor.permitted_rise",
+}
+SLIDE = {"slide.x_L": "gantry.slide.place", "slide.x_d": "gantry.motion.x_d"}
+
+
+@pytest.fixture(scope="module")
+def package(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return axis(tmp_path_factory.mktemp("axis"), fmu_folder)
+
+
+@pytest.fixture(scope="module")
+def slide(package: Path) -> Iterator[ec.Simulation]:
+    with load(package).prepare() as simulation:
+        yield simulation
+
+
+def renamed() -> ec.System:
+    """The lift with other names for its components."""
+    system = load("lift").system
+
+    def called(component: str) -> str:
+        part = component.removeprefix("lift.")
+        return f"a.{OTHER.get(part, part)}"
+
+    return ec.System(
+        tuple(replace(c, name=called(c.name)) for c in system.components),
+        tuple(replace(x, source=called(x.source), target=called(x.target)) for x in system.connections),
+    )
+
+
+@pytest.mark.parametrize("given", [{}, {"{plant}.start.x_L": 0.38}])
+def test_figures_and_limits_are_those_of_the_usual_names(given: dict[str, float], fmu_folder: Path) -> None:
+    how = {"stop_time": 0.5, "step_size": 1e-4, "fmus": fmu_folder}
+    with load("lift", **how).prepare() as usual:
+        expected = usual.run(set={n.format(plant="lift.plant"): v for n, v in given.items()})
+    with load(renamed(), **how).prepare() as simulation:
+        roles = {f"lift.{role}": name for role, name in ROLES.items()}
+        found = simulation.run(roles=roles, set={n.format(plant="a.press"): v for n, v in given.items()})
+    joint, right = dict(found.metrics["joints"]["lift"]), dict(expected.metrics["joints"]["lift"])
+    left, right_left = joint.pop("left_limits"), right.pop("left_limits")
+    np.testing.assert_equal(joint, right)
+    assert (left is None) == (right_left is None) == (not given)
+    if left is not None:
+        assert left["signal"].startswith("a.press.") and left["time_s"] == right_left["time_s"]
+        assert found.remarks[0] == expected.remarks[0].replace("lift.plant", "a.press")
+
+
+def test_a_joint_needs_no_more_than_its_position_and_reference(slide: ec.Simulation) -> None:
+    result = slide.run(roles=SLIDE, output_interval=1e-3)
+    figures = result.metrics["joints"]["slide"]
+    error = np.abs(result["gantry.slide.place"] - result["gantry.motion.x_d"])
+    outside = np.flatnonzero(error > 0.05 * error[0])
+    assert figures["convergence_time_s"] == pytest.approx(result.time[outside[-1]])
+    assert figures["position_error_m"] == error[outside[-1] :].max()
+    for name in ("torque_peak_N_m", "torque_effort_N_m", "velocity_error_m_s"):
+        assert np.isnan(figures[name]), name
+    assert slide.run(roles=SLIDE, require=["slide.converged == true"]).problem is None
+
+
+def test_a_range_is_left_where_a_parameter_bounds_it(slide: ec.Simulation) -> None:
+    result = slide.run(roles={**SLIDE, "slide.q_UB": "gantry.slide.reach"}, output_interval=1e-3)
+    place = result["gantry.slide.place"]
+    left = result.metrics["joints"]["slide"]["left_limits"]
+    assert left["value"] == place[place > 0.08][0] and left["maximum"] == 0.08
+    assert result.remarks[0].startswith("slide left its stroke range at t = ")
+
+
+WRONG = [
+    ({"x_L": "a.x"}, "there is no role 'x_L'; write JOINT.ROLE, with one of x_L, v_L,"),
+    ({"j.speed": "a.x"}, "there is no role 'j.speed'; write JOINT.ROLE, with one of x_L, v_L,"),
+    ({"j.x_L": "a.y"}, "there is no signal 'a.y' for the role j.x_L; did you mean a.x?"),
+    ({"j.x_L": "zzzz"}, "there is no signal 'zzzz' for the role j.x_L; there are a.x and b.plan."),
+    ({"j.v_max": "a.x"}, "there is no parameter 'a.x' for the role j.v_max; did you mean a.fast?"),
+    ({"j.x_L": "a.x"}, "the joint 'j' has roles, but nobody plays j.x_d: name it too."),
+    ({"j.v_L": "a.x"}, "the joint 'j' has roles, but nobody plays j.x_L and j.x_d: name it too."),
+]
+
+
+@pytest.mark.parametrize(("roles", "said"), WRONG)
+def test_what_is_wrong_is_said(roles: dict[str, str], said: str) -> None:
+    with pytest.raises(ec.CommandError) as caught:
+        check_roles(roles, ["a.x", "b.plan"], ["a.fast"])
+    assert str(caught.value).startswith(said)
+
+
+def test_a_scenario_names_them_and_pictures_show_them(package: Path, emla: Emla) -> None:
+    text = (
+        f'system = "{package}"\n[roles]\nslide.x_L = "gantry.slide.place"\nslide.x_d = "gantry.motion.x_d"\n'
+    )
+    Path("mine.toml").write_text(text)
+    result = emla("run", "mine.toml", "--output", "o", "--role", "slide.v_L=gantry.slide.rate")
+    assert result.exit_code == 0, result.output
+    assert "slide" in result.stdout and "position error" in result.stdout
+    given = json.loads(Path("o/run.json").read_text())["settings"]["roles"]
+    assert given == {**SLIDE, "slide.v_L": "gantry.slide.rate"}
+    assert {"tracking.png", "errors.png"} <= {path.name for path in Path("o").iterdir()}
+    before = Path("o/results.csv").read_bytes()
+    wrong = emla("run", "mine.toml", "--output", "o", "--role", "slide.v_L=gantry.slide.rat")
+    assert "did you mean gantry.slide.rate" in sentence(wrong, 2)
+    assert Path("o/results.csv").read_bytes() == before
