@@ -20,7 +20,7 @@ from ..units import IDENTITY
 from .fmus import fmu_info
 from .parts import ComponentInfo, ConnectionInfo, FmuInfo
 from .told import Info
-from .variables import End, Rows, Wires, names_in
+from .variables import End, Rows, Wires, names_in, said_by
 
 _OF_OURS = {"fmus", "flavour"}
 """Options that change nothing of somebody else's FMU."""
@@ -68,6 +68,12 @@ def _of_system(
     used = {file: interfaces[name] for name, file in files.items()}
     places = {file: place for place, file in enumerate(used)}
     fmus = tuple(fmu_info(file, _shown(file, scenario.unpacked), of) for file, of in used.items())
+    said = [said_by(of) for of in used.values()]
+    rows = (
+        v
+        for c in system.components
+        for v in Rows(c, interfaces[c.name], said[places[files[c.name]]], wires).all()
+    )
     components = (
         ComponentInfo(c.name, fmus[places[files[c.name]]].model, places[files[c.name]])
         for c in system.components
@@ -82,7 +88,7 @@ def _of_system(
         fmus=fmus,
         components=tuple(components),
         connections=tuple(connections),
-        variables=tuple(v for c in system.components for v in Rows(c, interfaces[c.name], wires).all()),
+        variables=tuple(rows),
     )
 
 
@@ -92,7 +98,8 @@ def _of_any_fmu(path: Path) -> Info:
     try:
         fmu = fmu_info(path, str(path), interface)
         name = component_name(fmu.model)
-        rows = Rows(Component(name, fmu=path), interface, Wires({}, {}, {}), runnable=False).all()
+        alone, wires = Component(name, fmu=path), Wires({}, {}, {})
+        rows = Rows(alone, interface, said_by(interface), wires, runnable=False).all()
     except (CommandError, MemoryError):
         raise
     except Exception as error:  # of numbers that are none, where nobody has looked before

@@ -87,11 +87,19 @@ class Info:
 
     def as_dict(self) -> dict[str, Any]:
         """All of it as JSON has it; a number that is infinite or not a number is None."""
-        return plain({"format": "emla-info", "version": VERSION, **asdict(self)})
+        return {**self._head(), "variables": [_plain_row(v) for v in self.variables]}
 
     def as_json(self) -> str:
-        """The text of `as_dict`, in letters that no terminal obeys."""
-        return json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n"
+        """The text of `as_dict`, a line for each variable, in letters that no terminal obeys."""
+        head = json.dumps(self._head(), indent=1, allow_nan=False).removesuffix("\n}")
+        rows = (json.dumps(_plain_row(v), allow_nan=False) for v in self.variables)
+        return f'{head},\n "variables": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n"
+
+    def _head(self) -> dict[str, Any]:
+        """All but the variables."""
+        told = asdict(replace(self, variables=()))
+        del told["variables"]
+        return plain({"format": "emla-info", "version": VERSION, **told})
 
     def save_json(self, path: str | Path) -> None:
         """Write `as_json` to a file; CommandError where none can be written, RunError where that fails."""
@@ -101,6 +109,13 @@ class Info:
 def start_text(value: float | int | bool | str) -> str:
     """A start value as `--set` takes it: 0.14, 8, true, or a name, with all digits."""
     return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _plain_row(variable: VariableInfo) -> dict[str, Any]:
+    """A variable as JSON has it: of its fields only start values may be no finite numbers."""
+    start, default = plain(variable.start), plain(variable.default)
+    lists = {"choices": list(variable.choices), "read_by": list(variable.read_by)}
+    return {**vars(variable), **lists, "start": start, "default": default}
 
 
 def _found(variable: VariableInfo, pattern: str) -> bool:

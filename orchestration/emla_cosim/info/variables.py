@@ -32,12 +32,37 @@ class Wires:
         return self.names.get(end, f"{end[0]}.{end[1]}")
 
 
+class Said:
+    """What an FMU says of a variable, the same for all components that are made of it."""
+
+    def __init__(self, interface: Interface, variable: ModelVariable) -> None:
+        self.name, self.variable = str(variable.name), variable
+        self.literals = _literals(variable)
+        self.default = _default(variable)
+        self.limits = _limit(variable, "min"), _limit(variable, "max")
+        self.unit = interface.unit(self.name)
+        self.settable = interface.settable(self.name)
+        self.description = " ".join(str(variable.description or "").split())
+
+    def shown(self, value: Any, back: LinearTransformation) -> Start | None:
+        """A value of the FMU as the system has it."""
+        if self.literals:
+            return self.literals.get(value, value)
+        return back(value) if isinstance(value, float) and back != IDENTITY else value
+
+
+def said_by(interface: Interface) -> list[Said]:
+    """What an FMU says of all its variables, in its order."""
+    return [Said(interface, variable) for variable in interface.variables.values()]
+
+
 @dataclass(frozen=True)
 class Rows:
     """The rows of a component; where its FMU is not `runnable`, nothing of it can be set."""
 
     component: Component
     interface: Interface
+    said: Sequence[Said]
     wires: Wires
     runnable: bool = True
 
@@ -49,36 +74,35 @@ class Rows:
         given = in_fmu_terms(self.component).parameters
         values = {v.name: x for v, x in typed_values(self.component.name, self.interface, given)}
         known = names_in(self.component)
-        return [
-            self._row(variable, *known.get(name, (name, Alias(name))), values.get(name))
-            for name, variable in self.interface.variables.items()
-        ]
+        return [self._row(said, known.get(said.name), values.get(said.name)) for said in self.said]
 
-    def _row(self, variable: ModelVariable, name: str, alias: Alias, value: Any) -> VariableInfo:
-        end = self.component.name, alias.variable
-        default = _default(variable)
-        back = IDENTITY if alias.transformation == IDENTITY else alias.transformation.inverse()
-        limits = [_limit(variable, side, back) for side in ("min", "max")]
-        low, high = reversed(limits) if back.factor < 0.0 else limits
+    def _row(self, said: Said, known: tuple[str, Alias] | None, value: Any) -> VariableInfo:
+        end, back, limits = (self.component.name, said.name), IDENTITY, said.limits
+        name, unit = said.name, said.unit
+        if known is not None:
+            name, alias = known
+            unit, back = alias.unit or unit, alias.transformation.inverse()
+            low, high = (None if x is None else back(x) for x in limits)
+            limits = (high, low) if back.factor < 0.0 else (low, high)
         driver = self.wires.drivers.get(end)
-        unit = alias.unit or self.interface.unit(alias.variable)
+        default = said.shown(said.default, back)
         return VariableInfo(
-            name=f"{self.component.name}.{name}",
-            component=self.component.name,
-            fmu_name=alias.variable,
-            causality=str(variable.causality),
-            variability=str(variable.variability),
-            type=str(variable.type),
+            name=f"{end[0]}.{name}",
+            component=end[0],
+            fmu_name=said.name,
+            causality=str(said.variable.causality),
+            variability=str(said.variable.variability),
+            type=str(said.variable.type),
             unit=None if unit is None else unit.name,
-            start=_shown(variable, default if value is None else value, back),
-            default=_shown(variable, default, back),
-            minimum=low,
-            maximum=high,
-            choices=tuple(_literals(variable).values()),
-            description=" ".join(str(variable.description or "").split()),
+            start=default if value is None else said.shown(value, back),
+            default=default,
+            minimum=limits[0],
+            maximum=limits[1],
+            choices=tuple(said.literals.values()),
+            description=said.description,
             driven_by=None if driver is None else self.wires.name(driver),
             read_by=tuple(self.wires.name(reader) for reader in self.wires.readers.get(end, ())),
-            settable=self.runnable and driver is None and self.interface.settable(alias.variable),
+            settable=self.runnable and driver is None and said.settable,
         )
 
 
@@ -102,13 +126,6 @@ def _default(variable: ModelVariable) -> Any:
     return str(text) in ("true", "1") if variable.type == "Boolean" else str(text)
 
 
-def _shown(variable: ModelVariable, value: Any, back: LinearTransformation) -> Start | None:
-    """A value of the FMU as the system has it."""
-    if variable.type == "Enumeration":
-        return _literals(variable).get(value, value)
-    return back(value) if isinstance(value, float) and back != IDENTITY else value
-
-
 def _literals(variable: ModelVariable) -> dict[int, str]:
     """The names of an enumeration's values."""
     declared = variable.declaredType
@@ -116,8 +133,8 @@ def _literals(variable: ModelVariable) -> dict[int, str]:
     return {int(str(item.value)): str(item.name) for item in items or ()}
 
 
-def _limit(variable: ModelVariable, name: str, back: LinearTransformation) -> float | None:
-    """The lowest or highest value of a number as the system has it; None where there is no such end."""
+def _limit(variable: ModelVariable, name: str) -> float | None:
+    """The lowest or highest value of a number; None where there is no such end."""
     text = getattr(variable, name)
     if text is None and variable.declaredType is not None:
         text = getattr(variable.declaredType, name, None)
@@ -127,4 +144,4 @@ def _limit(variable: ModelVariable, name: str, back: LinearTransformation) -> fl
         number = float(text)
     except ValueError:
         return None
-    return back(number) if math.isfinite(number) else None
+    return number if math.isfinite(number) else None
