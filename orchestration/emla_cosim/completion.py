@@ -140,7 +140,9 @@ def _shell() -> str:
     try:
         name = shellingham.detect_shell()[0]
     except (shellingham.ShellDetectionFailure, OSError, ValueError):
-        name = Path(os.environ.get("SHELL", "")).name
+        name = ""
+    if name not in SHELLS:  # a script may have called
+        name = Path(os.environ.get("SHELL", "")).name or name
     if name not in SHELLS:
         raise ValueError(f"the shell is {name or 'not known'}; there is completion for {', '.join(SHELLS)}")
     return name

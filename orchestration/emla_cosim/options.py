@@ -355,13 +355,21 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     if takes is not None and isinstance(value, takes):
         return value
     if unit and isinstance(value, str):
-        value = quantity(value, label).in_unit(unit_named(unit, label), label)
+        value = _in_unit(value, unit, label)
     found = converted(value, option.plain_type, label, folder)
     if objects:
         return {**found, **objects}
     for one in found if isinstance(found, list) else [found]:
         option.check(one)
     return found
+
+
+def _in_unit(text: str, unit: str, label: str) -> float:
+    """A number, or a quantity in this unit; CommandError for any other text."""
+    try:
+        return float(text)
+    except ValueError:
+        return quantity(text, label).in_unit(unit_named(unit, label), label)
 
 
 def _near(name: str, known: Mapping[str, Option]) -> str:

@@ -274,7 +274,7 @@ def test_build_makes_binaries_for_every_platform_unless_told_otherwise(emla: Eml
         ),
         (
             ["run", "lift", "--set", "lift.plant.sensor.seed=99999999999"],
-            ["sensor.seed", "at most 2.14748e+09"],
+            ["sensor.seed", "at most 2147483646"],
         ),
         (
             ["run", "lift", "--set", "lift.plant.torque_source=luck"],

@@ -13,6 +13,7 @@ from emla_cosim.options import table
 from emla_cosim.scenarios.built_in import SCENARIOS
 from emla_cosim.study.registration import register
 
+CALLED_FROM = "import shellingham; shellingham.detect_shell = lambda: ('{}', ''); "
 PROGRAM = "import sys; sys.argv[0] = 'emla'; from emla_cosim.program import main; main()"
 
 
@@ -72,8 +73,9 @@ def test_a_shell_that_asks_nonsense_gets_no_traceback(asked: dict[str, str]) -> 
     assert "Traceback" not in emla(**asked).stderr
 
 
-def test_completion_is_installed_in_the_users_home(tmp_path: Path) -> None:
+def test_completion_is_installed_in_the_users_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bash itself, with what was installed, completes a command."""
+    monkeypatch.setitem(globals(), "PROGRAM", CALLED_FROM.format("bash") + PROGRAM)
     ended = emla("--install-completion", HOME=str(tmp_path), SHELL="/bin/bash")
     assert ended.returncode == 0 and str(tmp_path) in ended.stdout
     script = tmp_path / ".bash_completions/emla.sh"
@@ -104,8 +106,7 @@ def test_what_keeps_it_from_being_installed_is_told_in_one_sentence(
     home: str, shell: str, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The shell that calls is not looked for here: it may be any."""
-    hidden = f"import shellingham; shellingham.detect_shell = lambda: ({Path(shell).name!r}, ''); "
-    monkeypatch.setitem(globals(), "PROGRAM", hidden + PROGRAM)
+    monkeypatch.setitem(globals(), "PROGRAM", CALLED_FROM.format(Path(shell).name) + PROGRAM)
     ended = emla("--install-completion", HOME=home, SHELL=shell)
     assert ended.returncode == 1
     assert ended.stderr.startswith("Error: ") and len(ended.stderr.splitlines()) == 1
