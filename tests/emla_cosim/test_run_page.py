@@ -19,6 +19,7 @@ from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.time_series import TimeSeries
 from emla_cosim.results.page.diagram import diagrams, wires
 from emla_cosim.results.page.page import page
+from emla_cosim.results.page.pictures import by_unit
 from emla_cosim.results.result import Result
 from emla_cosim.units import Unit
 from tests.support.browser import Page, chromium
@@ -273,6 +274,18 @@ def test_many_signals_and_rows_make_no_larger_page(result: Result) -> None:
     assert len(many.encode()) < 5e6 and "500 more signals" in many
     long = page(rebuilt(result, names[:3], np.column_stack([np.arange(1e6), rng.normal(size=(1000000, 3))])))
     assert len(long.encode()) < 5e6
+
+
+def test_a_system_without_pictures_is_shown_by_component_and_unit(result: Result) -> None:
+    time = np.linspace(0, 1, 50)
+    names = ["pump.p", "pump.q", "valve.p", "valve.still"]
+    given = rebuilt(result, names, np.column_stack([time, time, 2 * time, 3 * time, 0 * time]))
+    units = {"pump.p": Unit("Pa"), "pump.q": Unit("m3/s"), "valve.p": Unit("Pa"), "valve.still": None}
+    given = replace(given, units=units, record={**result.record, "components": {"pump": {}, "valve": {}}})
+    panels = by_unit(given, given.read(["time", *names]))
+    found = [(p.column, p.label, [line.label for line in p.lines]) for p in panels]
+    assert found == [("pump", "Pa", ["p"]), ("pump", "m3/s", ["q"]), ("valve", "Pa", ["p"])]
+    assert "Signals that change" in page(given)
 
 
 def test_large_systems_are_drawn_by_their_parts() -> None:
