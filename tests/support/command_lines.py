@@ -11,7 +11,7 @@ from typing import Any, get_args, get_origin
 from hypothesis import strategies as st
 
 from emla_cosim.models import MODELS
-from emla_cosim.option import EXPORT, RUN, Option
+from emla_cosim.option import EXPORT, INFO, RUN, Option
 from emla_cosim.options import table
 from emla_cosim.scenarios.built_in import SCENARIOS
 from fmublock.platforms import host_platform
@@ -198,13 +198,14 @@ _export = st.builds(
     _paths | st.sampled_from(["new.ssp", "ok.ssp"]),
     _options(EXPORT) | st.just([("--nested",)]),
 )
-_rerun = st.builds(
-    lambda quiet, file, options: _joined(
-        (*quiet, "rerun", file, "--fmus", FMUS, "--no-plots", "--output", "out"), *options
-    ),
-    st.sampled_from([(), ("-q",)]),
-    _paths | st.sampled_from(["ok.json"]),
-    _options(RUN),
+_shown = st.sampled_from(
+    [("--json",), ("--json", "device"), ("--match", "*.x_L"), ("--match", ODD), ("--match",)]
+)
+_info = st.builds(
+    lambda scenario, options, shown: _joined(("info", scenario, "--fmus", FMUS), *options, *shown),
+    _scenarios,
+    _options(INFO),
+    st.lists(_shown | _paths.map(lambda path: ("--json", path)), max_size=2),
 )
 _model = st.sampled_from([*MODELS, "EmlaPlant", "x", ODD, "gone.py:B", "broken.py:B", "block.py:C", "folder"])
 _more = [
@@ -223,7 +224,7 @@ _words = st.lists(_nonsense | _texts | st.sampled_from(["run", "list", "export",
     tuple
 )
 _list = st.lists(_nonsense | _texts, max_size=1).map(lambda more: ("list", *more))
-commands = _weighted((12, _run), (3, _export), (2, _rerun), (1, _build), (1, _list), (2, _words))
+commands = _weighted((12, _run), (3, _export), (3, _info), (1, _build), (1, _list), (2, _words))
 
 
 # ---- surroundings ----------------------------------------------------------------------------------

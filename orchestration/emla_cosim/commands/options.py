@@ -60,12 +60,12 @@ def with_options(function: Callable[..., None], command: str) -> Callable[..., N
     return called
 
 
-def with_values(arguments: Sequence[str], command: str, own: Mapping[str, str]) -> list[str]:
+def with_values(arguments: Sequence[str], command: str, own: Mapping[str, str] | None = None) -> list[str]:
     """The arguments of a command, each flag that may stand alone followed by what it stands for then.
 
     `own` has those flags that only this command has.
     """
-    alone = {o.flag: o.about.alone for o in table(command).values() if o.about.alone} | dict(own)
+    alone = {o.flag: o.about.alone for o in table(command).values() if o.about.alone} | dict(own or {})
     found = list[str]()
     for argument, following in pairwise([*arguments, "-"]):
         stands = argument in alone and following.startswith("-")
