@@ -103,6 +103,8 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"} | {
     "animate",
     "actuator",
+    "input",
+    "report",
     "trajectory",
 }
 """Keys of the tests below; `mapping` is in test_replacement.py, `trajectory` in test_machine.py,
