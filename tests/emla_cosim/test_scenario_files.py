@@ -102,13 +102,12 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 
 ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"} | {
     "animate",
-    "actuator",
     "input",
-    "report",
     "trajectory",
 }
-"""Keys of the tests below; `mapping` is in test_replacement.py, `trajectory` in test_machine.py,
-`actuator` in test_actuator.py."""
+"""Keys of the tests below; `mapping` is in test_replacement.py, `trajectory` in test_machine.py, `input` in
+test_inputs.py.
+"""
 
 
 @pytest.mark.parametrize("key", SETTINGS)
