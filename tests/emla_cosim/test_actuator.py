@@ -282,6 +282,7 @@ WRONG = [
     ({"motor__J_m": True}, 'motor.J_m is True; write it as "9.6 kg cm^2"'),
     ({"motor__n_max": "58 Hz"}, "does not say whether turns or radians are meant"),
     ({"motor__poles": 7}, "motor.poles is 7; poles come in pairs"),
+    ({"motor__poles": "7"}, "motor.poles is 7; poles come in pairs"),
     ({"motor__poles": 7.5}, "motor.poles is 7.5; it must be a whole number"),
     ({"motor__poles": 8, "motor__N_p": 4}, "[motor] has N_p and poles, which say the same"),
     ({"motor__R": None}, "[motor] lacks R, the winding resistance"),
@@ -310,7 +311,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "said"), WRONG, ids=[said for _, said in WRONG])
+@pytest.mark.parametrize(("changes", "said"), WRONG, ids=[str(changes) for changes, _ in WRONG])
 def test_a_wrong_sheet_is_told_in_a_sentence(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(ec.CommandError) as caught:
         ec.Actuator(**with_entries(**changes))

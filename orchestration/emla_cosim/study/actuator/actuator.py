@@ -154,12 +154,12 @@ def _problems(actuator: Actuator) -> Iterator[str]:
         yield from _unknown(table, tables[table], [e.key for e in entries])
     for place, entry, value in _entries(actuator):
         try:
-            printed(value, entry, place)
+            found = printed(value, entry, place)
         except CommandError as error:
             yield str(error).removesuffix(".")
-    poles = actuator.motor.get("poles")
-    if isinstance(poles, int) and poles % 2:
-        yield f"motor.poles is {poles}; poles come in pairs"
+            continue
+        if place == "motor.poles" and found.number % 2.0:
+            yield f"motor.poles is {found.text}; poles come in pairs"
     if actuator.thermal and "i_N" not in actuator.motor:
         yield "[thermal] needs motor.i_N, the current that ends at its permitted_rise"
 
