@@ -14,6 +14,7 @@ COMMANDS = {
     "list": "List the scenarios, plans, models and gains that have names.",
     "run": "Run a scenario: figures on the screen; data, pictures and a record in a folder.",
     "rerun": "Repeat a run from its run.json, and say what is not as it was.",
+    "plot": "Draw signals of runs that were kept, one over the other.",
     "sweep": "Run many variants of a scenario side by side: grids, Monte Carlo, sensitivities.",
     "compare": "Run a scenario with several controllers side by side, also as the paper's tables.",
     "tune": "Find gains: optimised over cases that are simulated, validated on other seeds.",

@@ -10,41 +10,47 @@ from ..arrays import Vector
 from ..errors import CommandError
 from .csv_file import columns_of, read_csv
 
+_REFERENCE = "the run to compare with"
+
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A table of results on disk: `names` of its columns, without time."""
+    """A table of results on disk: `names` of its columns, without time; sentences call it `what`."""
 
     path: Path
     names: Sequence[str]
+    what: str = _REFERENCE
 
     def read(self, names: Sequence[str]) -> dict[str, Vector]:
         """Columns by name, `time` in s among them if it is named. Raises CommandError."""
         try:
             if self.path.suffix == ".parquet":
                 frame = polars.read_parquet(self.path, columns=list(names))
-                return {name: frame[name].to_numpy() for name in names}
+                return {name: frame[name].cast(polars.Float64).to_numpy() for name in names}
             return read_csv(self.path, names)
         except Exception as error:  # polars has many kinds
-            raise _unreadable(self.path, error) from error
+            raise _unreadable(self.path, self.what, error) from error
 
 
-def stored_run(place: Path) -> StoredRun:
-    """The run in a folder of results, or in a table of its own; CommandError where there is none."""
+def stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
+    """The run in a folder of results, or in a table of its own; CommandError where there is none.
+
+    Sentences call it `what`, which begins with "the run".
+    """
     kept = [place / "results.csv", place / "results.parquet"] if place.is_dir() else [place]
     path = next((p for p in kept if p.exists()), None)
     if path is None:
-        what = "no results.csv or results.parquet in" if place.is_dir() else "no run at"
-        raise CommandError(f"there is {what} '{place}' to compare with.")
+        missing = "no results.csv or results.parquet in" if place.is_dir() else "no run at"
+        raise CommandError(f"there is {missing} '{place}'{what.removeprefix('the run')}.")
+    if not path.is_file():
+        raise CommandError(f"{what}, '{path}', cannot be read: it is no file.")
     try:
         names = _columns(path)
     except Exception as error:
-        raise _unreadable(path, error) from error
+        raise _unreadable(path, what, error) from error
     if names[:1] != ["time"] or len(names) < 2:
-        raise CommandError(
-            f"the run to compare with, '{path}', must have 'time' as its first column, and signals."
-        )
-    return StoredRun(path, names[1:])
+        raise CommandError(f"{what}, '{path}', must have 'time' as its first column, and signals.")
+    return StoredRun(path, names[1:], what)
 
 
 def _columns(path: Path) -> list[str]:
@@ -53,6 +59,6 @@ def _columns(path: Path) -> list[str]:
     return columns_of(path)
 
 
-def _unreadable(path: Path, error: Exception) -> CommandError:
+def _unreadable(path: Path, what: str, error: Exception) -> CommandError:
     reason = getattr(error, "strerror", None) or str(error).splitlines()[0].rstrip(".")
-    return CommandError(f"the run to compare with, '{path}', cannot be read: {reason}.")
+    return CommandError(f"{what}, '{path}', cannot be read: {reason}.")
