@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from ...ssp.documents.structure import Connection, Connector, Element, SystemElement
 from ...ssp.writer.drawing import drawn
+from ...wording import counted
 
 _MOST, _MOST_ALONE = 24, 100
 """Boxes of one diagram: of more, parts are drawn apart; and of one that has no parts."""
@@ -94,7 +95,7 @@ def diagrams(components: Mapping[str, str], wires: Sequence[Wire]) -> list[Diagr
         return [_diagram("", components, wires)]
     made = []
     if 0 < len(parts) <= _MOST:
-        told = {part: f"{len(inside)} components" for part, inside in parts.items()}
+        told = {part: counted(len(inside), "component") for part, inside in parts.items()}
         made.append(_diagram("Overview", told, _between(wires)))
     for part, inside in list(parts.items())[:_MOST_DIAGRAMS]:
         if 1 < len(inside) <= _MOST_ALONE:

@@ -8,6 +8,7 @@ import numpy as np
 from ...arrays import Vector
 from ...report.comparisons import compared
 from ...report.page import Plots, rendered
+from ...wording import counted
 from ..result import Result
 from ..wording import how_stepped
 from . import pictures, signals, tables
@@ -54,6 +55,7 @@ def page(result: Result, notes: Sequence[str] = ()) -> str:
         stepped=list(how_stepped(result)),
         late=result.stepping.get("late_connections", ()),
         most=tables.MOST,
+        counted=counted,
     )
 
 

@@ -99,7 +99,8 @@ def _pictures() -> list[Picture]:
 
 
 def _shown(title: str, panels: Sequence[ShownPanel], most: int, plots: Plots) -> Shown:
-    columns = min(len(dict.fromkeys(panel.column for panel in panels)), _COLUMNS)
+    columns = len(dict.fromkeys(panel.column for panel in panels))
+    columns = 2 if columns == 1 < len(panels) else min(columns, _COLUMNS)
     made = (Panel(p.column, p.label, plots.add(_plot(p, most))) for p in panels)
     return Shown(title, columns, tuple(made))
 
