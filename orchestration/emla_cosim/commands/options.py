@@ -12,7 +12,7 @@ import typer
 
 from ..errors import CommandError
 from ..option import Option
-from ..options import table
+from ..options import read_option, table
 
 SOURCE = (
     "What to run: a name that `emla list` shows, a scenario file (.toml), an SSP (.ssp, .ssd, or folder), or "
@@ -127,6 +127,8 @@ def _read(option: Option, value: Any) -> Any:
     """The value of an option as `Options.updated` takes it."""
     if option.about.parse is not None:
         return option.about.parse(value)
+    if option.about.unit:
+        return read_option(option.name, value, f"the option '{option.name}'", known={option.name: option})
     if get_origin(option.type) is not Mapping:
         return value
     of = get_args(option.plain_type)[1]
