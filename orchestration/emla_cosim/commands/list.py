@@ -16,7 +16,12 @@ register()
 
 def command() -> None:
     """Show tables of scenarios, plans of sweeps, models and choices."""
-    scenarios = Table("scenario", "what it is", title="Scenarios: emla run SCENARIO", title_justify="left")
+    scenarios = Table(
+        "scenario",
+        "what it is",
+        title="Scenarios: emla run SCENARIO, emla info SCENARIO",
+        title_justify="left",
+    )
     for name in SCENARIOS:
         scenarios.add_row(f"[bold]{name}[/]", built_in(name).description)
     plans = Table("plan", "what it is", title="Sweeps: emla sweep PLAN", title_justify="left")
