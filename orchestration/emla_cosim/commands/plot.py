@@ -26,7 +26,9 @@ __all__ = ["command", "loading"]
 
 
 def command(
-    runs: Annotated[list[Path], typer.Argument(help="Folders of results, or tables (.csv, .parquet).")],
+    runs: Annotated[
+        list[Path], typer.Argument(help="Folders of results, or tables (.csv, .parquet).", metavar="RUN...")
+    ],
     signals: Annotated[
         list[str] | None,
         typer.Option(
