@@ -59,6 +59,10 @@ class Entered:
         """All of it as run.json has it."""
         raise NotImplementedError
 
+    def repeatable(self) -> Any:
+        """What an option may have in its place, as JSON; None where that has to be made in Python again."""
+        return None if self.file is None else str(self.file)
+
 
 def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
     """A field of a dataclass that is an option; see `About` for what can be said of it."""

@@ -139,6 +139,12 @@ def _repeatable(value: Any, takes: type | None) -> Any:
     """A value of an option as JSON from which it can be made again, objects of the type `takes` marked."""
     if isinstance(value, Mapping):
         return {key: _repeatable(inner, takes) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_repeatable(inner, takes) for inner in value]
+    if isinstance(value, Entered) and (found := value.repeatable()) is not None:
+        return found
+    if isinstance(value, Entered):
+        return {PYTHON: plain(type(value))}
     if takes not in (None, bool) and isinstance(value, takes):
         return {PYTHON: plain(value if isinstance(value, type) else type(value))}
     return plain(value)
@@ -184,8 +190,6 @@ def plain(value: Any) -> Any:
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(v) for v in value]
-    if isinstance(value, Input):
-        return value.record()
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
     if isinstance(value, type):

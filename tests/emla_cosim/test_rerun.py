@@ -11,6 +11,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.models import fmu_path
 from tests.support.commands import Emla, sentence
+from tests.support.paths import ROOT
 
 SAME = "results.csv is that of out, to the last bit"
 SHORT = ("--stop-time", "0.002", "--no-plots", "--output", "out")
@@ -193,3 +194,20 @@ def test_no_record_at_all(emla: Emla, fmu_folder: Path) -> None:
     assert "cannot be read" in sentence(rerun(emla, fmu_folder), 2)
     Path("out").mkdir()
     assert "'out/run.json' cannot be read" in sentence(rerun(emla, fmu_folder), 2)
+
+
+def test_data_and_actuators_are_found_again_and_what_became_of_them_is_told(
+    emla: Emla, user_cache: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in user_cache.items():
+        monkeypatch.setenv(name, value)
+    for file in ("actuator.toml", "load.csv"):
+        shutil.copy(ROOT / "tests" / "own_machine" / file, file)
+    own = ("--actuator", "prototype=actuator.toml", "--input", "load.csv:prototype.disturbance.F_L=Force")
+    assert emla("run", "prototype", *SHORT, *own).exit_code == 0
+    assert emla("rerun", "out", "--no-plots").stdout.splitlines()[-1] == SAME
+    with Path("load.csv").open("a") as stream:
+        stream.write("9.000,0.000,20.00\n")
+    told = emla("rerun", "out", "--no-plots").stdout
+    assert "Not as in" in told
+    assert f"the content of '{Path('load.csv').absolute()}'" in told

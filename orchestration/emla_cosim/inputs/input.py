@@ -11,6 +11,7 @@ from typing import Any
 from fmublock.table import ENDS, INTERPOLATIONS
 
 from ..errors import CommandError, check_choice
+from ..option import Entered
 
 _FILE = re.compile(r"(?P<file>.+?\.(?:csv|tsv|txt|dat|parquet))(?::(?P<rest>.*))?", re.IGNORECASE | re.DOTALL)
 _USUAL = {"time": None, "interpolation": "linear", "end": "hold"}
@@ -47,7 +48,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Input:
+class Input(Entered):
     """Data over time that drive signals.
 
     The data are a `file` (CSV or Parquet), or in Python `data`: a frame of polars or pandas, or a mapping
@@ -130,14 +131,17 @@ class Input:
     def record(self) -> dict[str, Any]:
         """What run.json says of it, with the hash of the file; None in its place where it cannot be read."""
         if self.file is None:
-            return {"data": "given in Python", **self._told()}
+            return {"data": "given in Python", **self._settings()}
         try:
             digest = hashlib.sha256(self.file.read_bytes()).hexdigest()
         except OSError:
             digest = None
-        return {"file": str(self.file), "sha256": digest, **self._told()}
+        return {"file": str(self.file), "sha256": digest, **self._settings()}
 
-    def _told(self) -> dict[str, Any]:
-        """What is said of the data beside where they are."""
+    def repeatable(self) -> dict[str, Any] | None:
+        """Its file, and all that is said of it."""
+        return None if self.file is None else {"file": str(self.file), **self._settings()}
+
+    def _settings(self) -> dict[str, Any]:
         told = {"signals": {s: str(c) for s, c in self.signals.items()}, "columns": list(self.columns)}
         return told | {name: getattr(self, name) for name in _SETTINGS}

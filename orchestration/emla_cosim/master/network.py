@@ -117,16 +117,20 @@ class Network:
     def reorder(self, names: Sequence[str]) -> None:
         """Use this order of the slaves' names instead; CommandError unless it has each of them once.
 
-        Followers may be left out, all of them: each then comes after its source.
+        Slaves that read nothing may be left out: they come first then. So may followers, all of them: each
+        then comes after its source.
         """
         position = {slave.name: i for i, slave in enumerate(self.slaves)}
+        named = set(names)
+        reads_nothing = (s.name for s in self.slaves if not len(s.inputs) and s.name not in named)
+        names = [*reads_nothing, *names]
         others = {name for name, i in position.items() if i not in self.followers}
         if self.followers and sorted(names) == sorted(others):
             order = [position[name] for name in names]
             self._use_order(_with_followers(order, self.links, self.followers))
             return
         if sorted(names) != sorted(position):
-            missing = [n for n in position if n not in names]
+            missing = [n for n in position if n not in named]
             wrong = [n or "''" for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1]
             problems = [f"lacks {listed(missing)}"] if missing else []
             problems += [f"has {listed(wrong)}, unknown or twice"] if wrong else []

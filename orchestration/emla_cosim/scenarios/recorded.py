@@ -1,7 +1,7 @@
 """Runs that were made, as their run.json tells them: the same scenario, with what was given beside it."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_origin
@@ -75,14 +75,20 @@ def _check(changed: Mapping[str, Any], where: str) -> None:
             continue  # which reading it tells better
         if not known[name].about.recorded:
             raise CommandError(f"{where} has the option '{name}', which no record has.")
-        by_name = _is_table(value) and get_origin(known[name].plain_type) is Mapping
-        for one in value.values() if by_name else [value]:
+        for one in _entries(value, known[name].plain_type):
             if _is_table(one) and set(one) == {PYTHON}:
                 raise CommandError(
                     f"{where} has the {known[name].noun} {one[PYTHON]}, an object of Python that no record "
                     f"can hold; give {known[name].flag} beside it, or repeat the run in Python.",
                     option=name,
                 )
+
+
+def _entries(value: Any, of: Any) -> Iterable[Any]:
+    """What a table or a list has; of any other value itself."""
+    if _is_table(value) and get_origin(of) is Mapping:
+        return value.values()
+    return value if isinstance(value, list) else [value]
 
 
 def _is_table(value: Any) -> bool:
