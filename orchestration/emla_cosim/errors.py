@@ -1,6 +1,7 @@
 """Errors as the user meets them: one sentence, fields for programs, and an exit code."""
 
 import contextlib
+import difflib
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import islice
@@ -67,7 +68,9 @@ def listed(names: Iterable[str]) -> str:
     return f"{', '.join(front)} and {last}" if front else last
 
 
-def some(names: Collection[str], most: int = 12) -> str:
-    """Names as a phrase, of more than so many the first; "none" where there are none."""
+def near_or_some(name: str, names: Collection[str], most: int = 12) -> str:
+    """What to say of a name that is none of these: those it may have meant, or the first that there are."""
+    if near := difflib.get_close_matches(name, names, n=3, cutoff=0.5):
+        return f"did you mean {' or '.join(near)}?"
     more = len(names) - most
-    return listed([*islice(names, most), *([f"{more} more"] if more > 0 else [])]) if names else "none"
+    return f"there are {listed([*islice(names, most), *([f'{more} more'] if more > 0 else [])] or ['none'])}."

@@ -1,6 +1,5 @@
 """What a run is required to give: conditions on its figures, such as `lift.position_error_m < 2e-5`."""
 
-import difflib
 import math
 import operator
 import re
@@ -8,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .errors import CommandError, listed, some
+from .errors import CommandError, listed, near_or_some
 
 _COMPARISONS = {
     "<=": operator.le,
@@ -74,9 +73,9 @@ def check_requirements(requirements: Sequence[Requirement], figures: Figures, ru
         if name not in known:
             if not complete:
                 continue
-            near = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
-            meant = f"did you mean {' or '.join(near)}?" if near else f"there are {some(known)}."
-            raise CommandError(f"there is no figure '{name}' to require; {meant}", name=name, near=near)
+            raise CommandError(
+                f"there is no figure '{name}' to require; {near_or_some(name, known)}", name=name
+            )
         if isinstance(known[name], bool) != isinstance(required.value, bool):
             right = "true or false" if isinstance(known[name], bool) else "a number"
             raise CommandError(f"the requirement '{required}' does not fit: {name} is {right}.", name=name)

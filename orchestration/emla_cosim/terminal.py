@@ -172,7 +172,7 @@ def _show_signals(result: "Result", title: str) -> None:
     """A table with the figures of the first signals, each in its unit."""
     names = ("minimum", "maximum", "rms", "final")
     table = Table(title=escape(title), title_justify="left")
-    table.add_column("")
+    table.add_column("", overflow="fold")
     for name in names:
         table.add_column(name, justify="right")
     table.add_column("")

@@ -136,7 +136,7 @@ def test_a_run_is_never_written_over_what_it_is_compared_with(emla: Emla, tmp_pa
 
 def test_a_missing_reference_is_told_before_fmus_are_prepared(emla: Emla, tmp_path: Path) -> None:
     said = sentence(emla("run", "lift", *SHORT, "--reference", "nowhere"), 2)
-    assert said == "Error: there is no run at 'nowhere' to compare with."
+    assert said == "Error: the run to compare with, 'nowhere', is not there."
     assert not (tmp_path / "results").exists() or not any((tmp_path / "results").rglob("*.csv"))
 
 

@@ -14,7 +14,7 @@ import emla_cosim as ec
 import emla_cosim.results.plotting
 from emla_cosim.recorders.csv_file import read_csv
 from emla_cosim.recorders.parquet_file import ParquetFile
-from emla_cosim.results.plotting import plotted
+from emla_cosim.results.overlay import plotted
 from emla_cosim.scenarios.scenario import Scenario
 from tests.support.commands import Emla, sentence
 from tests.support.few_figures import DRAWN, draw_few

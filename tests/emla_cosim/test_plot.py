@@ -1,6 +1,7 @@
-"""`emla plot`: runs over one another, whatever they are called and however long they are."""
+"""`emla plot`: signals of runs that were kept, over one another; and pictures of systems nobody knows."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,146 +9,195 @@ import numpy as np
 import polars
 import pytest
 
-from emla_cosim.errors import CommandError
-from emla_cosim.results.kept import EVERYTHING, Window, kept_runs
-from emla_cosim.results.overlay import chosen_signals, overlaid, picture_panels, signal_panels
-from emla_cosim.study.registration import register
+import emla_cosim as ec
+from emla_cosim.loading import load
+from emla_cosim.results import by_unit
+from emla_cosim.results.overlay import overlaid, traces
+from emla_cosim.results.stacked import MOST_PANELS, panel
+from tests.support.axis import axis
 from tests.support.commands import Emla, sentence
 
+Columns = Mapping[str, Any]
 
-def a_run(
-    folder: str, columns: dict[str, Any], units: dict[str, str] | None = None, form: str = "csv"
-) -> Path:
-    """A folder of results as a run leaves it; without units it has no run.json."""
-    place = Path(folder)
-    place.mkdir()
-    frame = polars.DataFrame(columns)
-    if form == "csv":
-        frame.write_csv(place / "results.csv")
-    else:
-        frame.write_parquet(place / "results.parquet")
+
+def kept(folder: Path, columns: Columns, units: Mapping[str, str] | None = None, form: str = "csv") -> Path:
+    """A folder of results with these columns; without units it has no run.json."""
+    folder.mkdir(parents=True)
+    frame = polars.DataFrame({name: np.asarray(values, float) for name, values in columns.items()})
+    write = frame.write_csv if form == "csv" else frame.write_parquet
+    write(folder / f"results.{form}")
     if units is not None:
-        (place / "run.json").write_text(json.dumps({"units": units}))
-    return place
+        (folder / "run.json").write_text(json.dumps({"units": units}))
+    return folder
 
 
-@pytest.fixture
-def two(emla: Emla) -> list[Path]:
-    """Of different steps, lengths, forms and signals."""
-    t, s = np.linspace(0, 1, 11), np.linspace(0, 2, 5001)
-    units = {"a.x": "m", "a.v": "m/s"}
-    return [
-        a_run("first", {"time": t, "a.x": t**2, "a.v": 2 * t}, units),
-        a_run("second", {"time": s, "a.x": np.sin(s)}, None, "parquet"),
+def drawn(*places: Path, **how: Any) -> tuple[list[Any], list[str]]:
+    """The axes of the picture of these runs, and what is said."""
+    overlay = overlaid(traces(places), **how)
+    return [axes for axes in overlay.figure.axes if axes.get_visible()], list(overlay.notes)
+
+
+def curves(axes: Any) -> dict[str, tuple[list[float], list[float]]]:
+    return {line.get_label(): (list(line.get_xdata()), list(line.get_ydata())) for line in axes.get_lines()}
+
+
+def test_runs_of_other_steps_and_lengths_are_over_one_another(tmp_path: Path) -> None:
+    a = kept(tmp_path / "a", {"time": [0, 1, 2], "x": [1, 2, 3], "v": [0, 0, 0]}, {"x": "m", "v": "m/s"})
+    b = kept(tmp_path / "b", {"time": [0, 0.5], "x": [1, 5]}, form="parquet")
+    c = kept(tmp_path / "c", {"time": [0, 9], "x": [7, 8]}, {"x": "mm"})
+    axes, notes = drawn(a, b, c)
+    assert [(x.get_title(loc="left"), x.get_ylabel()) for x in axes] == [
+        ("x", "m"),
+        ("x", "mm"),
+        ("v", "m/s"),
     ]
+    assert curves(axes[0]) == {"a": ([0, 1, 2], [1, 2, 3]), "b": ([0, 0.5], [1, 5])}
+    assert curves(axes[1]) == {"c": ([0, 9], [7, 8])}
+    assert notes == ["b has no v.", "c has no v."]
+    colors = {line.get_label(): line.get_color() for x in axes for line in x.get_lines()}
+    assert len(set(colors.values())) == 3
 
 
-def test_lines_are_the_values_of_each_run_at_its_own_times(two: list[Path]) -> None:
-    runs = kept_runs(two)
-    names = chosen_signals(runs, ["a.*"])
-    panels = signal_panels(runs, names, EVERYTHING)
-    assert [(p.title, p.label, len(p.traces)) for p in panels] == [("a.x", "m", 2), ("a.v", "m/s", 1)]
-    axes = overlaid(panels, runs).axes[0]
-    first, second = (np.asarray(line.get_xydata()) for line in axes.lines)
-    np.testing.assert_array_equal(first, np.column_stack([np.linspace(0, 1, 11), np.linspace(0, 1, 11) ** 2]))
-    assert len(second) < 2000
-    np.testing.assert_array_equal(second[:, 1], np.sin(second[:, 0]))
-    assert second[:, 1].max() == np.sin(np.linspace(0, 2, 5001)).max(), "no peak is lost"
-    assert len({line.get_color() for line in axes.lines}) == 2
+def test_one_run_has_panels_by_unit_and_only_the_times_asked_for(tmp_path: Path) -> None:
+    columns = {"time": [0, 1, 2, 3], "a.x": [1, 2, 3, 4], "a.v": [0, 1, 0, 1], "b.x": [4, 3, 2, 1]}
+    place = kept(tmp_path / "a", columns, {"a.x": "m", "b.x": "m"})
+    axes, notes = drawn(place, begin=1.0, end=2.0)
+    assert [list(curves(x)) for x in axes] == [["a.x", "b.x"], ["a.v"]] and notes == []
+    assert [x.get_ylabel() for x in axes] == ["m", ""]
+    assert curves(axes[0])["b.x"] == ([1, 2], [3, 2])
+    assert [list(curves(x)) for x in drawn(place, patterns=["b.*"])[0]] == [["b.x"]]
 
 
-def test_one_run_has_a_panel_for_each_unit(two: list[Path]) -> None:
-    runs = kept_runs(two[:1])
-    panels = signal_panels(runs, chosen_signals(runs, ["*"]), Window(0.45, 0.75))
-    assert [(p.label, [t.label for t in p.traces]) for p in panels] == [("m", ["a.x"]), ("m/s", ["a.v"])]
-    np.testing.assert_allclose(panels[0].traces[0].time, [0.5, 0.6, 0.7])
+def test_joints_show_where_they_are_and_should_be(tmp_path: Path) -> None:
+    columns = dict.fromkeys(("time", "lift.plant.x_L", "lift.plant.v_L", "lift.reference.x_d", "p"), [0, 1])
+    place = kept(tmp_path / "a", columns, {})
+    axes, notes = drawn(place)
+    assert [list(curves(x)) for x in axes] == [["lift.plant.x_L", "lift.reference.x_d"]]
+    assert notes == ["2 of 4 signals are drawn; --signals chooses others."]
+    roles = {"j.x_L": "p", "j.x_d": "lift.plant.v_L"}
+    (place / "run.json").write_text(json.dumps({"settings": {"roles": roles}}))
+    assert {"p", "lift.plant.v_L"} <= curves(drawn(place)[0][0]).keys()
 
 
-def test_the_command_writes_a_picture_and_says_what_is_missing(emla: Emla, two: list[Path]) -> None:
-    drawn = emla("plot", "first", "second", "--signals", "a.*", "--from", "1500 ms", "--output", "x.png")
-    assert drawn.exit_code == 0, drawn.output
-    assert drawn.stdout.splitlines() == [
-        "Note: first has no rows in the time that is shown.",
-        "Note: second has no a.v.",
-        "Wrote x.png",
-    ]
-    assert Path("x.png").read_bytes().startswith(b"\x89PNG")
+def test_a_peak_of_one_row_is_seen_however_many_there_are() -> None:
+    time = np.linspace(0, 1, 100_001)
+    values = np.sin(time)
+    values[54_321], values[77_777] = 9.0, np.nan
+    shown = panel("", "", time, {"x": values})
+    assert len(shown.time) < 3000 and shown.time[[0, -1]].tolist() == [0.0, 1.0]
+    line = shown.lines[0].values
+    assert np.nanmax(line) == 9.0 and shown.time[np.nanargmax(line)] == time[54_321]
+    assert np.all(np.diff(shown.time) > 0)
 
 
-def test_the_pictures_of_runs_are_drawn_over_one_another(emla: Emla, fmu_folder: Path) -> None:
-    for name, stop in (("short", "0.01"), ("long", "0.02")):
-        assert emla("run", "lift", "--stop-time", stop, "--no-plots", "--output", name).exit_code == 0
-    register()
-    runs = kept_runs([Path("short"), Path("long")])
-    title, panels = picture_panels(runs, EVERYTHING)["tracking"]
-    assert (title, panels[0].column, panels[0].label) == ("Tracking", "lift", "position / m")
-    for run, label in ((0, "screw"), (1, "screw")):
-        drawn = next(t for t in panels[0].traces if (t.run, t.label) == (run, label))
-        kept = runs[run].stored.read(["time", "lift.plant.x_L"])
-        np.testing.assert_array_equal(drawn.time, kept["time"])
-        np.testing.assert_array_equal(drawn.values, kept["lift.plant.x_L"])
-    assert emla("plot", "short", "long", "--to", "0.015", "--output", "two.png").exit_code == 0
-    assert Path("two-tracking.png").exists() and Path("two-errors.png").exists()
+def test_many_signals_are_bounded(tmp_path: Path) -> None:
+    columns = {"time": [0, 1], **{f"s{i}.{'n' * 300}": [i, i] for i in range(1000)}}
+    place = kept(tmp_path / "a", columns)
+    with pytest.raises(ec.CommandError, match=r"1000 signals take 167 panels, and a picture has up to 24;"):
+        drawn(place, patterns=["*"])
+    axes, notes = drawn(place)
+    assert len(axes) == MOST_PANELS
+    assert notes == ["144 of 1000 signals are drawn; --signals chooses others."]
+    assert len(drawn(place, place)[0]) == MOST_PANELS
 
 
-@pytest.mark.parametrize("name", ["$x_1$", "_hidden", "<b>&", "a\x1b[31m", "x" * 200, "ä\u202e", "[bold]"])
-def test_names_are_shown_as_they_are(emla: Emla, name: str) -> None:
-    values = [0.0, 1.0]
-    run = a_run("a $run$", {"time": values, name: values, "y": [1e308, np.nan]}, {name: "$\\frac$"})
-    runs = kept_runs([run, a_run("_b", {"time": values, name: [-1e308, 1e308]})])
-    assert chosen_signals(runs, [name]) == [name]
-    assert emla("plot", "a $run$", "_b", "--signals", "*").exit_code == 0
-    figure = overlaid(signal_panels(runs, [name], EVERYTHING), runs)
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["a $run$", "_b"]
+@pytest.mark.parametrize("name", ["$x^2$", "[red]x[/]", "_hidden", 'a","b', "*?[x]#", "line\nbreak", "电"])
+def test_names_are_as_they_are(name: str, tmp_path: Path) -> None:
+    place = kept(tmp_path / "$a_b$", {"time": [0, 1], name: [0, 1]}, {name: "$m"})
+    axes, _ = drawn(place, patterns=[name])
+    axes[0].figure._repr_png_()
+    texts = axes[0].get_legend().get_texts()
+    assert [text.get_text() for text in texts] == [name] and not any(text.get_parse_math() for text in texts)
 
 
-def test_a_thousand_signals_are_too_many_and_choices_are_named(emla: Emla) -> None:
-    many = {f"part{i % 3}.x{i}": [0.0, 1.0] for i in range(1000)}
-    a_run("many", {"time": [0.0, 1.0], **many})
-    told = sentence(emla("plot", "many", "--signals", "*"), 2)
-    assert "1000 signals take 167 panels" in told and "part0.*, part1.*" in told
-    assert len(told) < 400
-    told = sentence(emla("plot", "many"), 2)
-    assert "no run has signals whose role is known" in told and "part2.*" in told
+def test_a_table_that_is_still_being_written_is_drawn_as_far_as_it_is(tmp_path: Path) -> None:
+    place = kept(tmp_path / "a", {"time": [0, 1], "x": [2, 3]})
+    with (place / "results.csv").open("a") as stream:
+        stream.write("2.0,4")
+    assert curves(drawn(place)[0][0]) == {"x": ([0, 1], [2, 3])}
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("nothing",), "there is no run at 'nothing'."),
-        (("/dev/zero",), "the run, '/dev/zero', cannot be read: it is no file."),
-        (("first", "--signals", "a.y"), "no signal is called 'a.y'; did you mean a."),
-        (("first", "--from", "1", "--to", "0"), "--from 1 must be before --to 0."),
-        (("first", "--from", "nan"), "--from is 'nan'; it must be a number"),
-        (("first", "--to", "3 kg"), "of which one cannot become the other"),
-        (("first", "--signals", "*", "--from", "7"), "there are no rows in the time"),
-        (("first", "--signals", "*", "--output", "first/results.csv"), "must end in .png"),
-        (("first", "--signals", "*", "--output", "none/x.png"), "there is no folder 'none'"),
-        (("first", "milli", "--signals", "a.x"), "a.x is in m in first and mm in milli"),
-        (("text", "--signals", "a.x"), "the run, 'text/results.csv', cannot be read"),
-        (tuple(f"copy{i}" for i in range(7)), "7 runs are too many"),
-    ],
+    "content", ["[]", "{", '{"units": 3, "settings": []}', '{"units": {"x": 3}}', "[" * 9999]
 )
-def test_what_is_wrong_is_one_sentence(
-    emla: Emla, two: list[Path], arguments: tuple[str, ...], said: str
+def test_a_record_that_is_none_leaves_units_unknown(content: str, tmp_path: Path) -> None:
+    place = kept(tmp_path / "a", {"time": [0, 1], "x": [2, 3]})
+    (place / "run.json").write_text(content)
+    assert [x.get_ylabel() for x in drawn(place)[0]] == [""]
+
+
+WRONG = [
+    (["nowhere"], "the run, 'nowhere', is not there."),
+    (["empty"], "the run, 'empty', has no results.csv or results.parquet."),
+    (["a", "--signals", "y"], "no signal is called 'y'; there are x."),
+    (["a", "--from", "3"], "there are no rows to draw at these times."),
+    (["a", "--from", "nan"], "there are no rows to draw at these times."),
+    (["a", "--from", "1", "--to", "1"], "the picture begins at 1 s, which must be before its end, 1 s."),
+    (["a", "--output", "a/results.csv"], "the picture 'a/results.csv' must end in .png."),
+    (["b.png", "--output", "b.png"], "the run, 'b.png', must have 'time' as its first column, and signals."),
+    (["a", "--output", "no/b.png"], "the picture 'no/b.png' cannot be written: there is no folder 'no'."),
+    (["header"], "there are no rows to draw at these times."),
+    (["text"], "the run, 'text/results.parquet', cannot be read: "),
+    (["a"] * 13, "13 runs cannot be told apart; a picture shows up to 12."),
+]
+
+
+@pytest.mark.parametrize(("arguments", "said"), WRONG)
+def test_what_is_wrong_is_said_in_one_sentence(arguments: list[str], said: str, emla: Emla) -> None:
+    kept(Path("a"), {"time": [0, 1], "x": [2, 3]})
+    kept(Path("header"), {"time": [], "x": []})
+    Path("empty").mkdir()
+    Path("b.png").write_text("x,y\n1,2\n")
+    Path("text").mkdir()
+    polars.DataFrame({"time": [0.0], "x": ["far"]}).write_parquet("text/results.parquet")
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    text = sentence(emla("plot", *arguments), 2)
+    assert text.startswith(f"Error: {said}")
+    assert before == {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+
+
+def test_a_table_that_is_called_as_a_picture_is_not_written_over(emla: Emla) -> None:
+    Path("b.png").write_text("time,x\n1,2\n")
+    text = sentence(emla("plot", "b.png", "--output", "./b.png"), 2)
+    assert "the picture 'b.png' is read too; write it to another file." in text
+    assert emla("plot", "b.png").exit_code == 0 and Path("plot.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_system_that_nobody_knows_gets_a_picture(fmu_folder: Path, tmp_path: Path) -> None:
+    with load(axis(tmp_path, fmu_folder)).prepare() as simulation:
+        result = simulation.run()
+    result.save(tmp_path / "o")
+    assert [path.name for path in (tmp_path / "o").glob("*.png")] == ["signals.png"]
+    panels = by_unit.ByUnit(0).resolved(result, result.read(["time", *result.names]))
+    assert {p.label: [line.label for line in p.lines] for p in panels} == {
+        "m": ["gantry.motion.x_d", "gantry.slide.place"],
+        "m/s": ["gantry.motion.v_d", "gantry.slide.rate"],
+        "m/s2": ["gantry.motion.a_d"],
+        "N": ["gantry.slide.pull"],
+    }
+
+
+def test_a_large_system_has_a_picture_for_each_part(
+    monkeypatch: pytest.MonkeyPatch, fmu_folder: Path
 ) -> None:
-    a_run("milli", {"time": [0.0], "a.x": [1.0]}, {"a.x": "mm"})
-    a_run("text", {"time": [0.0], "a.x": ["one"]})
-    if arguments[0] == "copy0":
-        for name in arguments:
-            a_run(name, {"time": [0.0], "a.x": [1.0]})
-    assert said in sentence(emla("plot", *arguments), 2)
+    """The study as if nobody knew it: by branch, by component where there is room for few, and no constants."""
+    monkeypatch.delitem(ec.METRICS, "joints")
+    with load("study").prepare(fmus=fmu_folder, stop_time=0.01) as simulation:
+        result = simulation.run()
+    constant = {name for name in result.names if len(set(result[name])) == 1}
 
+    def shown() -> list[list[str]]:
+        return [list(by_unit.ByUnit(i).signals(result)) for i in range(7)]
 
-@pytest.mark.parametrize("record", ["", "[]", "{", '{"units": [], "components": {"a": 1}}', "[" * 100_000])
-def test_a_record_that_is_none_takes_no_run_away(emla: Emla, two: list[Path], record: str) -> None:
-    Path("first/run.json").write_text(record)
-    run = kept_runs(two[:1])[0]
-    assert run.unit("a.x") == "" and run.result().parameters == {}
-    assert emla("plot", "first", "--signals", "*").exit_code == 0
-
-
-def test_a_run_that_is_refused_elsewhere_is_refused_here(two: list[Path]) -> None:
-    with pytest.raises(CommandError, match="must have 'time' as its first column"):
-        Path("other.csv").write_text("Time,x\n0,1\n")
-        kept_runs([Path("other.csv")])
+    branches = shown()
+    assert branches[3:] == [[]] * 4 and constant
+    for joint, signals in zip(("lift", "tilt", "telescope"), branches[:3], strict=True):
+        assert signals == [n for n in result.names if n.startswith(f"{joint}.") and n not in constant]
+    monkeypatch.setattr(by_unit, "_MOST_SIGNALS", 12)
+    parts = shown()
+    assert [{name.rsplit(".", 1)[0].split(".")[1] for name in part} for part in parts[:3]] == [
+        {"reference"},
+        {"plant"},
+        {"disturbance"},
+    ]
+    assert len(parts[1]) <= 12 and parts[5] and not parts[6]

@@ -119,7 +119,7 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
     columns = {name: f"column_{i}" for i, name in enumerate(present)}
     chosen = {n: columns[n] for n in names if n in columns}
     every = 1 if most is None else max(-(-(_lines(path) - header.count(b"\n")) // most), 1)
-    source = path if every == 1 else _thinned(path, every)
+    source = path if most is None else _thinned(path, every)
     frame = polars.read_csv(  # whose own reading of a header leaves quotes doubled
         source,
         has_header=False,
@@ -154,6 +154,8 @@ def _lines(path: Path) -> int:
 
 
 def _thinned(path: Path, every: int) -> bytes:
-    """The header, and of the lines after it every n-th one."""
+    """The header, and of the lines after it every n-th one, but not one that is still being written."""
     with path.open("rb") as stream:
-        return _header(stream) + b"".join(islice(stream, 0, None, every))
+        header = _header(stream)
+        rows = stream.read() if every == 1 else b"".join(islice(stream, 0, None, every))
+    return header + rows[: rows.rfind(b"\n") + 1]

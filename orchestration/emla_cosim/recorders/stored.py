@@ -10,7 +10,7 @@ from ..arrays import Vector
 from ..errors import CommandError
 from .csv_file import columns_of, read_csv
 
-_REFERENCE = "the run to compare with"
+_COMPARED = "the run to compare with"
 
 
 @dataclass(frozen=True)
@@ -19,31 +19,33 @@ class StoredRun:
 
     path: Path
     names: Sequence[str]
-    what: str = _REFERENCE
+    what: str = _COMPARED
 
-    def read(self, names: Sequence[str]) -> dict[str, Vector]:
-        """Columns by name, `time` in s among them if it is named. Raises CommandError."""
+    def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
+        """Columns by name, `time` in s among them if it is named. Raises CommandError.
+
+        Of more than `most` rows only every n-th may be given.
+        """
         try:
             if self.path.suffix == ".parquet":
                 frame = polars.read_parquet(self.path, columns=list(names))
-                return {name: frame[name].cast(polars.Float64).to_numpy() for name in names}
-            return read_csv(self.path, names)
+                every = 1 if most is None else max(-(-len(frame) // most), 1)
+                return {name: frame[name].cast(polars.Float64).to_numpy()[::every] for name in names}
+            return read_csv(self.path, names, most)
         except Exception as error:  # polars has many kinds
             raise _unreadable(self.path, self.what, error) from error
 
 
-def stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
+def stored_run(place: Path, what: str = _COMPARED) -> StoredRun:
     """The run in a folder of results, or in a table of its own; CommandError where there is none.
 
-    Sentences call it `what`, which begins with "the run".
+    Sentences call it `what`.
     """
     kept = [place / "results.csv", place / "results.parquet"] if place.is_dir() else [place]
     path = next((p for p in kept if p.exists()), None)
     if path is None:
-        missing = "no results.csv or results.parquet in" if place.is_dir() else "no run at"
-        raise CommandError(f"there is {missing} '{place}'{what.removeprefix('the run')}.")
-    if not path.is_file():
-        raise CommandError(f"{what}, '{path}', cannot be read: it is no file.")
+        missing = "has no results.csv or results.parquet" if place.is_dir() else "is not there"
+        raise CommandError(f"{what}, '{place}', {missing}.")
     try:
         names = _columns(path)
     except Exception as error:

@@ -1,4 +1,4 @@
-"""Pictures of results: those that are registered for what a run has, and of any signals."""
+"""Pictures of results that are registered for what a run has."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Vector
-from ..errors import CommandError
 from ..files import written_whole
-from ..patterns import fits
-from .panels import ShownLine, ShownPanel
-from .style import BLUE, COLORS, new_figure, save, tidied
+from .style import BLUE, new_figure, save, tidied
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -130,31 +127,6 @@ def _wanted(result: "Result") -> list[str]:
     """Signals that pictures show, of those that the result has, and time."""
     wanted = {name for picture in FIGURES.values() for name in picture.signals(result)}
     return ["time", *(name for name in result.names if name in wanted)]
-
-
-def plotted(result: "Result", names: Sequence[str]) -> "Figure":
-    """Signals over time, one panel per unit; names may be patterns. CommandError for what is not there."""
-    chosen = list(dict.fromkeys(n for name in names for n in _matching(name, result.names)))
-    if not chosen:
-        raise CommandError("nothing to plot; name one signal or more.")
-    groups: dict[str, list[str]] = {}
-    for name in chosen:
-        groups.setdefault(str(result.units.get(name) or ""), []).append(name)
-    data = result.read(["time", *chosen], _MOST_ROWS)
-    figure, axes = new_figure(len(groups), 1, 7.5)
-    for row, (unit, group) in zip(axes[:, 0], groups.items(), strict=True):
-        for i, name in enumerate(group):
-            row.plot(data["time"], data[name], color=COLORS[i % len(COLORS)], label=name, linewidth=1.1)
-        row.set_ylabel(unit, parse_math=False)
-        tidied(row, group)
-    axes[-1, 0].set_xlabel("time / s")
-    figure.suptitle(result.name, fontsize=12, fontweight="bold", parse_math=False)
-    return figure
-
-
-def _matching(pattern: str, names: Sequence[str]) -> list[str]:
-    found = [n for n in names if fits(n, pattern)]
-    return found or [pattern]  # whose reading says what is wrong
 
 
 def _drawn(

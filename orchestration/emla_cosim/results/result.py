@@ -111,7 +111,7 @@ class Result:
 
     def plot(self, *names: str) -> "Figure":
         """Draw signals over time, a panel per unit; a pattern such as `lift.*.x_*` means all that fit."""
-        from .plotting import plotted
+        from .overlay import plotted
 
         return plotted(self, names)
 

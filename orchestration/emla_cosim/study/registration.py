@@ -6,6 +6,7 @@ from importlib.resources import files
 
 from ..recorders.metrics import METRICS, TRACKED
 from ..results.animation import ANIMATIONS
+from ..results.by_unit import BY_UNIT
 from ..results.plotting import FIGURES
 from ..scenarios.built_in import FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
 from . import experiments, machine, systems
@@ -39,6 +40,7 @@ def register() -> None:
     TRACKED[JOINTS] = tracked
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
     FIGURES["manipulator"] = ManipulatorPicture()
+    FIGURES.update(BY_UNIT)
     ANIMATIONS["manipulator"] = ManipulatorAnimation()
 
 

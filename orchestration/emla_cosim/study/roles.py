@@ -4,12 +4,11 @@ A joint has a plant and a reference of its own, or a part in those of a machine,
 element for each joint.
 """
 
-import difflib
 from collections.abc import Collection, Iterable, Mapping
 
 from hdrm_fmu.trajectory import JOINTS
 
-from ..errors import CommandError, listed, some
+from ..errors import CommandError, listed, near_or_some
 
 _PLACES: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),
@@ -79,8 +78,7 @@ def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: 
         bounds = role in _BOUNDS
         if name not in (parameters if bounds else signals):
             kind, there = ("parameter", parameters) if bounds else ("signal", signals)
-            near = difflib.get_close_matches(name, there, n=3, cutoff=0.4)
-            meant = f"did you mean {' or '.join(near)}?" if near else f"there are {some(there)}."
+            meant = near_or_some(name, there)
             raise CommandError(f"there is no {kind} '{name}' for the role {place}; {meant}", name=name)
     for joint in given_joints(roles):
         missing = [role for role in ("x_L", "x_d") if variable(joint, role, signals, roles) is None]
