@@ -10,7 +10,10 @@ import numpy as np
 
 from ..arrays import Vector
 from ..files import written_whole
-from .style import BLUE, new_figure, save, tidied
+from ..patterns import fits
+from ..report.curves import drawable, thinned
+from .panels import ShownLine, ShownPanel
+from .style import BLUE, COLORS, new_figure, save, tidied, with_margins
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,19 +132,37 @@ def _wanted(result: "Result") -> list[str]:
     return ["time", *(name for name in result.names if name in wanted)]
 
 
-def _drawn(
-    picture: Picture, columns: Sequence[str], data: Mapping[str, Vector], roles: Mapping[str, str]
-) -> "Figure | None":
-    panels = picture.panels
-    shown = [
-        c
-        for c in columns
-        if any(picture.find(c, curve.signal, data, roles) for p in panels for curve in p.curves)
-    ]
-    if not shown:
-        return None
-    figure, grid = new_figure(len(panels), len(shown), 3.9)
-    for j, column in enumerate(shown):
+def plotted(result: "Result", names: Sequence[str]) -> "Figure":
+    """Signals over time, one panel per unit; names may be patterns. CommandError for what is not there."""
+    chosen = list(dict.fromkeys(n for name in names for n in _matching(name, result.names)))
+    if not chosen:
+        raise CommandError("nothing to plot; name one signal or more.")
+    groups: dict[str, list[str]] = {}
+    for name in chosen:
+        groups.setdefault(str(result.units.get(name) or ""), []).append(name)
+    data = result.read(["time", *chosen], _MOST_ROWS)
+    figure, axes = new_figure(len(groups), 1, 7.5)
+    for row, (unit, group) in zip(axes[:, 0], groups.items(), strict=True):
+        for i, name in enumerate(group):
+            row.plot(data["time"], data[name], color=COLORS[i % len(COLORS)], label=name, linewidth=1.1)
+        row.set_ylabel(unit, parse_math=False)
+        tidied(row, group)
+    axes[-1, 0].set_xlabel("time / s")
+    figure.suptitle(result.name, fontsize=12, fontweight="bold", parse_math=False)
+    return figure
+
+
+def _matching(pattern: str, names: Sequence[str]) -> list[str]:
+    found = [n for n in names if fits(n, pattern)]
+    return found or [pattern]  # whose reading says what is wrong
+
+
+def _drawn(picture: Picture, shown: Sequence[ShownPanel]) -> "Figure":
+    columns = list(dict.fromkeys(panel.column for panel in shown))
+    figure, grid = new_figure(len(picture.panels), len(columns), 3.9, measured=False)
+    for axes, panel in zip(grid.flat, shown, strict=True):
+        _draw_panel(axes, panel)
+    for j, column in enumerate(columns):
         grid[0, j].set_title(column, fontsize=11, parse_math=False)
         grid[-1, j].set_xlabel("time / s")
         for i, panel in enumerate(panels):
@@ -150,31 +171,15 @@ def _drawn(
                 grid[i, 0].set_ylabel(panel.label)
     figure.align_ylabels()
     figure.suptitle(picture.title, fontsize=12, fontweight="bold")
+    with_margins(figure, len(picture.panels), len(columns))
     return figure
 
 
-def _values(
-    picture: Picture, column: str, data: Mapping[str, Vector], roles: Mapping[str, str], signal: str
-) -> Vector | None:
-    name = picture.find(column, signal, data, roles)
-    return None if name is None else data[name]
-
-
-def _draw_panel(axes: "Axes", panel: Panel, values_of: Callable[[str], Vector | None], time: Vector) -> None:
-    late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
-    part = time >= time[0] + (_TRANSIENT if late else 0.0)
-    shown = []
-    for curve in panel.curves:
-        values = values_of(curve.signal)
-        minus = values_of(curve.less) if curve.less else np.zeros_like(time)
-        if values is None or minus is None:
-            continue
-        axes.plot(
-            time[part],
-            curve.scale * (values - minus)[part],
-            color=curve.color,
-            linestyle=(0, (4, 2)) if curve.dashed else "-",
-            linewidth=1.1,
-        )
-        shown.append(curve.label)
-    tidied(axes, shown if len(panel.curves) > 1 else ())
+def _draw_panel(axes: "Axes", panel: ShownPanel) -> None:
+    for line in panel.lines:
+        style = (0, (4, 2)) if line.dashed else "-"
+        values = drawable(line.values)
+        kept = thinned(values) if len(values) else slice(None)
+        axes.plot(panel.time[kept], values[kept], color=line.color, linestyle=style, linewidth=1.1)
+    labels = [line.label for line in panel.lines]
+    tidied(axes, labels if any(labels) else ())

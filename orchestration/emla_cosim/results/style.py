@@ -13,13 +13,33 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["BLUE", "COLORS", "GREEN", "GREY", "ORANGE", "PURPLE", "RED", "new_figure", "save", "tidied"]
+__all__ = [
+    "BLUE",
+    "COLORS",
+    "GREEN",
+    "GREY",
+    "ORANGE",
+    "PURPLE",
+    "RED",
+    "new_figure",
+    "save",
+    "tidied",
+    "with_margins",
+]
 
 
 def new_figure(
-    rows: int, columns: int, width: float, height: float = 2.1, sharex: Literal["col", "none"] = "col"
+    rows: int,
+    columns: int,
+    width: float,
+    height: float = 2.1,
+    sharex: Literal["col", "none"] = "col",
+    measured: bool = True,
 ) -> "tuple[Figure, np.ndarray]":
-    """A figure and its grid of axes, each of this width and height in inches."""
+    """A figure and its grid of axes, each of this width and height in inches.
+
+    Labels are measured to find room for them, unless `with_margins` gives it.
+    """
     from matplotlib.figure import Figure
 
     class Shown(Figure):
@@ -30,8 +50,24 @@ def new_figure(
             save(self, content)
             return content.getvalue()
 
-    figure = Shown(figsize=(1.2 + width * columns, 0.8 + height * rows), dpi=120, layout="constrained")
+    size = (1.2 + width * columns, 0.8 + height * rows)
+    figure = Shown(figsize=size, dpi=120, layout="constrained" if measured else None)
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
+
+
+def with_margins(figure: "Figure", rows: int, columns: int) -> None:
+    """Give the grid of a figure, of so many rows and columns, room for labels as they usually are.
+
+    To measure every label, as figures do otherwise, takes more time than all of the drawing.
+    """
+    width, height = figure.get_size_inches()
+    left, right, bottom, top = 0.95, 0.15, 0.55, 0.7
+    between, below = 0.75, 0.25
+    wide = (width - left - right - between * (columns - 1)) / columns
+    high = (height - bottom - top - below * (rows - 1)) / rows
+    figure.subplots_adjust(
+        left / width, bottom / height, 1 - right / width, 1 - top / height, between / wide, below / high
+    )
 
 
 def tidied(axes: "Axes", labels: Sequence[str] = ()) -> None:
