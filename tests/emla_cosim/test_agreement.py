@@ -83,7 +83,7 @@ def test_parquet_and_a_table_of_its_own_are_runs_too(simulation: ec.Simulation, 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (None, "there is no run at"),
+        (None, "is not there"),
         ("", "must have 'time' as its first column, and signals"),
         ("time\n0\n", "must have 'time' as its first column, and signals"),
         ("time,other.x\n0,1\n", "has none of the signals that are recorded; it has other.x and 0 more"),

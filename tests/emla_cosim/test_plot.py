@@ -69,7 +69,8 @@ def test_one_run_has_panels_by_unit_and_only_the_times_asked_for(tmp_path: Path)
 
 
 def test_joints_show_where_they_are_and_should_be(tmp_path: Path) -> None:
-    columns = dict.fromkeys(("time", "lift.plant.x_L", "lift.plant.v_L", "lift.reference.x_d", "p"), [0, 1])
+    names = ("time", "lift.plant.x_L", "lift.plant.v_L", "lift.reference.x_d", "p")
+    columns = {name: [0, 1] for name in names}
     place = kept(tmp_path / "a", columns, {})
     axes, notes = drawn(place)
     assert [list(curves(x)) for x in axes] == [["lift.plant.x_L", "lift.reference.x_d"]]
@@ -180,7 +181,7 @@ def test_a_system_that_nobody_knows_gets_a_picture(fmu_folder: Path, tmp_path: P
 def test_a_large_system_has_a_picture_for_each_part(
     monkeypatch: pytest.MonkeyPatch, fmu_folder: Path
 ) -> None:
-    """The study as if nobody knew it: by branch, by component where there is room for few, and no constants."""
+    """The study as if nobody knew it: by branch, by component where there is room for few."""
     monkeypatch.delitem(ec.METRICS, "joints")
     with load("study").prepare(fmus=fmu_folder, stop_time=0.01) as simulation:
         result = simulation.run()
