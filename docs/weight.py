@@ -14,7 +14,7 @@ OURS = "emla-cosim"
 PARTS = {
     "stepping FMUs": ("fmpy", "numpy", "numba", "llvmlite", "psutil", "filelock", "platformdirs", "msgspec"),
     "tables: CSV and Parquet, millions of rows": ("polars",),
-    "the command line": ("typer", "rich", "lazy-loader"),
+    "the command line": ("typer", "rich", "shellingham", "lazy-loader"),
     "building FMUs: symbols and a C compiler for all platforms": ("casadi", "ziglang", "pythonfmu"),
     "documents in FMUs, SSP": ("latex2mathml", "markdown-it-py", "mdit-py-plugins", "lxml"),
     "pictures and pages": ("matplotlib", "pillow", "bokeh", "jinja2", "markupsafe"),

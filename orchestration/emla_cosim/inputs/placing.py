@@ -1,6 +1,5 @@
 """Tables put into a system: their FMUs, and the connections from them."""
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -9,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from fmublock.errors import BuildError
-from fmublock.table import Column, DataUnit, Shown, Table, build_table
+from fmublock.table import Column, DataUnit, Shown, Table
 
 from ..arrays import Vector
 from ..errors import RunError
@@ -20,11 +19,8 @@ from ..system.model import Component, Connection, System
 from ..units import BASE_UNITS, Unit
 from .data import Data, read_data
 from .input import Input
+from .naming import NAME
 from .wanted import Wanted, check_once, wanted
-
-_OWN_NAME = re.compile(r"input(?:_\d+)?")
-NAME = "input"
-"""What the component of a table is called; a second one is input_2."""
 
 
 @dataclass(frozen=True)
@@ -136,13 +132,6 @@ def _partly(name: str, driven: Sequence[Wanted]) -> list[str]:
     ]
 
 
-def data_of(signal: str, names: Iterable[str]) -> str:
-    """The name, one of these, under which data are read in the place of a signal; else the signal's own."""
-    ends = f".{signal}"
-    named = (n for n in names if n.endswith(ends) and _OWN_NAME.fullmatch(n.removesuffix(ends)))
-    return next(named, signal)
-
-
 def _free_name(system: System) -> str:
     taken, number = {c.name for c in system.components}, 2
     taken |= {c.branch for c in system.components}
@@ -154,6 +143,8 @@ def _free_name(system: System) -> str:
 
 def _built(table: Readable, driven: Sequence[tuple[Wanted, str]], platforms: Sequence[str]) -> Path:
     """The FMU of what is driven, each with the name of its output."""
+    from fmublock.table import build_table  # imports much, for few runs
+
     positions = list(dict.fromkeys(one.column for one, _ in driven))
     columns = [Column(table.data.numbers(p), table.source.interpolation) for p in positions]
     shown = [

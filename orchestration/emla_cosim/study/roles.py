@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 from hdrm_fmu.trajectory import JOINTS
 
-from ..errors import CommandError, listed, near_or_some
+from ..inputs.naming import data_of
 
 _PLACES: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),

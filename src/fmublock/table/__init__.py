@@ -1,7 +1,12 @@
 """Data over time as FMUs: one library for all of them, which reads the data from the FMU's resources."""
 
-from .building import MODEL, MOST_OUTPUTS, build_table
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from .content import ENDS, INTERPOLATIONS, Column, DataUnit, Shown, Table
+
+if TYPE_CHECKING:
+    from .building import MODEL, MOST_OUTPUTS, build_table
 
 __all__ = [
     "ENDS",
@@ -14,3 +19,10 @@ __all__ = [
     "Table",
     "build_table",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """What builds the FMUs, imported on first use."""
+    if name not in ("MODEL", "MOST_OUTPUTS", "build_table"):
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module(f"{__name__}.building"), name)
