@@ -9,13 +9,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from .fmu.interface import Interface
 from .master.algorithms.algorithm import Algorithm
 from .master.assembly import Assembly
 from .master.stepping.timing import Timing
 from .option import Entered
-from .options import Options
-from .system.model import Component, System
+from .options import Options, table
+from .origin import Origin
+from .system.model import System
 
 PYTHON = "python"
 """The key of an object that exists in Python alone, by the name of its class."""
@@ -58,7 +58,7 @@ def run_record(
                 "sha256": assembly.files[c.name].sha256,
                 "guid": assembly.files[c.name].description.guid,
                 "parameters": dict(c.parameters),
-                "changed": _changed(c, assembly.files[c.name].interface),
+                "changed": assembly.changed(c),
                 "mapping": {n: f"{a.variable} = {n} {a.transformation}" for n, a in c.aliases.items()},
             }
             for c in system.components
@@ -68,20 +68,6 @@ def run_record(
         ],
         "units": {name: str(unit) for name, unit in units.items() if unit is not None},
     }
-
-
-def _changed(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:
-    """Start values of a component that are not those of its FMU, with these and the unit of both."""
-    found = {}
-    for name, value in component.parameters.items():
-        alias = component.alias(name)
-        default: Any = interface.variables[alias.variable].start
-        unit = alias.unit or interface.unit(alias.variable)
-        if default is not None and isinstance(value, (int, float)) and not isinstance(value, bool):
-            default = alias.transformation.inverse()(float(default))
-        if str(default).lower() != str(value).lower() and default != value:
-            found[name] = {"value": value, "default": default, "unit": None if unit is None else str(unit)}
-    return found
 
 
 def run_identity(system: System, assembly: Assembly, options: Options, times: Timing) -> dict[str, Any]:

@@ -3,11 +3,13 @@
 import contextlib
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from fmpy.model_description import Unknown
 
 from ..files import temporary_folder
 from ..fmu.file import FmuFile, open_fmu
+from ..fmu.interface import Interface
 from ..fmu.variables import TypedValue, typed_values
 from ..system.model import Alias, Component, System
 from ..system.resolution import in_fmu_terms, refuse_driven, resolved
@@ -81,6 +83,7 @@ class Assembly:
         self._order = [self.network.slaves[i].name for i in self.network.order]
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
+        self._changed: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
 
     def start(self, system: System, fresh: bool = False) -> None:
         """Bring all instances to where initialization begins, with the start values of this system.
@@ -115,6 +118,16 @@ class Assembly:
             found |= self._parameters[name][1]
         return found
 
+    def changed(self, component: Component) -> dict[str, dict[str, Any]]:
+        """Start values of a component that are not those of its FMU, with these and the unit of both.
+
+        The same object for the same component, so that many runs share it.
+        """
+        if self._changed.get(component.name, (None,))[0] is not component:
+            interface = self.files[component.name].interface
+            self._changed[component.name] = component, _changed(component, interface)
+        return self._changed[component.name][1]
+
     def _parameters_of(self, component: Component, given: Sequence[TypedValue]) -> dict[str, float]:
         found: dict[str, float] = {}
         known, values = _known(component), {v.name: x for v, x in given}
@@ -130,6 +143,20 @@ class Assembly:
         given = in_fmu_terms(component)
         refuse_driven(given, self._wired.connections)
         return typed_values(component.name, self.files[component.name].interface, given.parameters)
+
+
+def _changed(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:
+    """Start values of a component that are not those of its FMU, with these and the unit of both."""
+    found = {}
+    for name, value in component.parameters.items():
+        alias = component.alias(name)
+        default: Any = interface.variables[alias.variable].start
+        unit = alias.unit or interface.unit(alias.variable)
+        if default is not None and isinstance(value, (int, float)) and not isinstance(value, bool):
+            default = alias.transformation.inverse()(float(default))
+        if str(default).lower() != str(value).lower() and default != value:
+            found[name] = {"value": value, "default": default, "unit": None if unit is None else str(unit)}
+    return found
 
 
 def _open_files(fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
