@@ -38,7 +38,7 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
     assert "lift.plant.x_L" in frame.columns
     assert frame["time"].to_numpy() == pytest.approx(np.arange(401) * 1e-3)
     metrics = json.loads((folder / "metrics.json").read_text())
-    assert set(metrics) == {"joints", "run"}
+    assert set(metrics) == {"joints", "signals", "run"}
     assert set(metrics["joints"]["lift"]) == {
         "converged", "left_limits",
         "position_error_m", "velocity_error_m_s", "torque_effort_N_m", "torque_peak_N_m",
