@@ -103,7 +103,7 @@ WRONG = [
     ({"j.speed": "a.x"}, "there is no role 'j.speed'; write JOINT.ROLE, with one of x_L, v_L,"),
     ({"j.x_L": "a.y"}, "there is no signal 'a.y' for the role j.x_L; did you mean a.x?"),
     ({"j.x_L": "zzzz"}, "there is no signal 'zzzz' for the role j.x_L; there are a.x and b.plan."),
-    ({"j.v_max": "a.x"}, "there is no parameter 'a.x' for the role j.v_max; did you mean a.fast?"),
+    ({"j.v_max": "a.x"}, "there is no parameter 'a.x' for the role j.v_max; there are a.fast."),
     ({"j.x_L": "a.x"}, "the joint 'j' has roles, but nobody plays j.x_d: name it too."),
     ({"j.v_L": "a.x"}, "the joint 'j' has roles, but nobody plays j.x_L and j.x_d: name it too."),
 ]

@@ -110,7 +110,7 @@ class Assembly:
             slave.set_start_values(self._values[name][1])
 
     def parameters(self) -> dict[str, float]:
-        """The Real parameters of all components, by full name and as the system has them."""
+        """The parameters of all components that are numbers, by full name and as the system has them."""
         found: dict[str, float] = {}
         for name, (component, given) in self._values.items():
             if self._parameters.get(name, (None,))[0] is not component:
@@ -133,7 +133,8 @@ class Assembly:
         known, values = _known(component), {v.name: x for v, x in given}
         for variable in self.files[component.name].variables.values():
             value = values.get(variable.name, variable.start)
-            if variable.causality == "parameter" and variable.type == "Real" and value is not None:
+            number = variable.causality == "parameter" and variable.type in ("Real", "Integer")
+            if number and value is not None:
                 name, alias = known.get(variable.name, (variable.name, Alias(variable.name)))
                 found[f"{component.name}.{name}"] = alias.transformation.inverse()(float(value))
         return found

@@ -21,8 +21,8 @@ class Outline:
 
     Rows have the time in s and then the signals of `names`, in the units of `units`. `recorded` are
     the positions of those signals that the user wants to keep, and every `every`-th row is to be kept.
-    `parameters` has the values of the components' Real parameters, by full name. `roles` says which of
-    all these plays a role, by what it is of and the role: `lift.x_L`.
+    `parameters` has the values of the components' parameters that are numbers, by full name. `roles` says
+    which of all these plays a role, by what it is of and the role: `lift.x_L`.
     """
 
     names: Sequence[str]

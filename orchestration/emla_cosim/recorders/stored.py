@@ -46,6 +46,8 @@ def stored_run(place: Path, what: str = _COMPARED) -> StoredRun:
     if path is None:
         missing = "has no results.csv or results.parquet" if place.is_dir() else "is not there"
         raise CommandError(f"{what}, '{place}', {missing}.")
+    if not path.is_file():
+        raise CommandError(f"{what}, '{path}', cannot be read: it is no file.")
     try:
         names = _columns(path)
     except Exception as error:

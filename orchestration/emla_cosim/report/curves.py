@@ -2,7 +2,6 @@
 
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,16 +30,15 @@ def thinned(*curves: Vector) -> np.ndarray:
     count = len(curves[0])
     if count <= 2 * _BUCKETS:
         return np.arange(count)
-    starts = np.linspace(0, count, _BUCKETS + 1).astype(int)
-    kept = {0, count - 1}
+    size = -(-count // _BUCKETS)
+    starts, missing = np.arange(0, count, size), -count % size
+    kept = [np.array([0, count - 1])]
     for curve in curves:
-        known = np.isfinite(curve)
-        for low, high in pairwise(starts):
-            part, here = curve[low:high], known[low:high]
-            kept.add(low + int(np.argmin(np.where(here, part, np.inf))))
-            kept.add(low + int(np.argmax(np.where(here, part, -np.inf))))
-            kept.add(low + int(np.argmin(here)))
-    return np.array(sorted(kept))
+        parts = np.pad(curve, (0, missing), constant_values=np.nan).reshape(-1, size)
+        known = np.isfinite(parts)
+        for found in (np.where(known, parts, np.inf), np.where(known, -parts, np.inf), known):
+            kept.append(np.minimum(starts + found.argmin(axis=1), count - 1))
+    return np.unique(np.concatenate(kept))
 
 
 def span(curves: Sequence[Vector]) -> tuple[float, float]:

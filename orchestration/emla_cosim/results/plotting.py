@@ -1,5 +1,6 @@
 """Pictures of results that are registered for what a run has."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,13 +11,13 @@ import numpy as np
 
 from ..arrays import Vector
 from ..files import written_whole
-from ..patterns import fits
-from ..report.curves import drawable, thinned
+from ..report.curves import drawable
+from .drawing import drawn_panels, is_constant
 from .panels import ShownLine, ShownPanel
-from .style import BLUE, COLORS, new_figure, save, tidied, with_margins
+from .style import BLUE, save
+from .telling import headline
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from .result import Result
@@ -48,9 +49,10 @@ def _inside(column: str, signal: str, names: Collection[str], roles: Mapping[str
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a panel: what it shows and how; `less` is subtracted, `scale` multiplied.
+    """One line of a panel: what it shows and how.
 
-    What `signal` and `less` name depends on the picture.
+    It is `scale` times `signal`, which `times` is multiplied with and `less` subtracted from, all of it
+    integrated over time if it is `integrated`. What the signals' names mean depends on the picture.
     """
 
     label: str
@@ -59,6 +61,26 @@ class Curve:
     less: str | None = None
     scale: float = 1.0
     dashed: bool = False
+    times: str | None = None
+    integrated: bool = False
+
+    @property
+    def names(self) -> list[str]:
+        """What it needs."""
+        return [name for name in (self.signal, self.times, self.less) if name is not None]
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A range that curves should not leave: the products of parameters, times `scale`.
+
+    Without `low` it is plus and minus the upper one.
+    """
+
+    label: str
+    high: tuple[str, ...]
+    low: tuple[str, ...] = ()
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -68,6 +90,11 @@ class Panel:
     label: str
     curves: tuple[Curve, ...]
     late: bool = False
+    bound: Bound | None = None
+
+
+Find = Callable[[str, Collection[str]], str | None]
+"""What finds the full name of one of a column's signals, or parameters, among those that there are."""
 
 
 @dataclass(frozen=True)
@@ -76,30 +103,57 @@ class Picture(Drawing):
 
     `find` gives the full name of a column's signal, of those that there are, or None: it takes the column,
     what a curve calls the signal, all names, and the result's roles. Usually the signal has the column's
-    name before a dot.
+    name before a dot. While the signal `moving` changes, time is drawn wider than after it.
     """
 
     title: str
     panels: tuple[Panel, ...]
     of: str
     find: Callable[[str, str, Collection[str], Mapping[str, str]], str | None] = _inside
+    moving: str | None = None
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Those of the curves, of every column."""
         names = set(result.names)
+        wanted = dict.fromkeys(name for p in self.panels for curve in p.curves for name in curve.names)
         found = (
             self.find(column, signal, names, result.roles)
             for column in result.metrics.get(self.of, ())
-            for panel in self.panels
-            for curve in panel.curves
-            for signal in (curve.signal, curve.less)
-            if signal is not None
+            for signal in (*wanted, *([self.moving] if self.moving else []))
         )
         return [name for name in found if name is not None]
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
         """The panels with the curves that there are signals for."""
-        return _drawn(self, list(result.metrics.get(self.of, ())), data, result.roles)
+        shown = self.resolved(result, data)
+        if all(is_constant(panel) for panel in shown):
+            return None
+        return drawn_panels(shown, f"{self.title} \u00b7 {headline(result)}", self._rest(result, data))
+
+    def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[ShownPanel]:
+        """What it shows, row by row: a panel for each column that there are signals for."""
+        finds = {c: self._find(result, c) for c in result.metrics.get(self.of, ())}
+        found = [
+            [_resolved(panel, column, find, data, result.parameters) for column, find in finds.items()]
+            for panel in self.panels
+        ]
+        some = [any(row[i].lines for row in found) for i in range(len(finds))]
+        rows = [row for row in found if any(panel.lines for panel in row)]
+        return [panel for row in rows for panel, known in zip(row, some, strict=True) if known]
+
+    def _find(self, result: "Result", column: str) -> Find:
+        return lambda name, names: self.find(column, name, names, result.roles)
+
+    def _rest(self, result: "Result", data: Mapping[str, Vector]) -> float | None:
+        """The time from which nothing moves any more; None where that is not known, or never."""
+        times = []
+        for column in result.metrics.get(self.of, ()) if self.moving else ():
+            name = self.find(column, str(self.moving), data, result.roles)
+            if name is not None:
+                away = np.abs(drawable(data[name]) - drawable(data[name])[-1])
+                moves = np.flatnonzero(away > 1e-3 * np.nanmax(away, initial=0.0))
+                times += [data["time"][moves[-1]]] if len(moves) else []
+        return max(times, default=None)
 
 
 FIGURES: dict[str, Drawing] = {}
@@ -132,54 +186,47 @@ def _wanted(result: "Result") -> list[str]:
     return ["time", *(name for name in result.names if name in wanted)]
 
 
-def plotted(result: "Result", names: Sequence[str]) -> "Figure":
-    """Signals over time, one panel per unit; names may be patterns. CommandError for what is not there."""
-    chosen = list(dict.fromkeys(n for name in names for n in _matching(name, result.names)))
-    if not chosen:
-        raise CommandError("nothing to plot; name one signal or more.")
-    groups: dict[str, list[str]] = {}
-    for name in chosen:
-        groups.setdefault(str(result.units.get(name) or ""), []).append(name)
-    data = result.read(["time", *chosen], _MOST_ROWS)
-    figure, axes = new_figure(len(groups), 1, 7.5)
-    for row, (unit, group) in zip(axes[:, 0], groups.items(), strict=True):
-        for i, name in enumerate(group):
-            row.plot(data["time"], data[name], color=COLORS[i % len(COLORS)], label=name, linewidth=1.1)
-        row.set_ylabel(unit, parse_math=False)
-        tidied(row, group)
-    axes[-1, 0].set_xlabel("time / s")
-    figure.suptitle(result.name, fontsize=12, fontweight="bold", parse_math=False)
-    return figure
+def _resolved(
+    panel: Panel, column: str, find: Find, data: Mapping[str, Vector], parameters: Mapping[str, float]
+) -> ShownPanel:
+    time = data["time"]
+    late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
+    part = time >= time[0] + (_TRANSIENT if late else 0.0)
+    lines = []
+    for curve in panel.curves:
+        values = [None if (n := find(name, data)) is None else data[n] for name in curve.names]
+        if all(v is not None for v in values):
+            shown = _values(curve, [v for v in values if v is not None], time)[part]
+            lines.append(ShownLine(curve.label, shown, curve.color, curve.dashed))
+    limits = _limits(panel.bound, find, parameters) if panel.bound is not None else ()
+    return ShownPanel(column, panel.label, time[part], tuple(lines), limits)
 
 
-def _matching(pattern: str, names: Sequence[str]) -> list[str]:
-    found = [n for n in names if fits(n, pattern)]
-    return found or [pattern]  # whose reading says what is wrong
+def _values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:
+    """What a curve shows, of the signals that it names."""
+    found, *others = values
+    with np.errstate(all="ignore"):
+        if curve.times is not None:
+            found = found * others.pop(0)
+        if curve.less is not None:
+            found = found - others.pop(0)
+        if curve.integrated:
+            steps = np.diff(time) * (found[1:] + found[:-1]) / 2.0
+            found = np.concatenate([[0.0], np.cumsum(steps)])
+        return curve.scale * found
 
 
-def _drawn(picture: Picture, shown: Sequence[ShownPanel]) -> "Figure":
-    columns = list(dict.fromkeys(panel.column for panel in shown))
-    figure, grid = new_figure(len(picture.panels), len(columns), 3.9, measured=False)
-    for axes, panel in zip(grid.flat, shown, strict=True):
-        _draw_panel(axes, panel)
-    for j, column in enumerate(columns):
-        grid[0, j].set_title(column, fontsize=11, parse_math=False)
-        grid[-1, j].set_xlabel("time / s")
-        for i, panel in enumerate(panels):
-            _draw_panel(grid[i, j], panel, partial(_values, picture, column, data, roles), data["time"])
-            if j == 0:
-                grid[i, 0].set_ylabel(panel.label)
-    figure.align_ylabels()
-    figure.suptitle(picture.title, fontsize=12, fontweight="bold")
-    with_margins(figure, len(picture.panels), len(columns))
-    return figure
+def _limits(
+    bound: Bound, find: Find, parameters: Mapping[str, float]
+) -> tuple[tuple[str, float | None, float | None], ...]:
+    ends = [_product(names, find, parameters) for names in (bound.low, bound.high)]
+    low, high = (None if end is None else bound.scale * end for end in ends)
+    if high is None:
+        return ()
+    return ((bound.label, low if bound.low else -high, high),)
 
 
-def _draw_panel(axes: "Axes", panel: ShownPanel) -> None:
-    for line in panel.lines:
-        style = (0, (4, 2)) if line.dashed else "-"
-        values = drawable(line.values)
-        kept = thinned(values) if len(values) else slice(None)
-        axes.plot(panel.time[kept], values[kept], color=line.color, linestyle=style, linewidth=1.1)
-    labels = [line.label for line in panel.lines]
-    tidied(axes, labels if any(labels) else ())
+def _product(names: Sequence[str], find: Find, parameters: Mapping[str, float]) -> float | None:
+    found = [None if (n := find(name, parameters)) is None else parameters[n] for name in names]
+    known = [value for value in found if value is not None]
+    return math.prod(known) if len(known) == len(found) else None

@@ -36,7 +36,7 @@ class Result:
     `wall_s` are those of this run, which may have continued another one; `end_s` is the time reached.
     `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
     `comparisons` are signals beside those of the run that the option `reference` names; `parameters` are
-    the Real parameters of all components, by full name. `roles` are those of the option.
+    the parameters of all components that are numbers, by full name. `roles` are those of the option.
     """
 
     name: str

@@ -55,11 +55,12 @@ def new_figure(
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
 
 
-def with_margins(figure: "Figure", rows: int, columns: int) -> None:
-    """Give the grid of a figure, of so many rows and columns, room for labels as they usually are.
+def with_margins(figure: "Figure", grid: np.ndarray) -> None:
+    """Give the grid of a figure room for titles and labels as they usually are, and put them there.
 
     To measure every label, as figures do otherwise, takes more time than all of the drawing.
     """
+    rows, columns = grid.shape
     width, height = figure.get_size_inches()
     left, right, bottom, top = 0.95, 0.15, 0.55, 0.7
     between, below = 0.75, 0.25
@@ -68,12 +69,16 @@ def with_margins(figure: "Figure", rows: int, columns: int) -> None:
     figure.subplots_adjust(
         left / width, bottom / height, 1 - right / width, 1 - top / height, between / wide, below / high
     )
+    for axes in grid.flat:
+        axes.set_title(axes.get_title(), y=1.0, fontsize=11, parse_math=False)
+        axes.xaxis.set_label_coords(0.5, -0.28 / high)
+        axes.yaxis.set_label_coords(-0.56 / wide, 0.5)
 
 
 def tidied(axes: "Axes", labels: Sequence[str] = ()) -> None:
     """With a legend of the lines, if there are labels; they appear as they are, no formula, none left out."""
     if labels:
-        legend = axes.legend(axes.lines, ["label"] * len(labels), fontsize=8, frameon=False)
+        legend = axes.legend(axes.lines, ["label"] * len(labels), fontsize=8, edgecolor="none")
         for text, label in zip(legend.get_texts(), labels, strict=True):
             text.set(text=label, parse_math=False)
     axes.grid(alpha=0.25)

@@ -1,7 +1,11 @@
 """What people are told of a result, in the terminal and on pages alike."""
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
+
+from ..report.text import shortened, visible
+from ..wording import counted
 
 if TYPE_CHECKING:
     from ..recorders.metrics import Shown
@@ -50,3 +54,31 @@ def how_stepped(result: "Result") -> Iterator[str]:
             f"{kept['overruns']} overruns at {kept['points']} points of {kept['factor']:g} x real time; "
             f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
         )
+
+
+def headline(result: "Result", most: int = 110) -> str:
+    """The scenario and what was changed in it, on a line of so many letters."""
+    words = ", ".join(f"{name} {value}".removeprefix("set ") for name, value in changes(result))
+    return shortened(visible(" \u00b7 ".join(filter(None, (result.name, words)))).replace("\n", " "), most)
+
+
+def changes(result: "Result") -> list[tuple[str, str]]:
+    """Each change beside the scenario: the name of an option, or of what it sets, and the value."""
+    found = []
+    for name, value in (result.record.get("changed") or {}).items():
+        if isinstance(value, Mapping):
+            found += [(f"{name} {inner}", text(v)) for inner, v in value.items()]
+        else:
+            found.append((name, text(value)))
+    return found
+
+
+def text(value: Any) -> str:
+    """A value of run.json as a person reads it."""
+    if isinstance(value, str):
+        return value
+    if value is None or value in ({}, []):
+        return "–"
+    if isinstance(value, list) and all(isinstance(v, str) for v in value):
+        return ", ".join(value)
+    return json.dumps(value, ensure_ascii=False)

@@ -2,9 +2,15 @@
 
 from collections.abc import Collection, Mapping
 
-from ..results.plotting import Curve, Panel, Picture
-from ..results.style import GREY, ORANGE
+from ..results.plotting import Bound, Curve, Panel, Picture
+from ..results.style import GREEN, GREY, ORANGE, PURPLE, RED
 from .roles import variable
+
+_STROKE = Bound("stroke", ("q_UB",), ("q_LB",))
+_SPEED = Bound("largest speed", ("v_max",))
+_CURRENT = Bound("largest current of the controller", ("i_limit",))
+_VOLTAGE = Bound("longest voltage vector", ("u_max",))
+_TORQUE = Bound("largest torque of the controller", ("N_p", "Phi_PM", "i_limit"), scale=1.5)
 
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": Picture(
@@ -13,14 +19,17 @@ JOINT_FIGURES: dict[str, Picture] = {
             Panel(
                 "position / m",
                 (Curve("reference", "x_d", ORANGE, dashed=True), Curve("screw", "x_L")),
+                bound=_STROKE,
             ),
             Panel(
                 "speed / (m/s)",
                 (Curve("screw", "v_L"), Curve("reference", "v_d", ORANGE, dashed=True)),
+                bound=_SPEED,
             ),
         ),
         of="joints",
         find=variable,
+        moving="v_d",
     ),
     "errors": Picture(
         "Tracking errors",
@@ -31,6 +40,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=variable,
+        moving="v_d",
     ),
     "currents": Picture(
         "Motor currents",
@@ -41,29 +51,73 @@ JOINT_FIGURES: dict[str, Picture] = {
                     Curve("actual", "i_q"),
                     Curve("commanded", "i_q_ref", ORANGE, dashed=True),
                 ),
+                bound=_CURRENT,
             ),
-            Panel("d axis / A", (Curve("actual", "i_d"),)),
+            Panel("d axis / A", (Curve("actual", "i_d"),), bound=_CURRENT),
         ),
         of="joints",
         find=variable,
+        moving="v_d",
     ),
     "voltages": Picture(
         "Motor voltages after the inverter's limit",
         (
-            Panel("q axis / V", (Curve("", "u_q"),)),
-            Panel("d axis / V", (Curve("", "u_d"),)),
+            Panel("q axis / V", (Curve("", "u_q"),), bound=_VOLTAGE),
+            Panel("d axis / V", (Curve("", "u_d"),), bound=_VOLTAGE),
         ),
         of="joints",
         find=variable,
+        moving="v_d",
     ),
     "torque": Picture(
         "Motor torque and load",
         (
-            Panel("motor torque / (N m)", (Curve("", "tau_m"),)),
+            Panel("motor torque / (N m)", (Curve("", "tau_m"),), bound=_TORQUE),
             Panel("load force / kN", (Curve("", "F_L", GREY, scale=1e-3),)),
         ),
         of="joints",
         find=variable,
+        moving="v_d",
+    ),
+    "power": Picture(
+        "Power and energy",
+        (
+            Panel(
+                "power / kW",
+                (
+                    Curve("electrical", "P_el", scale=1e-3),
+                    Curve("at the shaft", "tau_m", PURPLE, times="omega_m", scale=1e-3),
+                    Curve("into the load", "P_L", GREEN, scale=1e-3),
+                ),
+            ),
+            Panel(
+                "energy / kJ",
+                (
+                    Curve("electrical", "P_el", scale=1e-3, integrated=True),
+                    Curve("into the load", "P_L", GREEN, scale=1e-3, integrated=True),
+                    Curve("losses and motion", "P_el", RED, less="P_L", scale=1e-3, integrated=True),
+                ),
+            ),
+        ),
+        of="joints",
+        find=variable,
+        moving="v_d",
+    ),
+    "adaptation": Picture(
+        "Adaptation of the controller",
+        (
+            Panel(
+                "theta of position and speed",
+                (Curve("position", "theta_1"), Curve("speed", "theta_2", ORANGE)),
+            ),
+            Panel(
+                "theta of currents",
+                (Curve("q axis", "theta_3"), Curve("d axis", "theta_4", ORANGE)),
+            ),
+        ),
+        of="joints",
+        find=variable,
+        moving="v_d",
     ),
     "observer": Picture(
         "Observer errors",
@@ -73,6 +127,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         ),
         of="joints",
         find=variable,
+        moving="v_d",
     ),
 }
 """The pictures of a joint by file name; their signals are roles."""

@@ -22,10 +22,18 @@ _PLACES: dict[str, tuple[str, ...]] = {
     "v_hat": ("{joint}.observer.v_hat",),
     "i_q_ref": ("{joint}.controller.i_q_ref",),
     "limited_control": ("{joint}.controller.saturated",),
+    "i_limit": ("{joint}.controller.limit.i_max",),
+    **{f"theta_{i}": (f"{{joint}}.controller.theta[{i}]",) for i in range(1, 5)},
     **{
         role: (f"{{joint}}.plant.{name}", f"{{joint}}.motor.{name}")
         for role, name in {
             "tau_m": "tau_m",
+            "omega_m": "omega_m",
+            "P_el": "P_el",
+            "P_L": "P_L",
+            "N_p": "motor.N_p",
+            "Phi_PM": "motor.Phi_PM",
+            "u_max": "inverter.u_max",
             "i_q": "i_q",
             "i_d": "i_d",
             "u_q": "inverter.u_q",
@@ -42,7 +50,7 @@ _PLACES: dict[str, tuple[str, ...]] = {
 }
 """Where the variable of a role may be, the first that there is."""
 
-_BOUNDS = ("i_max", "permitted_rise", "q_LB", "q_UB", "v_max")
+_BOUNDS = ("N_p", "Phi_PM", "i_limit", "i_max", "permitted_rise", "q_LB", "q_UB", "u_max", "v_max")
 """The roles of parameters."""
 
 

@@ -1,11 +1,9 @@
 """What a run was and how it ended, in words."""
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from ..result import Result
+from ..telling import changes
 
 
 @dataclass(frozen=True)
@@ -29,7 +27,7 @@ def heading(result: Result) -> Heading:
         result.name,
         verdict,
         tuple(sentences),
-        tuple(_changed(result.record.get("changed") or {})),
+        tuple(changes(result)),
         f"{result.times.start:g} s to {result.end_s:g} s",
     )
 
@@ -46,25 +44,3 @@ def _ending(result: Result) -> tuple[str, list[str]]:
     settled = [figures["converged"] for figures in found if "converged" in figures]
     more = " and converged" if settled and all(settled) else ""
     return "passed", [f"Ran to its end{more}."]
-
-
-def _changed(changed: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Each change as the name of an option, or of what it sets, and the value."""
-    found = []
-    for name, value in changed.items():
-        if isinstance(value, Mapping):
-            found += [(f"{name} {inner}", text(v)) for inner, v in value.items()]
-        else:
-            found.append((name, text(value)))
-    return found
-
-
-def text(value: Any) -> str:
-    """A value of run.json as a person reads it."""
-    if isinstance(value, str):
-        return value
-    if value is None or value in ({}, []):
-        return "–"
-    if isinstance(value, list) and all(isinstance(v, str) for v in value):
-        return ", ".join(value)
-    return json.dumps(value, ensure_ascii=False)

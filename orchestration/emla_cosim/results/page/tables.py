@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..result import Result
-from ..wording import cell
-from .heading import text
+from ..telling import cell, text
 
 MOST = 1000
 """Rows of a table; who needs more has the files."""

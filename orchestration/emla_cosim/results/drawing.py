@@ -1,0 +1,141 @@
+"""Panels as a picture: a grid with a column for each thing that they are of."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Indices, Vector
+from ..report.curves import drawable, thinned
+from .panels import ShownLine, ShownPanel
+from .style import GREY, RED, new_figure, tidied, with_margins
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_EARLY = 0.45
+"""A motion that ends in this part of the time is drawn wider than what follows."""
+
+_WIDE = 0.62
+"""The part of the width that it gets."""
+
+_NEAR = 0.3
+"""A limit is shown if curves come so near to it, relative to what they span."""
+
+
+def drawn_panels(panels: Sequence[ShownPanel], title: str, rest: float | None = None) -> "Figure":
+    """Panels that stand row by row, each with a panel for each column, as a picture.
+
+    Rows in which nothing changes have no axes: their values stand under the names of the columns. `rest` is
+    the time in s from which nothing moves any more.
+    """
+    columns = list(dict.fromkeys(panel.column for panel in panels))
+    rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
+    shown = [row for row in rows if not all(is_constant(panel) for panel in row)]
+    left_out = [row for row in rows if all(is_constant(panel) for panel in row)]
+    said = {c: [_constant(row[j]) for row in left_out] for j, c in enumerate(columns)}
+    figure, grid = new_figure(len(shown), len(columns), 3.9, measured=False)
+    split = _split(shown, rest)
+    for i, row in enumerate(shown):
+        for j, panel in enumerate(row):
+            _draw_panel(grid[i, j], panel, split)
+        grid[i, 0].set_ylabel(row[0].label, parse_math=False)
+    for j, column in enumerate(columns):
+        grid[0, j].set_title("   ".join([column, *said[column]]), fontsize=11, parse_math=False)
+        if split is not None:
+            _widen(grid[-1, j], split)
+        grid[-1, j].set_xlabel("time / s" if split is None else f"time / s, wider until {split[1]:.2g} s")
+    figure.suptitle(title, fontsize=12, fontweight="bold", parse_math=False)
+    with_margins(figure, grid)
+    return figure
+
+
+def is_constant(panel: ShownPanel) -> bool:
+    """Whether nothing changes in a panel, which has something."""
+    return bool(panel.lines) and all(len(x.values) and np.ptp(x.values) == 0.0 for x in panel.lines)
+
+
+def _constant(panel: ShownPanel) -> str:
+    """What a panel says in which nothing changes."""
+    quantity, _, unit = panel.label.partition(" / ")
+    value = panel.lines[0].values[0] if panel.lines else np.nan
+    return f"{quantity} {value:.4g} {unit.strip('()')}".rstrip()
+
+
+def _split(rows: Sequence[Sequence[ShownPanel]], rest: float | None) -> tuple[float, float, float] | None:
+    """First time, the end of the motion, and last time; None where time is drawn evenly."""
+    times = [panel.time for row in rows for panel in row if len(panel.time)]
+    if rest is None or not times:
+        return None
+    first, last = min(t[0] for t in times), max(t[-1] for t in times)
+    end = first + 1.15 * (rest - first)
+    return (first, end, last) if first < end < first + _EARLY * (last - first) else None
+
+
+def _widen(axes: "Axes", split: tuple[float, float, float]) -> None:
+    """Draw the time until the end of the motion wider, and mark that end."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+
+    first, end, last = split
+
+    def forward(time: Vector) -> Vector:
+        early, late = (time - first) / (end - first), (time - end) / (last - end)
+        return np.where(time < end, _WIDE * early, _WIDE + (1.0 - _WIDE) * late)
+
+    def backward(place: Vector) -> Vector:
+        early, late = place / _WIDE, (place - _WIDE) / (1.0 - _WIDE)
+        return np.where(place < _WIDE, first + early * (end - first), end + late * (last - end))
+
+    axes.set_xscale("function", functions=(forward, backward))
+    early = [t for t in MaxNLocator(5).tick_values(first, end) if first <= t <= end - 0.08 * (end - first)]
+    late = [t for t in MaxNLocator(4).tick_values(end, last) if end + 0.1 * (last - end) < t <= last]
+    axes.xaxis.set_major_locator(FixedLocator([*early, *late]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda time, _: f"{time:g}"))
+
+
+def _draw_panel(axes: "Axes", panel: ShownPanel, split: tuple[float, float, float] | None) -> None:
+    for line in panel.lines:
+        values = drawable(line.values)
+        kept = _kept(panel.time, values, split)
+        style = (0, (4, 2)) if line.dashed else "-"
+        axes.plot(panel.time[kept], values[kept], color=line.color, linestyle=style, linewidth=1.1)
+    labels = [line.label for line in panel.lines]
+    tidied(axes, labels if len(labels) > 1 else ())
+    _shade(axes, panel)
+    if split is not None:
+        axes.axvline(split[1], color=GREY, linewidth=0.7, linestyle=":")
+
+
+def _kept(time: Vector, values: Vector, split: tuple[float, float, float] | None) -> Indices:
+    """The rows to draw, as many of the motion as of what follows it."""
+    if not len(values):
+        return np.arange(0)
+    border = 0 if split is None else int(np.searchsorted(time, split[1]))
+    if not 0 < border < len(time):
+        return thinned(values)
+    return np.concatenate([thinned(values[:border]), border + thinned(values[border:])])
+
+
+def _shade(axes: "Axes", panel: ShownPanel) -> None:
+    """Shade what is beyond a limit that curves come near to."""
+    lowest, highest = _reach(panel.lines)
+    near = _NEAR * (highest - lowest)
+    for _, low, high in panel.limits:
+        bottom, top = axes.get_ylim()
+        if high is not None and highest > high - near:
+            top = max(top, high + 0.06 * (top - bottom))
+            axes.axhspan(high, top, color=RED, alpha=0.12, linewidth=0.0)
+        if low is not None and lowest < low + near:
+            bottom = min(bottom, low - 0.06 * (top - bottom))
+            axes.axhspan(bottom, low, color=RED, alpha=0.12, linewidth=0.0)
+        axes.set_ylim(bottom, top)
+
+
+def _reach(lines: Sequence[ShownLine]) -> tuple[float, float]:
+    known = [x.values[np.isfinite(drawable(x.values))] for x in lines]
+    known = [values for values in known if len(values)]
+    if not known:
+        return np.nan, np.nan
+    return min(float(v.min()) for v in known), max(float(v.max()) for v in known)
