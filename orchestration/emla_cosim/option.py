@@ -28,7 +28,7 @@ class About:
     hold it. `commands` are those that take it. `parse` makes its value of the text of the command
     line, or of all its texts where it may be repeated. In Python an object of the type `takes` is a
     value too, and taken as it is, also as an entry of a table. `alone` is the value of a flag of the command
-    line that nothing follows.
+    line that nothing follows. With `arrays` a list in a table is that of the elements `name[1]`, `name[2]`.
     """
 
     help: str
@@ -47,6 +47,7 @@ class About:
     parse: Callable[[Any], Any] | None = None
     takes: type | None = None
     alone: str = ""
+    arrays: bool = False
 
 
 class Entered:

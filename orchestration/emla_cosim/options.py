@@ -43,11 +43,13 @@ class Options:
         help="Set a start value or parameter; * in the name for several, with a unit if you like, such as "
         "'lift.disturbance.load.level[*]=30 kN' (repeatable).",
         metavar="COMPONENT.VARIABLE=VALUE",
+        arrays=True,
     )
     parameters: Sequence[Path] = _system(
         [],
-        help="Set the start values that an SSP parameter file holds; --set wins over it (repeatable).",
-        metavar="FILE.ssv",
+        help="Set start values from an SSP parameter file (.ssv), or from a table, CSV or Parquet: "
+        "docs/inputs.md. --set wins over it (repeatable).",
+        metavar="FILE",
     )
     replace: Mapping[str, Replacement] = _system(
         {},
@@ -356,11 +358,31 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
         return value
     if unit and isinstance(value, str):
         value = _in_unit(value, unit, label)
+    if option.about.arrays and isinstance(value, Mapping):
+        value = _with_elements(value, label)
+    objects = {}
+    if takes is not None and isinstance(value, Mapping):
+        objects = {name: one for name, one in value.items() if isinstance(one, takes)}
+        value = {name: one for name, one in value.items() if name not in objects}
     found = converted(value, option.plain_type, label, folder)
     if objects:
         return {**found, **objects}
     for one in found if isinstance(found, list) else [found]:
         option.check(one)
+    return found
+
+
+def _with_elements(values: Mapping[Any, Any], label: str) -> dict[Any, Any]:
+    """A table with name[1], name[2] in the place of a name that has a list; CommandError for an empty one."""
+    found: dict[Any, Any] = {}
+    for name, value in values.items():
+        many = value.tolist() if getattr(value, "ndim", 0) and value.size != 1 else value
+        if not isinstance(many, (list, tuple)):
+            found[name] = value
+        elif many:
+            found |= {f"{name}[{i}]": one for i, one in enumerate(many, 1)}
+        else:
+            raise CommandError(f"'{name}' in {label} is an empty list; it must have values.", name=name)
     return found
 
 

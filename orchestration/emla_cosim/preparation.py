@@ -6,18 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from .errors import CommandError
-from .files import read_file
 from .fmu.interface import Interface, read_interface, read_interfaces
 from .inputs.placing import Readable, data_end, with_inputs
 from .models import build
 from .options import Options
+from .parameter_files import file_values
 from .progress import Progress
 from .replacement import fitted
-from .ssp.documents.parameters import parse_parameter_set
 from .start_values import named_plainly, need_interfaces, start_values
-from .system.model import Replacement, System, Value
+from .system.model import Replacement, System
 from .system.signal_faults import with_components, with_faults
-from .units import conversion
 from .wording import counted
 
 
@@ -34,9 +32,9 @@ def prepared(system: System, options: Options, progress: Progress) -> tuple[Syst
     for name in replacements:
         system.component(name)
     fmus = _fmu_files(system, options, progress)
-    needed = options.parameters or replacements or faults or tables
-    interfaces = read_interfaces(fmus) if needed else {}
-    system = _with_parameter_sets(system, options.parameters, interfaces)
+    looked_at = options.parameters or replacements or faults or tables or need_interfaces(options.set)
+    interfaces = read_interfaces(fmus) if looked_at else {}
+    system = _with_parameters(system, options.parameters, interfaces)
     if tables:
         placed = with_inputs(system, tables, interfaces, options.platform)
         system = placed.system
@@ -82,27 +80,11 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
 
 
-def _with_parameter_sets(
-    system: System, files: Sequence[Path], interfaces: Mapping[str, Interface]
-) -> System:
-    """The system with the values of SSV files, converted to the units of the variables."""
-    values: dict[str, Value] = {}
+def _with_parameters(system: System, files: Sequence[Path], interfaces: Mapping[str, Interface]) -> System:
+    """The system with the values of parameter files, of which later ones win."""
     for file in files:
-        content = read_file(file, "the parameter set")
-        for parameter in parse_parameter_set(content, str(file)).parameters:
-            component, name = system.split(parameter.name)
-            interface = interfaces[component.name]
-            unit = interface.unit(name) if name in interface.variables else None
-            if name in component.aliases:
-                unit = component.aliases[name].unit
-            value = parameter.value
-            if parameter.unit is not None and unit is not None:
-                try:
-                    value = conversion(parameter.unit, unit)(float(value))
-                except ValueError as error:
-                    raise CommandError(f"'{parameter.name}' of '{file}' has {error}.") from error
-            values[parameter.name] = value
-    return system.with_parameters(values)
+        system = system.with_parameters(file_values(file, system, interfaces))
+    return system
 
 
 def _replaced(

@@ -107,6 +107,7 @@ def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
         "step_size_s": times.step,
         "output_interval_s": interval,
         "replace": {name: plain(r) for name, r in options.replacements().items()},
+        "parameters": [_content(file) for file in options.parameters],
         "trajectory": None if options.trajectory is None else _content(options.trajectory),
     }
 

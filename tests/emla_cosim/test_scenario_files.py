@@ -75,7 +75,6 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
     "flavour": ('flavour = "python"', "flavour", "python"),
     "step_multiples": ('[step_multiples]\n"lift.controller" = 2', "step_multiples", {"lift.controller": 2}),
     "set": ('[set]\n"lift.plant.motor.R_s" = 0.2', "set", {"lift.plant.motor.R_s": 0.2}),
-    "parameters": ('parameters = ["my.ssv"]', "parameters", ["my.ssv"]),
     "replace": (
         '[replace]\n"lift.plant" = "my.fmu"',
         "replace",
@@ -103,11 +102,12 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"} | {
     "animate",
     "input",
+    "report",
+    "parameters",
     "trajectory",
 }
-"""Keys of the tests below; `mapping` is in test_replacement.py, `trajectory` in test_machine.py, `input` in
-test_inputs.py.
-"""
+"""Keys of the tests below; `parameters` is in test_parameter_tables.py, `mapping` in test_replacement.py,
+`trajectory` in test_machine.py, `actuator` in test_actuator.py, `input` in test_inputs.py."""
 
 
 @pytest.mark.parametrize("key", SETTINGS)

@@ -39,9 +39,14 @@ class Data:
         """A column as it stands in the source; of numbers, or of texts that should be some."""
         raise NotImplementedError
 
-    def numbers(self, position: int) -> Vector:
-        """A column as finite numbers; CommandError that names row and column of whatever is none."""
+    def numbers(self, position: int, padded: bool = False) -> Vector:
+        """A column as finite numbers, where it is `padded` without the empty cells at its end.
+
+        Raises CommandError that names row and column of whatever is none.
+        """
         found = self.texts(position)
+        if padded:
+            found = found.head(_filled(found))
         if not (found.dtype.is_numeric() or found.dtype == polars.String):
             raise self._wrong(position, f"is of the type {found.dtype}; it must be of numbers")
         try:
@@ -115,6 +120,15 @@ class Data:
 
     def _wrong(self, position: int, problem: str) -> CommandError:
         return CommandError(f"the column '{self.headers[position].text}' of {self.label} {problem}.")
+
+
+def _filled(column: polars.Series) -> int:
+    """How many cells there are up to the last one that is not empty."""
+    empty = column.is_null()
+    if column.dtype == polars.String:
+        empty |= column.str.strip_chars() == ""
+    filled = np.flatnonzero(~empty.to_numpy())
+    return int(filled[-1]) + 1 if filled.size else 0
 
 
 def _few(headers: Sequence[Header]) -> str:
@@ -256,11 +270,17 @@ def read_data(source: Input) -> Data:
     """The table of an input; CommandError, one sentence, for whatever is wrong with its file."""
     if source.file is None:
         return FrameData(source.label, source.data)
-    _check_kind(source.file, source.label)
-    content = read_file(source.file, "the input")
-    if content.startswith(_PARQUET) or source.file.suffix.lower() == ".parquet":
-        return ParquetData(source.label, content)
-    return CsvData(source.label, content)
+    return read_table(source.file, "the input")
+
+
+def read_table(file: Path, what: str) -> Data:
+    """The table of a file, CSV or Parquet, that sentences call `what`; CommandError as in `read_data`."""
+    label = f"{what} '{file}'"
+    _check_kind(file, label)
+    content = read_file(file, what)
+    if content.startswith(_PARQUET) or file.suffix.lower() == ".parquet":
+        return ParquetData(label, content)
+    return CsvData(label, content)
 
 
 def _check_kind(file: Path, label: str) -> None:

@@ -13,7 +13,12 @@ from fmublock.table import ENDS, INTERPOLATIONS
 from ..errors import CommandError, check_choice
 from ..option import Entered
 
-_FILE = re.compile(r"(?P<file>.+?\.(?:csv|tsv|txt|dat|parquet))(?::(?P<rest>.*))?", re.IGNORECASE | re.DOTALL)
+ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".parquet")
+"""How the names of files end that are tables."""
+
+_FILE = re.compile(
+    rf"(?P<file>.+?(?:{'|'.join(map(re.escape, ENDINGS))}))(?::(?P<rest>.*))?", re.IGNORECASE | re.DOTALL
+)
 _USUAL = {"time": None, "interpolation": "linear", "end": "hold"}
 _SETTINGS = tuple(_USUAL)
 

@@ -1,0 +1,244 @@
+"""Start values from tables and lists: what FMUs get, and what runs that are made again get."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import emla_cosim as ec
+from emla_cosim.models import fmu_path
+from emla_cosim.preparation import prepared
+from emla_cosim.progress import Progress
+from emla_cosim.sweep.shipment import Preparation
+from tests.support.commands import Emla
+
+LEVEL = "lift.disturbance.load.level"
+START = "lift.disturbance.load.start"
+WAYPOINT = "lift.reference.waypoint"
+TABLE = f"""{LEVEL} [kN];{START} [ms];{WAYPOINT} [mm];lift.plant.motor.R_s
+30,1;0;240;0,2
+42,7;2;243,3;
+-5;4;;
+"""
+SAME = {
+    f"{LEVEL}[1]": 30.1e3,
+    f"{LEVEL}[2]": 42.7e3,
+    f"{LEVEL}[3]": -5e3,
+    f"{START}[1]": 0.0,
+    f"{START}[2]": 0.002,
+    f"{START}[3]": 0.004,
+    f"{WAYPOINT}[1]": 0.24,
+    f"{WAYPOINT}[2]": 0.2433,
+    "lift.plant.motor.R_s": 0.2,
+}
+SHORT = ("--stop-time", "0.006", "--no-plots")
+
+
+def given_by(system: Any) -> dict[str, Any]:
+    return {f"{c.name}.{n}": v for c in system.components for n, v in c.parameters.items()}
+
+
+def values(fmu_folder: Path, *files: Path, **options: Any) -> dict[str, Any]:
+    """The start values that a system has when it is prepared."""
+    scenario = ec.load("lift", fmus=fmu_folder, parameters=list(files), **options)
+    return given_by(prepared(scenario.system, scenario.options, Progress())[0])
+
+
+def recorded(folder: str) -> dict[str, Any]:
+    return json.loads(Path(folder, "run.json").read_text())
+
+
+def start_values(record: Mapping[str, Any]) -> dict[str, Any]:
+    return {f"{c}.{n}": v for c, one in record["components"].items() for n, v in one["parameters"].items()}
+
+
+def test_a_load_from_a_table_is_that_of_single_values_to_the_last_bit(
+    emla: Emla, fmu_folder: Path, tmp_path: Path
+) -> None:
+    Path("levels.csv").write_text(TABLE)
+    each = [part for name, value in SAME.items() for part in ("--set", f"{name}={value}")]
+    table = ("--parameters", "levels.csv")
+    for name, options in (("table", table), ("single", each), ("neither", ())):
+        assert emla("run", "lift", *SHORT, *options, "--output", name).exit_code == 0
+    results = {n: Path(n, "results.csv").read_bytes() for n in ("table", "single", "neither")}
+    assert results["table"] == results["single"] != results["neither"]
+    record, before = recorded("table"), start_values(recorded("neither"))
+    assert start_values(record) == before | SAME
+    digest = hashlib.sha256(TABLE.encode()).hexdigest()
+    assert record["settings"]["parameters"] == [{"file": "levels.csv", "sha256": digest}]
+    again = emla("rerun", "table", "--fmus", str(fmu_folder), "--no-plots")
+    assert again.exit_code == 0 and "to the last bit" in again.stdout and "Not as in" not in again.stdout
+    Path("levels.csv").write_text(TABLE.replace("42,7", "42,8"))
+    again = emla("rerun", "table", "--fmus", str(fmu_folder), "--no-plots", "--output", "other")
+    assert "the content of" in again.output and "levels.csv" in again.output
+    assert start_values(recorded("other"))[f"{LEVEL}[2]"] == 42.8e3
+
+
+def test_a_package_has_the_values_and_takes_a_table_itself(emla: Emla, tmp_path: Path) -> None:
+    Path("levels.csv").write_text(TABLE)
+    assert emla("export", "lift", "lift.ssp", "--parameters", "levels.csv").exit_code == 0
+    assert emla("export", "lift", "plain.ssp").exit_code == 0
+    assert emla("run", "lift.ssp", *SHORT, "--output", "inside").exit_code == 0
+    assert emla("run", "plain.ssp", *SHORT, "--parameters", "levels.csv", "--output", "over").exit_code == 0
+    for name in ("inside", "over"):
+        assert start_values(recorded(name)).items() >= SAME.items()
+    first, second = (Path(n, "results.csv").read_bytes() for n in ("inside", "over"))
+    assert first == second
+
+
+def test_workers_of_a_sweep_get_the_values(fmu_folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "levels.csv").write_text(TABLE)
+    scenario = ec.load("lift", fmus=fmu_folder, parameters=[tmp_path / "levels.csv"])
+    assert given_by(Preparation.of(scenario).system).items() >= SAME.items()
+
+
+def test_the_fmu_has_what_stands_in_the_table(fmu_folder: Path, tmp_path: Path) -> None:
+    """Read back by fmpy's own slave."""
+    (tmp_path / "levels.csv").write_text(TABLE)
+    found = values(fmu_folder, tmp_path / "levels.csv")
+    fmu = fmu_path("Disturbance", "native", fmu_folder)
+    model = read_model_description(str(fmu))
+    references = {v.name: v.valueReference for v in model.modelVariables}
+    folder = extract(str(fmu))
+    identifier = model.coSimulation.modelIdentifier
+    slave = FMU2Slave(guid=model.guid, unzipDirectory=folder, modelIdentifier=identifier)
+    try:
+        slave.instantiate()
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        for name, value in found.items():
+            if name.startswith("lift.disturbance.load."):
+                slave.setReal([references[name.removeprefix("lift.disturbance.")]], [value])
+        slave.exitInitializationMode()
+        at_start = slave.getReal([references["F_L"]])
+        slave.terminate()
+    finally:
+        slave.freeInstance()
+        shutil.rmtree(folder, ignore_errors=True)
+    assert at_start == [30.1e3]
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    numbers=st.lists(st.integers(-(10**9), 10**9), min_size=1, max_size=6),
+    form=st.sampled_from(["csv", "parquet"]),
+)
+def test_rows_are_elements_and_the_others_stay(
+    fmu_folder: Path, tmp_path: Path, numbers: list[int], form: str
+) -> None:
+    file = tmp_path / f"levels.{form}"
+    padded = {f"{LEVEL} / kN": [n / 1e6 for n in numbers] + [None] * 3}
+    frame = polars.DataFrame(padded, schema_overrides=dict.fromkeys(padded, polars.Float64))
+    frame.write_csv(file) if form == "csv" else frame.write_parquet(file)
+    before, after = values(fmu_folder), values(fmu_folder, file)
+    assert after == before | {f"{LEVEL}[{i}]": n / 1e3 for i, n in enumerate(numbers, 1)}
+
+
+def test_one_element_whole_numbers_and_later_files(fmu_folder: Path, tmp_path: Path) -> None:
+    one, two = tmp_path / "one.csv", tmp_path / "two.CSV"
+    one.write_text(f"{LEVEL}[2] [kN],lift.disturbance.d_2.seed,lift.disturbance.supply.depth [%]\n7,5,30\n")
+    two.write_text(f"{LEVEL}\n1\n2\n")
+    found = values(fmu_folder, one)
+    assert (found[f"{LEVEL}[2]"], found["lift.disturbance.d_2.seed"]) == (7e3, 5)
+    assert found["lift.disturbance.supply.depth"] == pytest.approx(0.3)
+    assert values(fmu_folder, one, two)[f"{LEVEL}[2]"] == 2.0
+    assert values(fmu_folder, two, one)[f"{LEVEL}[2]"] == 7e3
+    assert values(fmu_folder, two, set={f"{LEVEL}[*]": 9.0})[f"{LEVEL}[2]"] == 9.0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (f"{LEVEL}\n" + "1\n" * 7, f"'{LEVEL}' of the parameter table 'FILE' has a value in row 7, but"),
+        (f"{LEVEL},{START}\n1,1\n,2\n3,3\n", f"'FILE' has nothing in row 2 of the column '{LEVEL}'"),
+        (f"{LEVEL}\nmany\n", f"'FILE' has 'many' in row 1 of the column '{LEVEL}'"),
+        (f"{LEVEL}\n1\nNaN\n", f"'FILE' has 'NaN' in row 2 of the column '{LEVEL}'"),
+        (f"{LEVEL}\n1\ninf\n", "must be a finite number"),
+        (f"{LEVEL} [kN]\n1\n1e308\n", "row 2: lift.disturbance.load.level[2] = inf N is out of range"),
+        (f"{LEVEL} [kV]\n1\n", "of the parameter table 'FILE' has the units kV and N"),
+        (f"{LEVEL} [qN]\n1\n", "has the unit 'qN', which is none"),
+        ("lift.disturbance.d_2.seed [kN]\n1\n", "has the units kN and 1"),
+        ("lift.disturbance.d_2.seed\n1.5\n", "lift.disturbance.d_2.seed = 1.5 is not a whole number"),
+        ("lift.disturbance.load.levle\n1\n", "no variable 'load.levle'; did you mean load.level"),
+        ("lift.disturbanse.load.level\n1\n", "'FILE': there is no component 'lift.disturbanse'"),
+        ("level\n1\n", "the column 'level' of the parameter table 'FILE': 'level' is not a variable"),
+        (
+            "lift.reference.move.duration\n1\n0\n",
+            "'FILE', row 2: lift.reference.move.duration[2] = 0 s is out",
+        ),
+        ("lift.plant.tau_m\n1\n", "lift.plant.tau_m is computed by the FMU and cannot be set"),
+        ("lift.plant.motor.R_s\n1\n2\n", "but lift.plant.motor.R_s has 1 element."),
+        (f"{LEVEL}\n", f"the column '{LEVEL}' of the parameter table 'FILE' has no number"),
+        (f"{LEVEL},{START}\n1,\n2,\n", f"the column '{START}' of the parameter table 'FILE' has no number"),
+        (f"{LEVEL},{LEVEL}[1]\n1,2\n", f"gives {LEVEL}[1] a second value"),
+        ("", "'FILE' is empty"),
+        ("<a/>\n1\n", "'<a/>' is not a variable"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence(fmu_folder: Path, tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "levels.csv"
+    file.write_text(text)
+    with pytest.raises(ec.CommandError) as caught:
+        values(fmu_folder, file)
+    assert said.replace("FILE", str(file)) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_columns_of_anything_else_are_refused(fmu_folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "levels.parquet"
+    for column in ([[1.0]], ["one"], [None], [float("nan")], [True]):
+        polars.DataFrame({LEVEL: column}).write_parquet(file)
+        with pytest.raises(ec.CommandError, match=r"levels\.parquet"):
+            values(fmu_folder, file)
+    file.write_bytes(b"PAR1 and nothing more")
+    with pytest.raises(ec.CommandError, match="not a Parquet file"):
+        values(fmu_folder, file)
+    with pytest.raises(ec.CommandError, match="cannot be read"):
+        values(fmu_folder, tmp_path / "gone.csv")
+
+
+def test_a_list_sets_the_elements_of_an_array(emla: Emla, fmu_folder: Path) -> None:
+    Path("mine.toml").write_text(
+        f'system = "lift"\nstop_time = 0.001\n[set]\n"{LEVEL}" = ["30 kN", 4e4]\n"{START}" = [0, "2 ms"]\n'
+    )
+    one_more = ("--set", f"{LEVEL}[2]=50 kN")
+    assert emla("run", "mine.toml", "--no-plots", *one_more, "--output", "out").exit_code == 0
+    record = recorded("out")
+    assert record["settings"]["set"][f"{LEVEL}[1]"] == "30 kN"
+    found = start_values(record)
+    assert [found[f"{LEVEL}[{i}]"] for i in (1, 2)] == [30e3, 50e3]
+    assert [found[f"{START}[{i}]"] for i in (1, 2)] == [0, 0.002]
+    again = emla("rerun", "out", "--fmus", str(fmu_folder), "--no-plots")
+    assert "to the last bit" in again.stdout
+    for many in ([30e3, 40e3], (30e3, 40e3), np.array([30e3, 40e3])):
+        found = values(fmu_folder, set={LEVEL: many})
+        assert [found[f"{LEVEL}[{i}]"] for i in (1, 2)] == [30e3, 40e3]
+    found = values(fmu_folder, set={"*.load.level": [1.0, 2.0]})
+    assert [found[f"{LEVEL}[{i}]"] for i in (1, 2)] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("many", "said"),
+    [
+        ([], "is an empty list"),
+        ([[1.0, 2.0]], "must be a number"),
+        ([1.0, None], "must be a number"),
+        ([1.0, float("nan")], "out of range"),
+        ([1.0] * 7, "no variable 'load.level[7]'"),
+        (["30 kV"], "has the units kV and N"),
+    ],
+)
+def test_lists_that_do_not_fit(fmu_folder: Path, many: list[Any], said: str) -> None:
+    with pytest.raises(ec.CommandError) as caught:
+        ec.load("lift", fmus=fmu_folder, set={LEVEL: many}).prepare().close()
+    assert said in str(caught.value)
