@@ -359,7 +359,7 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     if unit and isinstance(value, str):
         value = _in_unit(value, unit, label)
     if option.about.arrays and isinstance(value, Mapping):
-        value = _with_elements(value, label)
+        value = _with_elements(value)
     objects = {}
     if takes is not None and isinstance(value, Mapping):
         objects = {name: one for name, one in value.items() if isinstance(one, takes)}
@@ -372,17 +372,15 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     return found
 
 
-def _with_elements(values: Mapping[Any, Any], label: str) -> dict[Any, Any]:
-    """A table with name[1], name[2] in the place of a name that has a list; CommandError for an empty one."""
+def _with_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
+    """A table with name[1], name[2] in the place of a name that has a list."""
     found: dict[Any, Any] = {}
     for name, value in values.items():
         many = value.tolist() if getattr(value, "ndim", 0) and value.size != 1 else value
-        if not isinstance(many, (list, tuple)):
-            found[name] = value
-        elif many:
+        if isinstance(many, (list, tuple)) and many:
             found |= {f"{name}[{i}]": one for i, one in enumerate(many, 1)}
         else:
-            raise CommandError(f"'{name}' in {label} is an empty list; it must have values.", name=name)
+            found[name] = value
     return found
 
 

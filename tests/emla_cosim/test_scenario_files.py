@@ -317,7 +317,7 @@ def test_a_file_wins_over_the_package_that_it_names(emla: Emla) -> None:
         ('system = "lift"\nset = 1\n', ["'set'", "must be a table"]),
         (
             'system = "lift"\n[set]\n"lift.plant.start.x_L" = [1]\n',
-            ["'lift.plant.start.x_L' in 'set'", "must be a number"],
+            ["no variable 'start.x_L[1]'; did you mean start.x_L"],
         ),
         (
             'system = "lift"\n[set]\nlift.plant.motor.R_s = []\n',
