@@ -175,11 +175,11 @@ def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
     result = merged.run(stop_time=0.5, output_interval=1e-4)
     assert set(result.metrics["joints"]) == set(JOINTS)
     for picture in JOINT_FIGURES.values():
-        for panel in picture.panels:
-            for curve in panel.curves:
-                for i, joint in enumerate(JOINTS, 1):
-                    name = picture.find(joint, curve.signal, result.names, {})
-                    assert name is not None and (name.startswith(f"{joint}.") or name.endswith(f"[{i}]"))
+        signals = {name for panel in picture.panels for curve in panel.curves for name in curve.names}
+        for signal in signals - {"P_L"}:  # which the motor alone does not know
+            for i, joint in enumerate(JOINTS, 1):
+                name = picture.find(joint, signal, result.names, {})
+                assert name is not None and (name.startswith(f"{joint}.") or name.endswith(f"[{i}]"))
     errors = {joint: result.metrics["joints"][joint]["position_error_m"] for joint in JOINTS}
     late = result.time >= 0.3
     found = np.abs(column(result, "x_L") - column(result, "x_d"))[late].max(axis=0)

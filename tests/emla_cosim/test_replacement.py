@@ -204,6 +204,7 @@ def test_pictures_are_drawn(emla: Emla, foreign: tuple[str, ...]) -> None:
     assert result.exit_code == 0, result.output
     assert {p.name for p in Path("out").glob("*.png")} == {
         "tracking.png", "errors.png", "currents.png", "voltages.png", "torque.png", "observer.png",
+        "power.png", "adaptation.png",
     }  # fmt: skip
 
 

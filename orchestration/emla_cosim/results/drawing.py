@@ -7,6 +7,7 @@ import numpy as np
 
 from ..arrays import Indices, Vector
 from ..report.curves import drawable, thinned
+from ..report.text import shortened
 from .panels import ShownLine, ShownPanel
 from .style import GREY, RED, new_figure, tidied, with_margins
 
@@ -20,12 +21,15 @@ _EARLY = 0.45
 _WIDE = 0.62
 """The part of the width that it gets."""
 
+_LETTERS = 13
+"""What fits into an inch of the line below the title."""
+
 _NEAR = 0.3
 """A limit is shown if curves come so near to it, relative to what they span."""
 
 
-def drawn_panels(panels: Sequence[ShownPanel], title: str, rest: float | None = None) -> "Figure":
-    """Panels that stand row by row, each with a panel for each column, as a picture.
+def drawn_panels(panels: Sequence[ShownPanel], title: str, run: str, rest: float | None = None) -> "Figure":
+    """Panels that stand row by row, each with a panel for each column, as a picture of a run.
 
     Rows in which nothing changes have no axes: their values stand under the names of the columns. `rest` is
     the time in s from which nothing moves any more.
@@ -46,7 +50,10 @@ def drawn_panels(panels: Sequence[ShownPanel], title: str, rest: float | None = 
         if split is not None:
             _widen(grid[-1, j], split)
         grid[-1, j].set_xlabel("time / s" if split is None else f"time / s, wider until {split[1]:.2g} s")
-    figure.suptitle(title, fontsize=12, fontweight="bold", parse_math=False)
+    width, height = figure.get_size_inches()
+    figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12, fontweight="bold", parse_math=False)
+    said_of_run = shortened(run, int(_LETTERS * width))
+    figure.text(0.5, 1.0 - 0.4 / height, said_of_run, ha="center", color=GREY, fontsize=9, parse_math=False)
     with_margins(figure, grid)
     return figure
 

@@ -128,7 +128,7 @@ class Picture(Drawing):
         shown = self.resolved(result, data)
         if all(is_constant(panel) for panel in shown):
             return None
-        return drawn_panels(shown, f"{self.title} \u00b7 {headline(result)}", self._rest(result, data))
+        return drawn_panels(shown, self.title, headline(result), self._rest(result, data))
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[ShownPanel]:
         """What it shows, row by row: a panel for each column that there are signals for."""

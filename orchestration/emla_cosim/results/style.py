@@ -62,7 +62,7 @@ def with_margins(figure: "Figure", grid: np.ndarray) -> None:
     """
     rows, columns = grid.shape
     width, height = figure.get_size_inches()
-    left, right, bottom, top = 0.95, 0.15, 0.55, 0.7
+    left, right, bottom, top = 0.95, 0.15, 0.55, 0.78
     between, below = 0.75, 0.25
     wide = (width - left - right - between * (columns - 1)) / columns
     high = (height - bottom - top - below * (rows - 1)) / rows

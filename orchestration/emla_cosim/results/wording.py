@@ -2,9 +2,10 @@
 
 import json
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..report.text import shortened, visible
+from ..report.text import visible
 from ..wording import counted
 
 if TYPE_CHECKING:
@@ -56,10 +57,15 @@ def how_stepped(result: "Result") -> Iterator[str]:
         )
 
 
-def headline(result: "Result", most: int = 110) -> str:
-    """The scenario and what was changed in it, on a line of so many letters."""
-    words = ", ".join(f"{name} {value}".removeprefix("set ") for name, value in changes(result))
-    return shortened(visible(" \u00b7 ".join(filter(None, (result.name, words)))).replace("\n", " "), most)
+def headline(result: "Result") -> str:
+    """The scenario and what was changed in it, files by their names, on one line."""
+    words = ", ".join(f"{name} {_named(value)}".removeprefix("set ") for name, value in changes(result))
+    return visible(" \u00b7 ".join(filter(None, (result.name, words)))).replace("\n", " ")
+
+
+def _named(value: str) -> str:
+    """A value, of a file its name."""
+    return Path(value).name if value.startswith(("/", "\\\\")) or value[1:3] == ":\\" else value
 
 
 def changes(result: "Result") -> list[tuple[str, str]]:

@@ -10,6 +10,7 @@ from PIL import Image
 
 import emla_cosim as ec
 from emla_cosim.errors import CommandError, RunError
+from emla_cosim.results.by_unit import BY_UNIT
 from emla_cosim.results.plotting import draw
 from emla_cosim.results.result import Result
 from emla_cosim.study.figures import MACHINE_FIGURES
@@ -31,7 +32,10 @@ def moved(result: Result) -> Movement:
 
 
 def drawn(result: Result, folder: Path) -> set[str]:
-    return {path.name for path in draw(result, folder, lambda _: None)}
+    """The pictures of a machine among those that were drawn."""
+    return {path.name for path in draw(result, folder, lambda _: None)} - {
+        *(f"{name}.png" for name in BY_UNIT)
+    }
 
 
 def film(result: Result) -> MachineFilm:
@@ -191,7 +195,7 @@ def _lines(found: MachineFilm) -> Mapping[str, np.ndarray]:
 def test_a_result_is_saved_with_its_animation(tmp_path: Path) -> None:
     run = replayed(duration=1.0)
     pictures = run.save(tmp_path, animate=True)
-    assert {path.name for path in pictures} == {"manipulator.png", "manipulator.gif"}
+    assert {path.name for path in pictures} == {"manipulator.png", "manipulator.gif", "signals.png"}
     with Image.open(tmp_path / "manipulator.gif") as animation:
         assert getattr(animation, "n_frames", 0) == len(film(run)) == 12
     assert (tmp_path / "results.csv").exists()
