@@ -10,6 +10,8 @@ from .info.parts import ConnectionInfo as ConnectionInfo
 from .info.parts import FmuInfo as FmuInfo
 from .info.parts import VariableInfo as VariableInfo
 from .info.told import Info as Info
+from .inputs.input import Column as Column
+from .inputs.input import Input as Input
 from .loading import load as load
 from .master.algorithms.algorithm import Algorithm as Algorithm
 from .master.algorithms.explicit import Explicit as Explicit

@@ -10,10 +10,12 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 COMMANDS = {
-    "build": "Build FMUs.",
-    "list": "List scenarios, plans of sweeps, models and what else can be chosen.",
-    "run": "Run a scenario: progress, a table of results, and an output folder with data and plots.",
-    "plot": "Draw signals of runs, several over one another.",
+    "build": "Build our FMUs, or yours from a Python block, for other tools and all platforms.",
+    "list": "List the scenarios, plans, models and gains that have names.",
+    "info": "Tell what an FMU, an SSP or a scenario is made of: variables, and what can be set.",
+    "run": "Run a scenario: figures on the screen; data, pictures and a record in a folder.",
+    "rerun": "Repeat a run from its run.json, and say what is not as it was.",
+    "plot": "Draw signals of runs that were kept, one over the other.",
     "sweep": "Run many variants of a scenario side by side: grids, Monte Carlo, sensitivities.",
     "compare": "Run a scenario with several controllers side by side, also as the paper's tables.",
     "tune": "Find gains: optimised over cases that are simulated, validated on other seeds.",

@@ -17,7 +17,22 @@ from .inputs.input import Input
 from .master.algorithms.algorithm import Algorithm
 from .master.algorithms.registry import ALGORITHMS
 from .models import FLAVOURS, PLATFORMS
-from .option import COMPARE, EXPORT, INFO, OUTPUT, RUN, STEPPING, SWEEP, SYSTEM, Option, option, options_of
+from .option import (
+    COMPARE,
+    EXPORT,
+    INFO,
+    OUTPUT,
+    RUN,
+    STEPPING,
+    SWEEP,
+    SYSTEM,
+    Entered,
+    Option,
+    option,
+    options_of,
+)
+from .patterns import fits, has_wildcard
+from .quantities import quantity, unit_named
 from .recorders.recorder import Recorder
 from .recorders.registry import RECORDERS, TABLES
 from .system.fault import Fault, read_faults
@@ -78,16 +93,22 @@ class Options:
         takes=type,
         help="Controller of all joints: a name (`emla list` shows them), your FMU, or your block as "
         "FILE.py:BLOCK.",
-        commands=(RUN, EXPORT, SWEEP),
+        commands=(RUN, EXPORT, SWEEP, INFO),
     )
     gains: str | None = _system(
         help="Set of gains for controller and observer (`emla list` shows them). Default: the controller's "
         "first.",
-        commands=(RUN, EXPORT, SWEEP),
+        commands=(RUN, EXPORT, SWEEP, INFO),
     )
     trajectory: Path | None = _system(
         help="Motion that the manipulator follows, a file that `emla trajectory` wrote.",
         metavar="FILE.json",
+    )
+    actuator: Mapping[str, Path | Entered] = _system(
+        {},
+        help="Another actuator for a joint, from its data sheets: docs/actuator.md (repeatable).",
+        metavar="JOINT=FILE.toml",
+        takes=Entered,
     )
     flavour: str = _system(
         "native",
@@ -209,6 +230,9 @@ class Options:
     animate: bool = _output(
         False, help="Draw an animation of the manipulator, a GIF.", recorded=False, commands=(RUN,)
     )
+    report: bool = _output(
+        False, help="Write a page to look at and to keep, report.html.", recorded=False, commands=(RUN,)
+    )
     checkpoint: Path | None = _output(
         help="Save the state of the run to this file every minute and at the end, for --resume.",
         in_file=False,
@@ -278,6 +302,9 @@ class Options:
         if self.trajectory is not None:
             found[self.trajectory] = "the trajectory"
         found |= {source.file: "the input" for source in self.input if source.file is not None}
+        for actuator in self.actuator.values():
+            if (file := actuator.file if isinstance(actuator, Entered) else actuator) is not None:
+                found[file] = "the actuator"
         if isinstance(self.controller, str) and self.controller.lower().endswith(".fmu"):
             found[Path(self.controller)] = "the FMU"
         if self.reference is not None:

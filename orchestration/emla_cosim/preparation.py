@@ -42,7 +42,8 @@ def prepared(system: System, options: Options, progress: Progress) -> tuple[Syst
         interfaces |= read_interfaces(placed.fmus)
         for note in placed.notes:
             progress.note(f"Note: {note}")
-    system = with_faults(system, faults, interfaces).with_parameters(options.set)
+    system = with_faults(system, faults, interfaces)
+    system = system.with_parameters(start_values(system, interfaces, options.set))
     for name, replacement in replacements.items():
         other = read_interface(replacement.fmu)
         system = _replaced(system, name, replacement, other, interfaces, progress)

@@ -24,6 +24,7 @@ from .master.stepping.pacing import Pacing
 from .master.stepping.stepping import ROUNDING, Stepping
 from .master.stepping.timing import Timing
 from .options import Options
+from .origin import Origin
 from .preparation import prepared, until_data_end
 from .progress import Progress
 from .recorders.checkpoints import Checkpoints, resumable

@@ -2,8 +2,9 @@
 
 import math
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
@@ -13,7 +14,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from .errors import CosimError
-from .results.wording import cell, how_stepped
+from .results.telling import cell, how_stepped
+from .wording import counted
 
 if TYPE_CHECKING:
     from .recorders.metrics import Figures, Shown
@@ -40,6 +42,8 @@ class _Stderr:
 _MOST_SIGNALS = 10
 """That left their tubes: so many have a row."""
 
+_UNFOLDED = 10_000
+"""Columns that no table needs."""
 _MOST_FIGURES = 20
 """Signals whose figures have a row."""
 
@@ -81,7 +85,7 @@ def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
     """
     if _wanted.quiet and not asked_for:
         return
-    try:
+    with _written():
         OUT.print(shown, **how)
 
 
@@ -202,50 +206,3 @@ def _show_agreement(result: "Result") -> None:
     if len(left) > _MOST_SIGNALS:
         table.add_row(f"and {len(left) - _MOST_SIGNALS} more, in run.json")
     show(table)
-
-
-def _speed(result: "Result") -> Iterator[str]:
-    if not (result.wall_s > 0 and result.steps):
-        return
-    rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
-    rejected = result.stepping.get("rejected_steps")
-    tried = f" ({rejected} more rejected)" if rejected is not None else ""
-    slowly = "" if result.stepping.get("compiled", True) else ", not compiled"
-    yield (
-        f"{counted(result.steps, 'step')}{tried} in {result.wall_s:.2f} s: "
-        f"{rate:,.0f} steps/s, {factor:.2g} x real time{slowly}"
-    )
-    if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
-        yield f"The compiled loop could not be kept, the next run has to compile it again: {reason}"
-    loops = result.stepping.get("loops", [])
-    if loops:
-        each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps
-        what = "One loop" if len(loops) == 1 else f"{len(loops)} loops"
-        yield f"{what} agreed after {each:.3g} {'sweep' if each == 1 else 'sweeps'} a step"
-    late = result.stepping["late_connections"]
-    if late:
-        come = counted(len(late), "connection comes", "connections come")
-        yield f"{come} one step late; run.json names {'it' if len(late) == 1 else 'them'}"
-    if result.pacing is not None:
-        kept = result.pacing
-        yield (
-            f"{counted(int(kept['overruns']), 'overrun')} at {counted(int(kept['points']), 'point')} of "
-            f"{kept['factor']:g} x real time; "
-            f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
-        )
-
-
-def cell(value: Any, figure: "Shown") -> str:
-    """A figure as the table has it, in the unit of its row unless it says another one."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int) and figure.factor == 1:
-        return f"{value:,}"
-    scaled = figure.factor * value
-    if value != value:
-        return "none"
-    if abs(scaled) < 1e4:
-        return f"{scaled:.4g}"
-    if figure.large:
-        return f"{value:.4g} {figure.large}"
-    return f"{scaled:,.0f}" if abs(scaled) < 1e12 else f"{scaled:.4g}"

@@ -12,6 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -510,6 +511,34 @@ def test_the_actuator_of_a_scenario_file_converges_as_well_as_from_python(
     for name, value in {"actuator": {"prototype": FILE}, "controller": "foc"}.items():
         with pytest.raises(ec.CommandError, match=f"is made already; give {name} where"):
             again.prepare(**{name: value})
+
+
+def test_actuator_measured_load_and_measured_reference_run_with_one_command(
+    emla: Emla, tmp_path: Path
+) -> None:
+    """All three as files; the actuator's stroke has no room for the reference of the scenario."""
+    text = FILE.read_text(encoding="utf-8").replace('stroke = "400 mm"', 'q_LB = "190 mm"\nstroke = "90 mm"')
+    (tmp_path / "my.toml").write_text(text, encoding="utf-8")
+    times = np.linspace(0.0, 2.0, 201)
+    position, force = 240.0 - 30.0 * np.cos(np.pi * times), 9.0 + 3.0 * np.sin(np.pi * times)
+    for name, header, values in (("ref", "Position [mm]", position), ("load", "Force [kN]", force)):
+        rows = [f"{t!r},{x!r}" for t, x in zip(times.tolist(), values.tolist(), strict=True)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([f"time,{header}", *rows]), encoding="utf-8")
+    moved = ("x_d=Position", "v_d=der(Position)", "a_d=der(der(Position))")
+    reference = ",".join(f"prototype.reference.{one}" for one in moved)
+    result = emla(
+        *("run", "prototype", "--actuator", "prototype=my.toml", "--output", "out", "--no-plots"),
+        *("--input", "load.csv:prototype.disturbance.F_L=Force"),
+        *("--input", f"ref.csv:{reference},interpolation=cubic"),
+        *("--set", "prototype.plant.start.x_L=0.206", "--set", "prototype.observer.start.x_hat=0.206"),
+        *("--stop-time", "2"),
+    )
+    assert result.exit_code == 0, result.output
+    figures = json.loads((tmp_path / "out/metrics.json").read_text(encoding="utf-8"))["joints"]["prototype"]
+    assert figures["converged"] and figures["left_limits"] is None
+    assert 0.0 < figures["position_error_m"] < 1e-4
+    most = 12e3 * 2e-3 / (2 * math.pi) / 0.8075
+    assert figures["torque_effort_N_m"] == pytest.approx(most, rel=0.1)
 
 
 def test_the_terminal_shows_sheet_and_model_before_the_run(

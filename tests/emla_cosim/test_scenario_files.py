@@ -101,6 +101,7 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
 
 ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plots", "require", "signals"} | {
     "animate",
+    "actuator",
     "input",
     "report",
     "parameters",

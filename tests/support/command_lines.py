@@ -198,6 +198,14 @@ _export = st.builds(
     _paths | st.sampled_from(["new.ssp", "ok.ssp"]),
     _options(EXPORT) | st.just([("--nested",)]),
 )
+_rerun = st.builds(
+    lambda quiet, file, options: _joined(
+        (*quiet, "rerun", file, "--fmus", FMUS, "--no-plots", "--output", "out"), *options
+    ),
+    st.sampled_from([(), ("-q",)]),
+    _paths | st.sampled_from(["ok.json"]),
+    _options(RUN),
+)
 _shown = st.sampled_from(
     [("--json",), ("--json", "device"), ("--match", "*.x_L"), ("--match", ODD), ("--match",)]
 )
@@ -224,7 +232,7 @@ _words = st.lists(_nonsense | _texts | st.sampled_from(["run", "list", "export",
     tuple
 )
 _list = st.lists(_nonsense | _texts, max_size=1).map(lambda more: ("list", *more))
-commands = _weighted((12, _run), (3, _export), (3, _info), (1, _build), (1, _list), (2, _words))
+commands = _weighted((12, _run), (3, _export), (2, _rerun), (3, _info), (1, _build), (1, _list), (2, _words))
 
 
 # ---- surroundings ----------------------------------------------------------------------------------

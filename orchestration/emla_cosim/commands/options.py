@@ -15,8 +15,8 @@ from ..option import Option
 from ..options import read_option, table
 
 SOURCE = (
-    "What to run: a name that `emla list` shows, a scenario file (.toml), an SSP (.ssp, .ssd, or folder), or "
-    "the run.json of a run."
+    "What to run: a name that `emla list` shows, a scenario file (.toml), an SSP (.ssp, .ssd, or folder), an "
+    "FMU (.fmu), or the run.json of a run."
 )
 """What commands that take a scenario say of it."""
 
@@ -118,7 +118,7 @@ def _text_type(option: Option) -> Any:
         return str
     if origin is Sequence:
         return list[str if hasattr(inner[0], "of_text") else inner[0]]  # type: ignore[misc]
-    if option.about.takes is not None:
+    if option.about.takes is not None or option.about.unit:
         return str
     return next(t for t in (*inner, option.type) if t is not NoneType)
 

@@ -76,6 +76,7 @@ def run_into(
                     )
                     remembered.keep()
     show_result(result, [note for note in chosen.notes if note not in told], output, pictures)
+    tell(result)
     if result.problem is not None:
         raise CosimError(f"{result.problem} What was computed is in {output.path}.")
 

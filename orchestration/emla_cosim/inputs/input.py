@@ -136,17 +136,18 @@ class Input(Entered):
     def record(self) -> dict[str, Any]:
         """What run.json says of it, with the hash of the file; None in its place where it cannot be read."""
         if self.file is None:
-            return {"data": "given in Python", **self._settings()}
+            return {"data": "given in Python", **self._told()}
         try:
             digest = hashlib.sha256(self.file.read_bytes()).hexdigest()
         except OSError:
             digest = None
-        return {"file": str(self.file), "sha256": digest, **self._settings()}
+        return {"file": str(self.file), "sha256": digest, **self._told()}
 
     def repeatable(self) -> dict[str, Any] | None:
         """Its file, and all that is said of it."""
-        return None if self.file is None else {"file": str(self.file), **self._settings()}
+        return None if self.file is None else {"file": str(self.file), **self._told()}
 
-    def _settings(self) -> dict[str, Any]:
+    def _told(self) -> dict[str, Any]:
+        """What is said of the data beside where they are."""
         told = {"signals": {s: str(c) for s, c in self.signals.items()}, "columns": list(self.columns)}
         return told | {name: getattr(self, name) for name in _SETTINGS}

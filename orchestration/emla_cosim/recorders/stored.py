@@ -10,7 +10,7 @@ from ..arrays import Vector
 from ..errors import CommandError
 from .csv_file import columns_of, read_csv
 
-_COMPARED = "the run to compare with"
+_REFERENCE = "the run to compare with"
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class StoredRun:
 
     path: Path
     names: Sequence[str]
-    what: str = _COMPARED
+    what: str = _REFERENCE
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Columns by name, `time` in s among them if it is named. Raises CommandError.
@@ -36,7 +36,7 @@ class StoredRun:
             raise _unreadable(self.path, self.what, error) from error
 
 
-def stored_run(place: Path, what: str = _COMPARED) -> StoredRun:
+def stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
     """The run in a folder of results, or in a table of its own; CommandError where there is none.
 
     Sentences call it `what`.

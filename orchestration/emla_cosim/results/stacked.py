@@ -3,9 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from ..arrays import Indices, Vector
+from ..arrays import Vector
+from ..report.curves import drawable, thinned
 from .panels import ShownLine, ShownPanel
 from .style import COLORS, new_figure, tidied
 
@@ -21,9 +20,6 @@ MOST_PANELS = 24
 
 _TALLEST = 8
 """So many panels stand below one another."""
-
-_PARTS = 600
-"""Of each of so many parts of the time, a line shows its smallest and its largest value."""
 
 _LONGEST = 44
 """Letters of a name that are shown."""
@@ -54,10 +50,11 @@ def panels_needed(names: Sequence[str], units: Mapping[str, str]) -> int:
 
 def panel(column: str, unit: str, time: Vector, values: Mapping[str, Vector], first: int = 0) -> ShownPanel:
     """A panel of lines by their labels, thinned; colours begin with the one at `first`."""
-    rows = _kept(time, list(values.values()))
+    drawn = {label: drawable(each) for label, each in values.items()}
+    rows = thinned(*drawn.values()) if len(time) else slice(None)
     lines = (
         ShownLine(label, each[rows], COLORS[i % len(COLORS)], dashed=i // len(COLORS) % 2 == 1)
-        for i, (label, each) in enumerate(values.items(), first)
+        for i, (label, each) in enumerate(drawn.items(), first)
     )
     return ShownPanel(column, unit, time[rows], tuple(lines))
 
@@ -104,18 +101,3 @@ def _draw(axes: "Axes", row: Sequence[ShownPanel], titled: bool) -> None:
     if (legend := axes.get_legend()) is not None:
         legend.set_loc("center left")
         legend.set_bbox_to_anchor((1.0, 0.5))  # beside the curves, which it would hide
-
-
-def _kept(time: Vector, lines: Sequence[Vector]) -> Indices:
-    """The rows that show every line as all rows would: the first, the last, and each part's extremes."""
-    size = -(-len(time) // _PARTS)
-    if size <= 2:
-        return np.arange(len(time))
-    whole = len(time) // size * size
-    starts = np.arange(0, whole, size)
-    kept = [np.array([len(time) - 1]), starts]
-    for values in lines:
-        parts = values[:whole].reshape(-1, size)
-        kept.append(starts + np.where(np.isnan(parts), np.inf, parts).argmin(axis=1))
-        kept.append(starts + np.where(np.isnan(parts), -np.inf, parts).argmax(axis=1))
-    return np.unique(np.concatenate(kept))

@@ -15,19 +15,21 @@ from ..origin import Origin, of_file, with_gains
 from ..ssp.reader.reading import Document, read_ssp
 from ..system.model import System
 from .built_in import FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, built_in
+from .recorded import recorded_run
 from .scenario import MADE_OF, Scenario
 from .scenario_file import ScenarioFile, parse_scenario
 from .single_fmu import single_fmu
 
 _SSP = (".ssp", ".ssd")
+_FMU = ".fmu"
 
 
 def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Scenario:
     """The scenario that a name or a path means, or that runs a system; with these options.
 
     A path leads to a scenario file (.toml) or to an SSP: package, folder or SSD, with `#Variant.ssd`
-    for another SSD than the default one; or to the run.json of a run to repeat. Raises
-    CommandError for whatever is wrong with it.
+    for another SSD than the default one; to an FMU (.fmu), which runs alone; or to the run.json of a run
+    to repeat. Raises CommandError for whatever is wrong with it.
     """
     if isinstance(source, System):
         return Scenario("system", "", source).with_options(given)
@@ -37,16 +39,20 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
     if name in SCENARIOS:
         return _of_file(built_in(name), name, given, Origin(name))
     if path.suffix.lower() == ".toml":
-        read = parse_scenario(read_text(path, "the scenario"), str(path), path.parent)
-        return _of_file(read, path.stem, given)
+        text = read_text(path, "the scenario")
+        read = parse_scenario(text, str(path), path.parent)
+        return _of_file(read, path.stem, given, of_file(path, text.encode()))
+    if path.suffix.lower() == ".json":
+        recorded = recorded_run(path, given)
+        return load_scenario(recorded.source, recorded.with_options(given))
     read = ScenarioFile("", "", {}, str(path), Path())
     if is_fmu(path):
-        return _of_fmu(path, None, read, given)
+        return _of_fmu(path, None, read, given, _of_package(path))
     if _is_ssp(path):
-        return _of_ssp(path, None, ScenarioFile("", "", {}, str(path), Path()), given, _of_package(path))
+        return _of_ssp(path, None, read, given, _of_package(path))
     raise CommandError(
         f"there is no scenario '{name}'; choose from {listed(SCENARIOS)}, or name a file that "
-        "ends in .toml, .ssp or .ssd, or the run.json of a run.",
+        "ends in .toml, .ssp, .ssd or .fmu, or the run.json of a run.",
         name=name,
         choices=list(SCENARIOS),
     )
@@ -57,7 +63,7 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Or
     if read.system not in SYSTEMS:
         file = read.folder / read.system
         if is_fmu(file):
-            return _of_fmu(file, name, read, given)
+            return _of_fmu(file, name, read, given, origin)
         if not _is_ssp(file):
             raise CommandError(
                 f"the scenario '{read.where}' names the system '{read.system}', which is neither an SSP, "
@@ -66,8 +72,8 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Or
         return _of_ssp(file, name, read, given, origin)
     options = Options()
     for layer in (built_in(read.system), read):
-        options = options.updated(_with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
-    options = options.updated(_with_gains(given))
+        options = options.updated(with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
+    options = options.updated(with_gains(given))
     made_of: dict[str, Any] = {}
     if options.trajectory is not None:
         if read.system not in FOLLOWING:
@@ -80,7 +86,7 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Or
         made_of["actuators"] = options.actuator
     system = SYSTEMS[read.system](options.controller, options.gains, **made_of)
     notes = [note for remark in REMARKS for note in remark(system, options)]
-    return Scenario(name, read.description, system, options, tuple(notes))
+    return Scenario(name, read.description, system, options, tuple(notes), origin=origin.updated(given))
 
 
 def _read(option: str, given: Mapping[str, Path | Entered]) -> dict[str, Entered]:
@@ -89,31 +95,33 @@ def _read(option: str, given: Mapping[str, Path | Entered]) -> dict[str, Entered
     return {name: one if isinstance(one, Entered) else reader(one) for name, one in given.items()}
 
 
-def _of_ssp(
-    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: Origin
-) -> Scenario:
-    """The scenario of an SSP, with what a scenario file says about it."""
+def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
+    """Raise CommandError where an option of built-in systems is given to another system."""
     for option, has in MADE_OF.items():
         if option in given or option in read.options:
             raise CommandError(f"'{read.where}' has its own {has}; --{option} is for built-in systems.")
 
 
-def _of_fmu(path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any]) -> Scenario:
+def _of_fmu(
+    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: Origin
+) -> Scenario:
     """The scenario of one FMU, with what a scenario file says about it."""
     _refuse_of_built_in(read, given)
-    alone = single_fmu(path, {**read.options, **given})
-    options = Options().updated(alone.times)
-    options = options.updated(read.options, f"the scenario '{read.where}'", read.folder)
+    options = Options().updated(read.options, f"the scenario '{read.where}'", read.folder).updated(given)
+    alone = single_fmu(path, options)
     return Scenario(
         name or alone.name,
         read.description or alone.description,
         alone.system,
-        options.updated(given),
+        options.updated(alone.times),
         alone.notes,
+        origin=origin.updated(given),
     )
 
 
-def _of_ssp(path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any]) -> Scenario:
+def _of_ssp(
+    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: Origin
+) -> Scenario:
     """The scenario of an SSP, with what a scenario file says about it."""
     _refuse_of_built_in(read, given)
     held = Held()
@@ -133,7 +141,7 @@ def _of_ssp(path: Path, name: str | None, read: ScenarioFile, given: Mapping[str
 
 
 def _of_package(path: Path) -> Origin:
-    """The origin that an SSP is, by the content of its one file where it is one."""
+    """The origin that an SSP or an FMU is, by the content of its one file where it is one."""
     file = path if path.is_file() else _without_variant(path)
     return of_file(path, file.read_bytes() if file.is_file() else None)
 

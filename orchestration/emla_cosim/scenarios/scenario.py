@@ -8,6 +8,7 @@ from typing import Any
 from ..errors import CommandError, called_as_in
 from ..experiment import run_times
 from ..options import Options
+from ..origin import Origin
 from ..preparation import prepared, until_data_end
 from ..progress import Progress
 from ..simulation import Simulation
@@ -36,10 +37,6 @@ class Scenario:
     holds: object = field(default=None, compare=False, repr=False)
     origin: Origin = field(default_factory=Origin, compare=False, repr=False)
 
-    def updated(self, options: Mapping[str, Any]) -> "Scenario":
-        """The scenario with further options, by name; CommandError for what does not fit."""
-        return replace(self, options=self.options.updated(options), origin=self.origin.updated(options))
-
     def with_options(self, given: Mapping[str, Any]) -> "Scenario":
         """The scenario with other options, by name; CommandError for those that its system was made of."""
         for name in MADE_OF:
@@ -48,7 +45,7 @@ class Scenario:
                     f"the system of '{self.name}' is made already; give {name} where a scenario is loaded.",
                     option=name,
                 )
-        return replace(self, options=self.options.updated(given))
+        return replace(self, options=self.options.updated(given), origin=self.origin.updated(given))
 
     def prepare(self, progress: Progress | None = None, **options: Any) -> Simulation:
         """Build and load all FMUs and compile the loop, so that it can be run many times.
@@ -56,8 +53,10 @@ class Scenario:
         `options` are those of `Options`, by name. Raises CommandError for what does not fit,
         RunError where FMUs cannot be built.
         """
-        chosen = self.with_options(options).options
-        return Simulation(self.system, chosen, self.name, progress, self.unpacked, self.holds)
+        chosen = self.with_options(options)
+        return Simulation(
+            self.system, chosen.options, self.name, progress, self.unpacked, self.holds, chosen.origin
+        )
 
     def export(
         self, file: str | Path, nested: bool = False, progress: Progress | None = None, **options: Any
@@ -67,7 +66,8 @@ class Scenario:
         `nested` makes one system of all components with the same first part of their names. Raises
         CommandError for what does not fit, RunError where something cannot be built or written.
         """
-        chosen, told = self.with_options(options).options, progress or Progress()
+        chosen = until_data_end(self.with_options(options).options)
+        told = progress or Progress()
         times = run_times(chosen, self.name)
         experiment = Experiment(times.start, times.stop, times.step)
         with called_as_in(self.unpacked):

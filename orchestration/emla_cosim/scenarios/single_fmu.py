@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..fmu.interface import Interface, read_interface
+from ..options import Options
 from ..system.model import Component, System
 
 SPAN = 10.0
@@ -34,14 +35,14 @@ class SingleFmu:
     notes: tuple[str, ...]
 
 
-def single_fmu(path: Path, given: Mapping[str, Any]) -> SingleFmu:
-    """An FMU as a system of one component; `given` are options that win over its times.
+def single_fmu(path: Path, options: Options) -> SingleFmu:
+    """An FMU as a system of one component; times of the options win over its own.
 
     Raises CommandError for a file that is no FMU, or nothing this master can run.
     """
     interface = read_interface(path)
     name = component_name(str(interface.description.modelName))
-    times, notes = _times(interface, given)
+    times, notes = _times(interface, options)
     description = " ".join(str(interface.description.description or "").split())
     return SingleFmu(name, description, System((Component(name, fmu=path),), ()), times, tuple(notes))
 
@@ -55,24 +56,24 @@ def component_name(model: str) -> str:
     return name if name and not name[0].isdigit() else f"model_{name}".strip("_")
 
 
-def _times(interface: Interface, given: Mapping[str, Any]) -> tuple[dict[str, float], list[str]]:
+def _times(interface: Interface, options: Options) -> tuple[dict[str, float], list[str]]:
     """Start, stop and step of the default experiment, and sentences on what it leaves open."""
     experiment = interface.description.defaultExperiment
     said = {name: _seconds(experiment, name) for name in ("startTime", "stopTime", "stepSize")}
     notes = list[str]()
-    start = _given(given, "start_time")
-    start = said["startTime"] or 0.0 if start is None else start
-    stop, end = _given(given, "stop_time"), said["stopTime"]
+    start = said["startTime"] or 0.0 if options.start_time is None else options.start_time
+    stop, end = options.stop_time, said["stopTime"]
     if stop is None:
         stop = end if end is not None and end > start else start + SPAN
         if stop != end:
             notes.append(f"the FMU does not say when to stop; it runs for {SPAN:g} s without --stop-time")
     step = said["stepSize"]
-    if step is None or not 0.0 < step <= stop - start:
+    if options.step_size is not None:
+        step = options.step_size
+    elif step is None or not 0.0 < step <= stop - start:
         step = (stop - start) / STEPS
-        if given.get("step_size") is None:
-            notes.append(f"the FMU does not say how long a step is; without --step-size it is {step:g} s")
-    elif not {"start_time", "stop_time", "step_size"} & set(given) and not _whole(stop - start, step):
+        notes.append(f"the FMU does not say how long a step is; without --step-size it is {step:g} s")
+    elif options.start_time is None and options.stop_time is None and not _whole(stop - start, step):
         fitting = (stop - start) / math.ceil((stop - start) / step)
         notes.append(f"its steps of {step:g} s do not end at {stop:g} s; it runs in steps of {fitting:g} s")
         step = fitting
@@ -84,12 +85,6 @@ def _seconds(experiment: Any, name: str) -> float | None:
     text = getattr(experiment, name, None)
     seconds = math.nan if text is None else float(text)
     return seconds if math.isfinite(seconds) else None
-
-
-def _given(given: Mapping[str, Any], name: str) -> float | None:
-    """A time among options that nobody has looked at yet."""
-    value = given.get(name)
-    return float(value) if isinstance(value, (int, float)) and math.isfinite(value) else None
 
 
 def _whole(span: float, step: float) -> bool:

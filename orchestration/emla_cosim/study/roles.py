@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 from hdrm_fmu.trajectory import JOINTS
 
+from ..errors import CommandError, listed, near_or_some
 from ..inputs.naming import data_of
 
 _PLACES: dict[str, tuple[str, ...]] = {
@@ -59,11 +60,13 @@ def variable(
 ) -> str | None:
     """The full name of what plays a role for a joint, one of `names`; None where nothing does.
 
-    What `roles` names by joint.role goes before the places above.
+    What `roles` names by joint.role goes before the places above. Where data are read in its place, it is
+    theirs.
     """
     given = (roles or {}).get(f"{joint}.{role}")
     places = _names(joint, _PLACES[role]) if given is None else (given,)
-    return next((name for name in places if name in names), None)
+    found = next((name for name in places if name in names), None)
+    return None if found is None else data_of(found, names)
 
 
 def all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:

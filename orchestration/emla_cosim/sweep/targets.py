@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, get_origin
 
 from ..inputs.input import Input
-from ..option import SWEEP, Option
+from ..option import SWEEP, Entered, Option
 from ..options import table
 from ..system.model import Replacement, Value
 

@@ -98,7 +98,7 @@ class TuningPlan:
     def loaded(self) -> Scenario:
         """The scenario, with the options of the plan. Raises CommandError for whatever is wrong with it."""
         if isinstance(self.scenario, Scenario):
-            return self.scenario.updated(self.options)
+            return self.scenario.with_options(self.options)
         return load(self.scenario, **self.options)
 
     def check(self) -> None:

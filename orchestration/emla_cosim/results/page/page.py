@@ -10,7 +10,7 @@ from ...report.comparisons import compared
 from ...report.page import Plots, rendered
 from ...wording import counted
 from ..result import Result
-from ..wording import how_stepped
+from ..telling import how_stepped
 from . import pictures, signals, tables
 from .diagram import diagrams, wires
 from .heading import heading

@@ -11,7 +11,7 @@ from ...system.model import System
 from ..trajectory import motion
 from .actuator import Actuator
 from .derived import holding_torque
-from .settings import number, numbers
+from .settings import is_own, number, numbers
 
 _ROUNDING = 1.0 + 1e-9
 _LED = "machine.trajectory"
@@ -48,7 +48,7 @@ def _motion(
     if points:
         ways = f"set {joint}.reference.waypoint[*]", f"make {joint}.reference.move.duration[*]"
         return min(points), max(points), _peak_speed(joint, system, options), ways
-    if any(c.name == _LED for c in system.components) and _LED not in options.replace:
+    if any(c.name == _LED for c in system.components) and is_own(_LED, options):
         ways = "give another --trajectory", "give a --trajectory that takes"
         return *motion(options.trajectory).travel(joint), ways
     return None

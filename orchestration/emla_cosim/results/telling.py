@@ -17,6 +17,8 @@ def cell(value: Any, figure: "Shown") -> str:
     """A figure as the table has it, in the unit of its row unless it says another one."""
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, int) and figure.factor == 1:
+        return f"{value:,}"
     scaled = figure.factor * value
     if value != value:
         return "none"
@@ -36,7 +38,7 @@ def how_stepped(result: "Result") -> Iterator[str]:
     tried = f" ({rejected} more rejected)" if rejected is not None else ""
     slowly = "" if result.stepping.get("compiled", True) else ", not compiled"
     yield (
-        f"{result.steps} steps{tried} in {result.wall_s:.2f} s: "
+        f"{counted(result.steps, 'step')}{tried} in {result.wall_s:.2f} s: "
         f"{rate:,.0f} steps/s, {factor:.2g} x real time{slowly}"
     )
     if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
@@ -44,15 +46,17 @@ def how_stepped(result: "Result") -> Iterator[str]:
     loops = result.stepping.get("loops", [])
     if loops:
         each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps
-        what = "A loop" if len(loops) == 1 else f"{len(loops)} loops"
-        yield f"{what} agreed after {each:.3g} sweeps a step"
+        what = "One loop" if len(loops) == 1 else f"{len(loops)} loops"
+        yield f"{what} agreed after {each:.3g} {'sweep' if each == 1 else 'sweeps'} a step"
     late = result.stepping["late_connections"]
     if late:
-        yield f"{len(late)} connections come one step late; run.json names them"
+        come = counted(len(late), "connection comes", "connections come")
+        yield f"{come} one step late; run.json names {'it' if len(late) == 1 else 'them'}"
     if result.pacing is not None:
         kept = result.pacing
         yield (
-            f"{kept['overruns']} overruns at {kept['points']} points of {kept['factor']:g} x real time; "
+            f"{counted(int(kept['overruns']), 'overrun')} at {counted(int(kept['points']), 'point')} of "
+            f"{kept['factor']:g} x real time; "
             f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
         )
 
