@@ -36,8 +36,8 @@ def drawn_panels(panels: Sequence[ShownPanel], title: str, run: str, rest: float
     """
     columns = list(dict.fromkeys(panel.column for panel in panels))
     rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
-    shown = [row for row in rows if not all(is_constant(panel) for panel in row)]
-    left_out = [row for row in rows if all(is_constant(panel) for panel in row)]
+    shown = [row for row in rows if changing(row)] or rows
+    left_out = [row for row in rows if not changing(row)] if changing(panels) else []
     said = {c: [_constant(row[j]) for row in left_out] for j, c in enumerate(columns)}
     figure, grid = new_figure(len(shown), len(columns), 3.9, measured=False)
     split = _split(shown, rest)
@@ -58,9 +58,14 @@ def drawn_panels(panels: Sequence[ShownPanel], title: str, run: str, rest: float
     return figure
 
 
-def is_constant(panel: ShownPanel) -> bool:
+def changing(panels: Sequence[ShownPanel]) -> bool:
+    """Whether anything changes in any of the panels, without which there is no picture of them."""
+    return not all(_is_constant(panel) for panel in panels)
+
+
+def _is_constant(panel: ShownPanel) -> bool:
     """Whether nothing changes in a panel, which has something."""
-    return bool(panel.lines) and all(len(x.values) and np.ptp(x.values) == 0.0 for x in panel.lines)
+    return bool(panel.lines) and all(len(x.values) and (x.values == x.values[0]).all() for x in panel.lines)
 
 
 def _constant(panel: ShownPanel) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Vector
 from ..files import written_whole
 from ..report.curves import drawable
-from .drawing import drawn_panels, is_constant
+from .drawing import changing, drawn_panels
 from .panels import ShownLine, ShownPanel
 from .style import BLUE, save
 from .telling import headline
@@ -126,7 +126,7 @@ class Picture(Drawing):
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
         """The panels with the curves that there are signals for."""
         shown = self.resolved(result, data)
-        if all(is_constant(panel) for panel in shown):
+        if not changing(shown):
             return None
         return drawn_panels(shown, self.title, headline(result), self._rest(result, data))
 

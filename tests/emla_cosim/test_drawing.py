@@ -1,0 +1,115 @@
+"""Panels as pictures: motion and rest apart, limits where they matter, no room for what does not change."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emla_cosim.results.drawing import changing, drawn_panels
+from emla_cosim.results.panels import ShownLine, ShownPanel
+from emla_cosim.results.plotting import Bound, Curve, Panel, Picture
+
+TIME = np.linspace(0.0, 10.0, 2001)
+MOVE = np.minimum(TIME, 1.0)
+"""At rest after 1 s."""
+
+
+def panel(values: np.ndarray, label: str = "x / m", column: str = "lift", **more: Any) -> ShownPanel:
+    return ShownPanel(column, label, TIME, (ShownLine("x", values, "#000000", False),), **more)
+
+
+@dataclass
+class Known:
+    """As much of a result as a picture looks at."""
+
+    metrics: dict[str, Any]
+    data: dict[str, np.ndarray]
+    parameters: dict[str, float] = field(default_factory=dict)
+    roles: dict[str, str] = field(default_factory=dict)
+    record: dict[str, Any] = field(default_factory=dict)
+    name: str = "study"
+
+    @property
+    def names(self) -> list[str]:
+        return list(self.data)
+
+
+def resolved(curve: Curve, bound: Bound | None = None, **known: Any) -> ShownPanel:
+    power = {"j.F": 2.0 + TIME, "j.v": np.cos(TIME), "j.other": TIME**2}
+    result = Known({"joints": {"j": {}}}, power, **known)
+    picture = Picture("p", (Panel("l", (curve,), bound=bound),), "joints")
+    (found,) = picture.resolved(result, {"time": TIME, **power})  # pyright: ignore[reportArgumentType]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("curve", "expected"),
+    [
+        (Curve("", "F", less="other", scale=3.0), 3.0 * (2.0 + TIME - TIME**2)),
+        (Curve("", "F", times="v"), (2.0 + TIME) * np.cos(TIME)),
+        (Curve("", "F", integrated=True), 2.0 * TIME + TIME**2 / 2.0),
+        (
+            Curve("", "F", times="v", less="other", integrated=True),
+            (2.0 + TIME) * np.sin(TIME) + np.cos(TIME) - 1.0 - TIME**3 / 3.0,
+        ),
+    ],
+)
+def test_curves_are_what_they_say(curve: Curve, expected: np.ndarray) -> None:
+    assert resolved(curve).lines[0].values == pytest.approx(expected, abs=2e-4)
+
+
+def test_limits_are_products_of_parameters() -> None:
+    parameters = {"j.N": 4.0, "j.Phi": 0.5, "j.low": -1.0}
+    torque = resolved(Curve("", "F"), Bound("torque", ("N", "Phi"), scale=1.5), parameters=parameters)
+    assert torque.limits == (("torque", -3.0, 3.0),)
+    stroke = resolved(Curve("", "F"), Bound("stroke", ("N",), ("low",)), parameters=parameters)
+    assert stroke.limits == (("stroke", -1.0, 4.0),)
+    assert resolved(Curve("", "F"), Bound("unknown", ("gone",)), parameters=parameters).limits == ()
+
+
+def test_motion_is_drawn_wider_than_the_rest() -> None:
+    figure = drawn_panels([panel(MOVE)], "Tracking", "study", rest=1.0)
+    (axes,) = figure.axes
+    place = axes.transAxes.inverted().transform(axes.transData.transform([(1.15, 0.0), (5.6, 0.0)]))[:, 0]
+    assert place[0] == pytest.approx(0.62, abs=0.03)
+    assert place[1] == pytest.approx(0.81, abs=0.03)
+    assert axes.get_xlabel() == "time / s, wider until 1.1 s"
+    for late in (None, 6.0, 0.0, np.nan):
+        (axes,) = drawn_panels([panel(MOVE)], "Tracking", "study", rest=late).axes
+        assert axes.get_xscale() == "linear"
+
+
+def test_every_extreme_of_both_parts_is_drawn() -> None:
+    values = np.zeros(200_000)
+    values[1_234], values[150_000] = 1.0, -1.0
+    time = np.linspace(0.0, 10.0, len(values))
+    shown = ShownPanel("lift", "x", time, (ShownLine("", values, "#000000", False),))
+    (axes,) = drawn_panels([shown], "t", "r", rest=1.0).axes
+    drawn = axes.lines[0].get_ydata()
+    assert (np.min(drawn), np.max(drawn)) == (-1.0, 1.0)
+    assert len(drawn) < 5_000
+
+
+@pytest.mark.parametrize(("high", "shaded"), [(1.1, 1), (0.9, 1), (5.0, 0)])
+def test_a_limit_is_shaded_where_a_curve_comes_near(high: float, shaded: int) -> None:
+    shown = panel(MOVE, limits=(("largest", None, high),))
+    (axes,) = drawn_panels([shown], "t", "r").axes
+    assert len(axes.patches) == shaded
+    assert axes.get_ylim()[1] < 1.3  # a limit far away must not flatten the curve
+
+
+def test_what_does_not_change_takes_no_row() -> None:
+    rows = [[panel(MOVE, column=c), panel(np.full(2001, 57.0), "load force / kN", c)] for c in ("a", "b")]
+    figure = drawn_panels([row[i] for i in range(2) for row in rows], "t", "r")
+    assert len(figure.axes) == 2
+    assert [axes.get_title() for axes in figure.axes] == ["a   load force 57 kN", "b   load force 57 kN"]
+    assert not changing([rows[0][1]])
+
+
+@pytest.mark.parametrize(
+    "values", [np.full(2001, np.nan), np.full(2001, np.inf), 1e308 * MOVE, np.where(TIME > 1.0, np.nan, TIME)]
+)
+def test_odd_values_are_borne(values: np.ndarray) -> None:
+    shown = [panel(values, limits=(("largest", -1.0, 1.0),))]
+    assert drawn_panels(shown, "t", "r", rest=1.0).axes
