@@ -50,7 +50,7 @@ def examined(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     folder = tmp_path_factory.mktemp("broken")
     alike: dict[str, list[Broken]] = {}
     for item in request.session.items:
-        if (broken := _broken(item)) is not None:
+        if item.path == request.path and (broken := _broken(item)) is not None:
             alike.setdefault(repr((broken.settings, _skipped(broken))), []).append(broken)
     return {one.name: one for group in alike.values() for one in _verified(group, folder)}
 
