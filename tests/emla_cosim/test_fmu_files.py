@@ -52,9 +52,10 @@ def test_a_library_that_is_cut_off_is_not_loaded(missing: int, faulty_fmu: Path,
     cut = with_library(faulty_fmu, tmp_path / "Cut.fmu", library[: loaded_end(library) - missing])
     with pytest.raises(CommandError) as refused:
         open_fmu(cut, tmp_path / "unpacked" / "0")
+    said = "1 byte is" if missing == 1 else f"{missing} bytes are"
     assert str(refused.value) == (
-        f"the library '{fmpy.platform}/Faulty.so' of the FMU '{cut}' is cut off: its last {missing} bytes "
-        "are missing; get the FMU anew."
+        f"the library '{fmpy.platform}/Faulty.so' of the FMU '{cut}' is cut off: its last {said} missing; "
+        "get the FMU anew."
     )
 
 

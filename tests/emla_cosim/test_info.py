@@ -76,7 +76,8 @@ def test_a_run_starts_from_the_values_in_effect(study: ec.Info, fmu_folder: Path
     changed = {"lift.plant.motor.R_s": 0.2}
     with ec.load("study", fmus=fmu_folder, set=changed).prepare() as simulation:
         parameters = simulation.run(stop_time=1e-3).parameters
-    told = {v.name: v.start for v in study.variables if v.causality == "parameter" and v.type == "Real"}
+    numbers = [v for v in study.variables if v.causality == "parameter" and v.type in ("Real", "Integer")]
+    told = {v.name: v.start for v in numbers}
     assert told == parameters
     assert (study["lift.plant.motor.R_s"].start, study["lift.plant.motor.R_s"].default) == (0.2, 0.14)
     assert study["lift.plant.torque_source"].start == "current"

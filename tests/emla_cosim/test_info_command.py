@@ -36,7 +36,7 @@ def fmu(path: Path, content: bytes) -> Path:
 
 def test_a_pipe_gets_whole_rows_with_full_names(emla: Emla) -> None:
     shown = emla("info", "lift", "--match", "*.R_s", "--set", "lift.plant.motor.R_s=0.2").stdout
-    [row] = [line for line in shown.splitlines() if "lift.plant.motor.R_s " in line]
+    [row] = [line for line in shown.splitlines() if line.lstrip().startswith("+   lift.plant.motor.R_s ")]
     told = "+ lift.plant.motor.R_s parameter 0.2 Ohm (FMU: 0.14) >= 0 Stator resistance per phase"
     assert " ".join(row.split()) == told
     assert "--set 'lift.plant.motor.R_s=0.2'" in shown

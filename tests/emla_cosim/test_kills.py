@@ -106,7 +106,7 @@ def undisturbed(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> U
 
     followed(process, folder, note)
     assert process.communicate()[1].count("Error") == 0 and process.returncode == 0
-    assert assert_whole(folder / "out") == 9
+    assert assert_whole(folder / "out") == 11
     return Undisturbed((folder / "out/results.csv").read_bytes(), lasted)
 
 

@@ -142,8 +142,8 @@ def _of_ssp(
 
 def _of_package(path: Path) -> Origin:
     """The origin that an SSP or an FMU is, by the content of its one file where it is one."""
-    file = path if path.is_file() else _without_variant(path)
-    return of_file(path, file.read_bytes() if file.is_file() else None)
+    file = path if _is_file(path) else _without_variant(path)
+    return of_file(path, file.read_bytes() if _is_file(file) else None)
 
 
 def _times(document: Document) -> dict[str, float]:
