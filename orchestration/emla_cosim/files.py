@@ -90,8 +90,11 @@ def coming_back() -> Iterator[None]:
 def read_file(path: Path, what: str) -> bytes:
     """The content of a file; CommandError that says `what` it should have been where it cannot be read."""
     try:
-        if stat.S_IFMT(path.stat().st_mode) in (stat.S_IFCHR, stat.S_IFBLK):
+        kind = stat.S_IFMT(path.stat().st_mode)
+        if kind in (stat.S_IFCHR, stat.S_IFBLK):
             raise CommandError(f"{what} '{path}' cannot be read: it is a device.")
+        if kind == stat.S_IFIFO:  # whose other end may never come
+            raise CommandError(f"{what} '{path}' cannot be read: it is a pipe.")
         return path.read_bytes()
     except OSError as error:
         raise CommandError(f"{what} '{path}' cannot be read: {error.strerror}.") from error

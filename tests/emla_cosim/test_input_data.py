@@ -52,6 +52,7 @@ def test_a_header_has_a_name_and_maybe_a_unit(text: str, name: str, unit: str | 
         "t [ms]\tx\n0\t1.5\n1000\t-2e-3",
         '"Time (s)","x"\n"0","1.5"\n"1"," -2e-3 "\n',
         'name;TIME;"x"\n9;0,0;1.5\n9;1,0;-2e-3\n',
+        "time;n;x\n0;3;1.5\n1;3,5;-0,2e-2\n",
         "time / min,x\n0,1.5\n0.016666666666666666,-2e-3\n",
     ],
 )

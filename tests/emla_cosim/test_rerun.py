@@ -1,6 +1,7 @@
 """A run repeated from its run.json: to the last bit, and with a word on whatever is not as it was."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -173,6 +174,12 @@ def test_a_record_that_is_none_is_told_in_one_sentence(
     Path("out").mkdir()
     Path("out/run.json").write_text(record)
     assert said in sentence(rerun(emla, fmu_folder, "--no-plots"), 2)
+
+
+def test_a_record_that_is_a_pipe_keeps_nobody_waiting(emla: Emla, fmu_folder: Path) -> None:
+    Path("out").mkdir()
+    os.mkfifo("out/run.json")
+    assert "'out/run.json' cannot be read: it is a pipe." in sentence(rerun(emla, fmu_folder), 2)
 
 
 def test_what_others_made_of_the_parts_that_are_compared_is_borne(emla: Emla, fmu_folder: Path) -> None:

@@ -3,11 +3,8 @@
 import csv
 import io
 import re
-import stat
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +22,8 @@ _LATEST = 1e100
 
 _PARQUET = b"PAR1"
 _NUMBER = re.compile(r"\s*[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?\s*")
-_DECIMAL_COMMA = re.compile(r"\s*[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?\s*")
+_DECIMAL_COMMA = r"^([-+]?[0-9]*),([0-9]*(?:[eE][-+]?[0-9]+)?)$", "${1}.${2}"
+"""What numbers with a decimal comma look like, and what they are without it."""
 
 
 class Data:
@@ -136,14 +134,6 @@ def _few(headers: Sequence[Header]) -> str:
     return listed(names if len(names) <= 8 else [*names[:8], f"{len(names) - 8} more"]) if names else "none"
 
 
-@dataclass(frozen=True)
-class _Form:
-    """How a text is made of fields."""
-
-    delimiter: str
-    decimal_comma: bool
-
-
 class CsvData(Data):
     """A text of rows, the first one of names; the delimiter is the semicolon, the tab or the comma.
 
@@ -164,23 +154,20 @@ class CsvData(Data):
         header = self._header()
         if not header.strip():
             raise CommandError(f"{label} is empty.")
-        self._form = _Form(next((d for d in ";\t" if d in header), ","), False)
-        names = [name.strip() for name in next(csv.reader([header], delimiter=self._form.delimiter))]
+        self._delimiter = next((d for d in ";\t" if d in header), ",")
+        names = [name.strip() for name in next(csv.reader([header], delimiter=self._delimiter))]
         if all(_NUMBER.fullmatch(name) for name in names):
             raise CommandError(
                 f"{label} begins with numbers; its first row must have the names of the columns."
             )
         super().__init__(label, names)
-        first = next(csv.reader(islice(self._rows(), 1), delimiter=self._form.delimiter), [])
-        comma = self._form.delimiter != "," and any(_DECIMAL_COMMA.fullmatch(field) for field in first)
-        self._form = _Form(self._form.delimiter, comma)
 
     def texts(self, position: int) -> polars.Series:
         """A column of texts; CommandError where a row has more fields than the header."""
         if not self._frame.width:
             return polars.Series(dtype=polars.String)
         found = self._frame[:, position].str.strip_chars()
-        return found.str.replace_all(",", ".", literal=True) if self._form.decimal_comma else found
+        return found if self._delimiter == "," else found.str.replace(*_DECIMAL_COMMA)
 
     @cached_property
     def _frame(self) -> polars.DataFrame:
@@ -190,7 +177,7 @@ class CsvData(Data):
                 io.BytesIO(self._content[self._begin :]),
                 has_header=False,
                 schema=dict.fromkeys(names, polars.String),
-                separator=self._form.delimiter,
+                separator=self._delimiter,
                 comment_prefix="#",
             )
         except polars.exceptions.NoDataError:
@@ -201,7 +188,7 @@ class CsvData(Data):
     def _reason(self) -> str:
         """Why it cannot be read as a table."""
         width = len(self.headers)
-        for number, row in enumerate(csv.reader(self._rows(), delimiter=self._form.delimiter)):
+        for number, row in enumerate(csv.reader(self._rows(), delimiter=self._delimiter)):
             if len(row) != width:
                 return f"has {len(row)} fields in row {number + 1}, but its header has {width}"
         return "cannot be read as a table"
@@ -276,18 +263,7 @@ def read_data(source: Input) -> Data:
 def read_table(file: Path, what: str) -> Data:
     """The table of a file, CSV or Parquet, that sentences call `what`; CommandError as in `read_data`."""
     label = f"{what} '{file}'"
-    _check_kind(file, label)
     content = read_file(file, what)
     if content.startswith(_PARQUET) or file.suffix.lower() == ".parquet":
         return ParquetData(label, content)
     return CsvData(label, content)
-
-
-def _check_kind(file: Path, label: str) -> None:
-    """Raise CommandError for what is there but no file: a pipe would keep everybody waiting."""
-    try:
-        kind = stat.S_IFMT(file.stat().st_mode)
-    except (OSError, ValueError):
-        return  # who reads it says what is wrong
-    if kind not in (stat.S_IFREG, stat.S_IFDIR, stat.S_IFCHR, stat.S_IFBLK):
-        raise CommandError(f"{label} cannot be read: it is no file.")
