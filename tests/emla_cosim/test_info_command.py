@@ -85,6 +85,13 @@ def test_an_fmu_is_not_overwritten(emla: Emla, tmp_path: Path) -> None:
     assert path.read_bytes().startswith(b"PK")
 
 
+def test_a_file_that_is_read_is_not_overwritten(emla: Emla) -> None:
+    Path("x.csv").write_text("lift.plant.motor.R_s\n0.2\n")
+    Path("x.toml").write_text('system = "lift"\nparameters = ["x.csv"]\n')
+    for told in (("lift", "--parameters", "x.csv"), ("x.toml",)):
+        assert "'x.csv' is the parameter set" in sentence(emla("info", *told, "--json", "x.csv"), 2)
+
+
 def test_names_are_neither_markup_nor_commands_of_the_terminal(emla: Emla, tmp_path: Path) -> None:
     text = real("[bold]a[/]:warning:&#x202e;b", more='description="[link=x]y&#x9b;31m[/link]"')
     path = fmu(tmp_path / "[red]x.fmu", description(text, more='description="[/]&#x85; :bomb:"'))

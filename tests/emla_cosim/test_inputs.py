@@ -258,6 +258,22 @@ def test_two_columns_cannot_drive_one_signal(fmu_folder: Path, measured: Path) -
         ).prepare()
 
 
+@pytest.mark.parametrize("said", [f"{LOAD}=Force,{LOAD}=other", f"{LOAD}=Force,end=stop,end=hold"])
+def test_nothing_is_said_twice(said: str) -> None:
+    with pytest.raises(CommandError, match="says twice what"):
+        ec.Input.of_text(f"measured.csv:{said}")
+
+
+@pytest.mark.parametrize("header", ["F", "F [kN]"])
+def test_values_that_overflow_are_refused_with_their_row(
+    fmu_folder: Path, tmp_path: Path, header: str
+) -> None:
+    file = tmp_path / "huge.csv"
+    file.write_text(f"time,{header}\n0,1\n1,-1e308\n")
+    with pytest.raises(CommandError, match=r"has -1e\+308 in row 2 of the column 'F.*must be within"):
+        lift(fmu_folder, ec.Input(file, {LOAD: "F"})).prepare()
+
+
 def test_columns_of_no_signal_are_noted(fmu_folder: Path) -> None:
     data = {"time": T, LOAD: F, "lift.plant.nothing": F, "remark": F}
     told = notes_of(lift(fmu_folder, ec.Input(data=data)))

@@ -1,6 +1,7 @@
 """`emla info`."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import groupby, islice
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,11 +12,13 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ..bars import BarProgress
+from ..errors import CommandError
 from ..files import check_places
 from ..info.informing import info
 from ..info.parts import FmuInfo
 from ..info.shown import ShownRow, line, shown_rows
 from ..info.told import Info, start_text
+from ..loading import load
 from ..option import INFO
 from ..report.text import shortened
 from ..terminal import OUT, put_out, say, show, show_table
@@ -53,7 +56,10 @@ def command(
     """Tell what an FMU, a package or a scenario is made of, and what can be set."""
     to_file = json is not None and str(json) != ALONE["--json"]
     if json is not None and to_file:
-        check_places({json: "the JSON file"}, {Path(source): "the file to tell of"})
+        used = {Path(source): "the file to tell of"}
+        with suppress(CommandError):  # which telling says
+            used |= load(source, **given).options.files_read()
+        check_places({json: "the JSON file"}, used)
     with BarProgress() as progress:
         found = info(source, progress, **given)
     if match:

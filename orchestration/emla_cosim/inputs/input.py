@@ -102,6 +102,8 @@ class Input(Entered):
                     f"the input '{text}' cannot be read; write FILE:SIGNAL=COLUMN,...,end=repeat, such as "
                     "measured.csv:lift.disturbance.F_L=Force."
                 )
+            if equals and name in (settings.keys() | signals.keys()):
+                raise CommandError(f"the input '{text}' says twice what '{name}' is.")
             if not equals:
                 columns.append(name)
             elif name in _SETTINGS:

@@ -7,11 +7,13 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
+import numpy as np
+
 from fmublock.errors import BuildError
 from fmublock.table import Column, DataUnit, Shown, Table
 
 from ..arrays import Vector
-from ..errors import RunError
+from ..errors import CommandError, RunError
 from ..files import CacheError, temporary_folder
 from ..fmu.interface import Interface
 from ..models import license_text, producer
@@ -21,6 +23,9 @@ from .data import Data, read_data
 from .input import Input
 from .naming import NAME
 from .wanted import Wanted, check_once, wanted
+
+_LARGEST = 1e100
+"""Values of signals; differences and slopes of greater ones may be no numbers any more."""
 
 
 @dataclass(frozen=True)
@@ -147,6 +152,8 @@ def _built(table: Readable, driven: Sequence[tuple[Wanted, str]], platforms: Seq
 
     positions = list(dict.fromkeys(one.column for one, _ in driven))
     columns = [Column(table.data.numbers(p), table.source.interpolation) for p in positions]
+    for one, _ in driven:
+        _check_size(table.data, one, columns[positions.index(one.column)].values)
     shown = [
         Shown(
             name,
@@ -170,6 +177,21 @@ def _built(table: Readable, driven: Sequence[tuple[Wanted, str]], platforms: Seq
         return build_table(content, path, platforms, producer(), license_text())
     except (BuildError, CacheError) as error:
         raise RunError(f"the FMU of {table.source.label} could not be built: {error}") from error
+
+
+def _check_size(data: Data, one: Wanted, values: Vector) -> None:
+    """Raise CommandError for values between which numbers overflow."""
+    unit = one.transformation
+    with np.errstate(over="ignore"):
+        beyond = ~(np.abs(unit.factor * values + unit.offset) <= _LARGEST)
+    if beyond.any():
+        row, header = int(beyond.argmax()) + 1, data.headers[one.column].text
+        raise CommandError(
+            f"{data.label} has {values[row - 1]:g} in row {row} of the column '{header}', which drives "
+            f"{one.signal}; it must be within -{_LARGEST:g} and {_LARGEST:g} in the unit of the signal.",
+            row=row,
+            column=header,
+        )
 
 
 def _unit(unit: Unit | None) -> DataUnit | None:
