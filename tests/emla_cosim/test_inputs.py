@@ -258,6 +258,25 @@ def test_two_columns_cannot_drive_one_signal(fmu_folder: Path, measured: Path) -
         ).prepare()
 
 
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        (("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1:0.2:2"), "variants.parquet"),
+        (("compare", "lift"), "comparison.csv"),
+    ],
+)
+def test_many_runs_do_not_overwrite_their_data(
+    emla: Emla, measured: Path, command: tuple[str, ...], name: str
+) -> None:
+    table = measured.with_name(name)
+    table.symlink_to(measured)
+    before = measured.read_bytes()
+    output = ("--stop-time", "0.01", "--output", str(table.parent))
+    told = emla(*command, *output, "--input", f"{measured}:{LOAD}=Force")
+    assert told.exit_code == 2 and "is the input" in told.stderr
+    assert table.is_symlink() and measured.read_bytes() == before
+
+
 @pytest.mark.parametrize("said", [f"{LOAD}=Force,{LOAD}=other", f"{LOAD}=Force,end=stop,end=hold"])
 def test_nothing_is_said_twice(said: str) -> None:
     with pytest.raises(CommandError, match="says twice what"):

@@ -78,6 +78,7 @@ def compare(
         check_portable(kind, known)
     if folder is None:
         return _result(contest, name, table, _run(contest, table, (scheduler, workers), told), None)
+    folder.check_unread(group.read for group in contest.groups)
     with folder.alone():
         ran = _run(contest, table, (scheduler, workers), told)
         result = _result(contest, name, table, ran, folder.path)

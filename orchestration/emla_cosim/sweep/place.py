@@ -1,12 +1,12 @@
 """A folder that what comes of many runs is written to."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import ClassVar
 
 from ..errors import CommandError
-from ..files import UNFINISHED, place_of
+from ..files import UNFINISHED, check_places, place_of
 from ..locking import alone
 
 
@@ -30,6 +30,12 @@ class Place:
             raise CommandError(f"the output folder '{path}' cannot be written: it is a file.")
         for name in self.files if path.is_dir() else ():
             place_of(path / name, f"the file of the {self.what}")
+
+    def check_unread(self, read: Iterable[Mapping[Path, str]]) -> None:
+        """Raise CommandError where a file would be written that is read; `read` says what these are."""
+        used = {file: what for files in read for file, what in files.items()}
+        if self._place.is_dir():
+            check_places({self.path / name: f"a file of the {self.what}" for name in self.files}, used)
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:

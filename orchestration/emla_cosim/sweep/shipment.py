@@ -4,7 +4,7 @@ import copyreg
 import hashlib
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -52,6 +52,8 @@ class Preparation:
     files: Mapping[str, Path]
     holds: object = None
     """What has to live for the files to be there."""
+    read: Mapping[Path, str] = field(default_factory=dict)
+    """What else was read, and what it is."""
 
     @classmethod
     def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
@@ -72,6 +74,7 @@ class Preparation:
             interfaces,
             {hashes[path]: path for path in hashes},
             scenario.holds,
+            options.files_read(),
         )
 
     @property

@@ -71,6 +71,7 @@ def sweep(
     check_cluster(scheduler, workers)
     with _place(output, resume) as (folder, held):
         design = designed(plan, progress or Progress())
+        folder.check_unread(group.preparation.read for group in design.groups)
         with folder.alone():
             _run(design, folder, (scheduler, workers), resume, progress or Progress())
         result = read_sweep(folder.path)
