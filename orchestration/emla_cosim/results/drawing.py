@@ -85,26 +85,25 @@ def _split(rows: Sequence[Sequence[ShownPanel]], rest: float | None) -> tuple[fl
     return (first, end, last) if first < end < first + _EARLY * (last - first) else None
 
 
+def _place(time: Vector, split: tuple[float, float, float] | None) -> Vector:
+    """Where times stand: the motion, up to its end, wider than the rest."""
+    if split is None:
+        return time
+    first, end, last = split
+    early, late = (time - first) / (end - first), (time - end) / (last - end)
+    return np.where(time < end, _WIDE * early, _WIDE + (1.0 - _WIDE) * late)
+
+
 def _widen(axes: "Axes", split: tuple[float, float, float]) -> None:
-    """Draw the time until the end of the motion wider, and mark that end."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+    """Say the times at their places, as a scale of the axis would, only sooner."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
     first, end, last = split
-
-    def forward(time: Vector) -> Vector:
-        early, late = (time - first) / (end - first), (time - end) / (last - end)
-        return np.where(time < end, _WIDE * early, _WIDE + (1.0 - _WIDE) * late)
-
-    def backward(place: Vector) -> Vector:
-        early, late = place / _WIDE, (place - _WIDE) / (1.0 - _WIDE)
-        return np.where(place < _WIDE, first + early * (end - first), end + late * (last - end))
-
-    axes.set_xscale("function", functions=(forward, backward))
     early = [t for t in MaxNLocator(5).tick_values(first, end) if first <= t <= end - 0.08 * (end - first)]
     late = [t for t in MaxNLocator(4).tick_values(end, last) if end + 0.1 * (last - end) < t <= last]
-    axes.xaxis.set_major_locator(FixedLocator([*early, *late]))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda time, _: f"{time:g}"))
+    said = dict(zip(_place(np.array([*early, *late]), split).tolist(), [*early, *late], strict=True))
+    axes.xaxis.set_major_locator(FixedLocator(list(said)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda place, _: f"{said.get(place, np.nan):g}"))
 
 
 def _draw_panel(axes: "Axes", panel: ShownPanel, split: tuple[float, float, float] | None) -> None:
@@ -112,12 +111,15 @@ def _draw_panel(axes: "Axes", panel: ShownPanel, split: tuple[float, float, floa
         values = drawable(line.values)
         kept = _kept(panel.time, values, split)
         style = (0, (4, 2)) if line.dashed else "-"
-        axes.plot(panel.time[kept], values[kept], color=line.color, linestyle=style, linewidth=1.1)
+        axes.plot(
+            _place(panel.time[kept], split), values[kept], color=line.color, linestyle=style, linewidth=1.1
+        )
+    axes.locator_params(axis="y", nbins=5)  # each tick takes its time
     labels = [line.label for line in panel.lines]
     tidied(axes, labels if len(labels) > 1 else ())
     _shade(axes, panel)
     if split is not None:
-        axes.axvline(split[1], color=GREY, linewidth=0.7, linestyle=":")
+        axes.axvline(_WIDE, color=GREY, linewidth=0.7, linestyle=":")
 
 
 def _kept(time: Vector, values: Vector, split: tuple[float, float, float] | None) -> Indices:
