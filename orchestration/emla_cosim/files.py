@@ -1,6 +1,7 @@
 """Files: read with one sentence for whatever is wrong with them, written whole and where nothing else is."""
 
 import atexit
+import hashlib
 import os
 import shutil
 import stat
@@ -108,6 +109,17 @@ def read_text(path: Path, what: str) -> str:
         return read_file(path, what).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CommandError(f"{what} '{path}' is not a text in UTF-8.") from error
+
+
+def digest(path: Path) -> str | None:
+    """The hash of a file's content; None where there is no file that can be read."""
+    try:
+        if not path.is_file():
+            return None
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except (OSError, ValueError):
+        return None
 
 
 def place_of(path: Path, what: str, folder: Path = HERE) -> Path:

@@ -1,6 +1,5 @@
 """run.json: everything needed to repeat a run; and what a checkpoint of it belongs to."""
 
-import hashlib
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
@@ -9,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from .files import digest
 from .master.algorithms.algorithm import Algorithm
 from .master.assembly import Assembly
 from .master.stepping.timing import Timing
@@ -139,11 +139,7 @@ def _repeatable(value: Any, takes: type | None) -> Any:
 
 def _content(path: Path) -> dict[str, str | None]:
     """A file with the hash of its content; None in its place where it cannot be read any more."""
-    try:
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
-        digest = None
-    return {"file": str(path), "sha256": digest}
+    return {"file": str(path), "sha256": digest(path)}
 
 
 def _file(path: Path, unpacked: Path | None) -> str:

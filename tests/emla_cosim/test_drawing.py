@@ -1,6 +1,7 @@
 """Panels as pictures: motion and rest apart, limits where they matter, no room for what does not change."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from emla_cosim.results.drawing import changing, drawn_panels
 from emla_cosim.results.panels import ShownLine, ShownPanel
 from emla_cosim.results.plotting import Bound, Curve, Panel, Picture
+from emla_cosim.results.telling import headline
 
 TIME = np.linspace(0.0, 10.0, 2001)
 MOVE = np.minimum(TIME, 1.0)
@@ -118,3 +120,10 @@ def test_what_does_not_change_takes_no_row() -> None:
 def test_odd_values_are_borne(values: np.ndarray) -> None:
     shown = [panel(values, limits=(("largest", -1.0, 1.0),))]
     assert drawn_panels(shown, "t", "r", rest=1.0).axes
+
+
+def test_a_headline_names_files_and_not_where_they_lie(tmp_path: Path) -> None:
+    data = [{"file": str(tmp_path / name), "signals": {}} for name in ("load.csv", "way.csv")]
+    changed = {"set": {"a.b": "30 kN"}, "actuator": {"lift": str(tmp_path / "sheet.toml")}, "input": data}
+    said = headline(Known({}, {}, record={"changed": changed}))  # pyright: ignore[reportArgumentType]
+    assert said == "study \u00b7 a.b 30 kN, actuator lift sheet.toml, input load.csv and way.csv"

@@ -212,7 +212,7 @@ def test_data_and_actuators_are_found_again_and_what_became_of_them_is_told(
         shutil.copy(ROOT / "tests" / "own_machine" / file, file)
     own = ("--actuator", "prototype=actuator.toml", "--input", "load.csv:prototype.disturbance.F_L=Force")
     assert emla("run", "prototype", *SHORT, *own).exit_code == 0
-    assert emla("rerun", "out", "--no-plots").stdout.splitlines()[-1] == SAME
+    assert emla("rerun", "out", "--no-plots", "--report").stdout.splitlines()[-1] == SAME
     with Path("load.csv").open("a") as stream:
         stream.write("9.000,0.000,20.00\n")
     told = emla("rerun", "out", "--no-plots").stdout

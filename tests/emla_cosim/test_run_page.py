@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,11 @@ from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from emla_cosim.loading import load
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.time_series import TimeSeries
+from emla_cosim.report.page import Plots
 from emla_cosim.results.page.diagram import diagrams, wires
 from emla_cosim.results.page.page import page
-from emla_cosim.results.page.pictures import by_unit
+from emla_cosim.results.page.pictures import by_unit, shown
+from emla_cosim.results.page.signals import listed
 from emla_cosim.results.result import Result
 from emla_cosim.units import Unit
 from tests.support.browser import Page, chromium
@@ -194,6 +196,23 @@ def test_a_transient_can_be_looked_at_closely(opened: Page, result: Result) -> N
     shown = np.interp(result.time[early], x, y)
     size = np.ptp(result["lift.plant.i_q"])
     assert np.abs(shown - result["lift.plant.i_q"][early]).max() < 0.03 * size
+
+
+def test_signals_have_the_figures_of_metrics_json(result: Result, folder: Path) -> None:
+    """From every communication point: rows alone would miss what is between them."""
+    data = result.read(["time", *result.names])
+    rows = {row.name: asdict(row) for row in listed(result, data, Plots())}
+    kept = json.loads((folder / "metrics.json").read_text())["signals"]
+    assert {name: {figure: row[figure] for figure in kept[name]} for name, row in rows.items()} == kept
+    assert any(figures["maximum"] > data[name].max() for name, figures in kept.items())
+
+
+def test_a_picture_in_which_nothing_changes_is_left_out(result: Result) -> None:
+    whole = result.read(["time", *result.names])
+    data = {name: 0.0 * x if ".theta[" in name else x for name, x in whole.items()}
+    with_all, _ = shown(result, whole, Plots())
+    without, _ = shown(result, data, Plots())
+    assert {p.title for p in with_all} - {p.title for p in without} == {"Adaptation of the controller"}
 
 
 def test_signals_are_found_and_drawn_by_unit(opened: Page, result: Result) -> None:

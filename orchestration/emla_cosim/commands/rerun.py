@@ -1,18 +1,19 @@
 """`emla rerun`."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from ..files import real_place
+from ..files import digest, real_place
 from ..loading import load
-from ..option import RUN
+from ..option import RUN, Option
 from ..options import table
 from ..results.output_folder import RECORD
-from ..results.repetition import differences, digest, sentence
+from ..results.repetition import differences, sentence
 from ..results.result import Result
-from ..scenarios.recorded import recorded_run
+from ..scenarios.recorded import NOT_REPEATED, recorded_run
 from ..terminal import say
 from .run import run_into
 
@@ -38,12 +39,13 @@ def command(
     before = digest(record.parent / table_name)  # which may be about to be replaced
     folder = given.get("output") or _beside(record)
 
+    known = table(RUN)
+
     def compare(result: Result) -> None:
-        known = table()
         found = differences(recorded.content, result.record, {known[name].record for name in given})
         if found:
             say(sentence(found, str(record)))
-        if before is not None and given.keys() <= _OUTSIDE:
+        if before is not None and _same_table(known[name] for name in given):
             same = digest(folder / table_name) == before
             what = "is that" if same else "differs from that"
             say(f"{table_name} {what} of {record.parent}{', to the last bit' * same}")
@@ -51,8 +53,9 @@ def command(
     run_into(chosen, folder, None if "output" in given else record, compare)
 
 
-_OUTSIDE = {"output", "plots", "animate", "fmus", "compiled", "real_time"}
-"""Options with which the table must be the same."""
+def _same_table(given: Iterable[Option]) -> bool:
+    """Whether the table must be the same with these options: no record has them, or nobody waits."""
+    return all(not one.about.recorded or one.name in NOT_REPEATED for one in given)
 
 
 def _record(run: Path) -> Path:

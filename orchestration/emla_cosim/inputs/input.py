@@ -1,7 +1,6 @@
 """What drives signals from data, as people write it."""
 
 import dataclasses
-import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import Any
 from fmublock.table import ENDS, INTERPOLATIONS
 
 from ..errors import CommandError, check_choice
+from ..files import digest
 from ..option import Entered
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".parquet")
@@ -139,11 +139,7 @@ class Input(Entered):
         """What run.json says of it, with the hash of the file; None in its place where it cannot be read."""
         if self.file is None:
             return {"data": "given in Python", **self._told()}
-        try:
-            digest = hashlib.sha256(self.file.read_bytes()).hexdigest()
-        except OSError:
-            digest = None
-        return {"file": str(self.file), "sha256": digest, **self._told()}
+        return {"file": str(self.file), "sha256": digest(self.file), **self._told()}
 
     def repeatable(self) -> dict[str, Any] | None:
         """Its file, and all that is said of it."""

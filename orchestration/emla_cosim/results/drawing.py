@@ -36,9 +36,10 @@ def drawn_panels(panels: Sequence[ShownPanel], title: str, run: str, rest: float
     """
     columns = list(dict.fromkeys(panel.column for panel in panels))
     rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
-    shown = [row for row in rows if changing(row)] or rows
-    left_out = [row for row in rows if not changing(row)] if changing(panels) else []
-    said = {c: [_constant(row[j]) for row in left_out] for j, c in enumerate(columns)}
+    shown, still = [row for row in rows if changing(row)], [row for row in rows if not changing(row)]
+    if not shown:
+        shown, still = still, []
+    said = {c: [_constant(row[j]) for row in still] for j, c in enumerate(columns)}
     figure, grid = new_figure(len(shown), len(columns), 3.9, measured=False)
     split = _split(shown, rest)
     for i, row in enumerate(shown):

@@ -1,6 +1,5 @@
 """A run beside the one that it repeats: what differs in what was run, and in what came out."""
 
-import hashlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,17 +31,6 @@ def sentence(found: Sequence[str], where: str) -> str:
     if len(found) > MOST:
         named.append(f"{len(found) - MOST} more")
     return f"Not as in {where}: {listed(named)}."
-
-
-def digest(path: Path) -> str | None:
-    """The hash of a file's content; None where there is no file that can be read."""
-    try:
-        if not path.is_file():
-            return None
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except (OSError, ValueError):
-        return None
 
 
 def _versions(before: Record, now: Record) -> Iterator[str]:

@@ -63,23 +63,27 @@ def how_stepped(result: "Result") -> Iterator[str]:
 
 def headline(result: "Result") -> str:
     """The scenario and what was changed in it, files by their names, on one line."""
-    words = ", ".join(f"{name} {_named(value)}".removeprefix("set ") for name, value in changes(result))
+    words = ", ".join(f"{name} {_brief(value)}".removeprefix("set ") for name, value in changes(result))
     return visible(" \u00b7 ".join(filter(None, (result.name, words)))).replace("\n", " ")
 
 
-def _named(value: str) -> str:
-    """A value, of a file its name."""
-    return Path(value).name if value.startswith(("/", "\\\\")) or value[1:3] == ":\\" else value
+def _brief(value: Any) -> str:
+    """A value, of a file, with or without what is said of it, its name."""
+    if isinstance(value, Mapping) and "file" in value:
+        return _brief(value["file"])
+    if isinstance(value, list):
+        return " and ".join(map(_brief, value))
+    return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else text(value)
 
 
-def changes(result: "Result") -> list[tuple[str, str]]:
+def changes(result: "Result") -> list[tuple[str, Any]]:
     """Each change beside the scenario: the name of an option, or of what it sets, and the value."""
     found = []
     for name, value in (result.record.get("changed") or {}).items():
         if isinstance(value, Mapping):
-            found += [(f"{name} {inner}", text(v)) for inner, v in value.items()]
+            found += [(f"{name} {inner}", v) for inner, v in value.items()]
         else:
-            found.append((name, text(value)))
+            found.append((name, value))
     return found
 
 

@@ -9,6 +9,7 @@ from ... import colors
 from ...arrays import Vector
 from ...report.page import Plots
 from ...report.plot import Limit, Line, Plot
+from ..drawing import changing
 from ..panels import ShownLine, ShownPanel
 from ..plotting import FIGURES, Picture
 from ..result import Result
@@ -59,7 +60,8 @@ def shown(result: Result, data: Mapping[str, Vector], plots: Plots) -> tuple[lis
     """
     if len(data["time"]) < 2:
         return [], 0
-    resolved = [(p.title, panel) for p in _pictures() for panel in p.resolved(result, data) if panel.lines]
+    pictures = [(p.title, p.resolved(result, data)) for p in _pictures()]
+    resolved = [(title, p) for title, panels in pictures if changing(panels) for p in panels if p.lines]
     resolved = resolved or [(_ANY, panel) for panel in by_unit(result, data)]
     found = resolved[:_PANELS]
     most = int(np.clip(_POINTS / max(sum(len(panel.lines) for _, panel in found), 1), 100, 4000))

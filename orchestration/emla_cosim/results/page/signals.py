@@ -1,13 +1,13 @@
 """All signals of a run: their figures, and their curves for who wants to see them."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ...arrays import Vector
+from ...recorders.signal_figures import NAMES
 from ...report.curves import condensed, drawable, small
 from ...report.page import Plots
 from ...report.plot import Shape
@@ -41,8 +41,7 @@ def listed(result: Result, data: Mapping[str, Vector], plots: Plots) -> list[Row
     names = [name for name in data if name != "time"][:MOST]
     units = {name: str(result.units.get(name) or "") for name in names}
     plots.hold("signals-data", _curves(data, units), [Shape(n) for n in range(1, _LINES + 1)])
-    kept: Mapping[str, Any] = result.metrics.get("signals", {})
-    return [Row(name, units[name], **(kept.get(name) or _figures(data[name]))) for name in names]
+    return [Row(name, units[name], **_figures(result.signals.get(name, {}))) for name in names]
 
 
 def _curves(data: Mapping[str, Vector], units: Mapping[str, str]) -> str:
@@ -69,15 +68,6 @@ def _small(time: Vector, curves: Sequence[Vector]) -> list[dict[str, Any]]:
     return [small(time, curve, found) for curve, found in zip(curves, kept, strict=True)]
 
 
-def _figures(values: Vector) -> dict[str, float | None]:
-    """Those of the rows that are there."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return dict.fromkeys(("minimum", "maximum", "rms", "final"))
-    size = float(np.abs(known).max()) or 1.0
-    return {
-        "minimum": float(known.min()),
-        "maximum": float(known.max()),
-        "rms": size * float(np.sqrt(np.mean((known / size) ** 2))),
-        "final": float(values[-1]) if np.isfinite(values[-1]) else None,
-    }
+def _figures(figures: Mapping[str, float]) -> dict[str, float | None]:
+    """Those of metrics.json, which has nothing where one is no number."""
+    return {name: value if math.isfinite(value := figures.get(name, math.nan)) else None for name in NAMES}
