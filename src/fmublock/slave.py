@@ -1,10 +1,15 @@
 """An `Instance` behind the PythonFMU interface; part of every PythonFMU FMU."""
 
+import atexit
 import ctypes
 import json
+import os
+import sys
 import zlib
 from collections.abc import Callable
-from functools import wraps
+from contextlib import suppress
+from functools import cache, wraps
+from pathlib import Path
 from typing import Any
 
 from pythonfmu import Fmi2Slave
@@ -24,6 +29,19 @@ def give_reference(thing: object) -> None:
     its log whenever a call raises. Without this the process crashes after some instances.
     """
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
+
+
+@cache
+def release_interpreter_at_exit(binary: Path) -> None:
+    """Let PythonFMU 0.7.0's library give up the interpreter before the process ends, and only once.
+
+    At the end of a process its C++ object and its own destructor both release the same count, the second
+    one in memory that is free by then; the C library may find its lists damaged and abort.
+    """
+    if sys.platform == "linux":
+        with suppress(OSError):  # a host that runs a copy of the library is left as it is
+            library = ctypes.CDLL(str(binary), mode=os.RTLD_LAZY | os.RTLD_NOLOAD)
+            atexit.register(library.finalizePythonInterpreter)
 
 
 def _survivable(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -56,6 +74,9 @@ class BlockSlave(Fmi2Slave):
         if not self.instance_name:
             raise BlockError("an instance needs a name; this one is empty.")
         self.instance = Instance(self.block(), self.instance_name)
+        if self.resources:
+            binaries = Path(self.resources).parent / "binaries"
+            release_interpreter_at_exit(binaries / "linux64" / f"{self.block.__name__}.so")
         self._types = [_TYPES[s.variable.fmi_type] for s in self.instance.layout.scalars]
 
     @_survivable
