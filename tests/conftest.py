@@ -29,8 +29,8 @@ use_memory_disk()
 
 # a slow machine is no failure; CI tries the same examples every time, people new ones
 settings.register_profile("here", deadline=None)
-# fewer than the usual 100, so that the whole suite ends within 12 minutes on two cores
-settings.register_profile("ci", deadline=None, derandomize=True, max_examples=60)
+# fewer than the usual 100, always the same: the whole suite is to end within 12 minutes on two cores
+settings.register_profile("ci", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 # readline sets these in the processes of pytest-xdist, and rich would keep the width for good
@@ -80,7 +80,7 @@ def few_objects_to_look_at() -> None:
     gc.freeze()
 
 
-def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for what all processes of a test run have in common."""
     base = tmp_path_factory.getbasetemp()
     return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
@@ -89,13 +89,13 @@ def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def user_cache(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """What has to be in the environment for built FMUs not to go into the user's own cache."""
-    return {VARIABLE: str(_shared(tmp_path_factory) / "cache")}
+    return {VARIABLE: str(shared_folder(tmp_path_factory) / "cache")}
 
 
 @pytest.fixture(scope="session")
 def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the native FMUs of all models, which all processes of a test run share."""
-    folder = _shared(tmp_path_factory) / "fmus"
+    folder = shared_folder(tmp_path_factory) / "fmus"
     number = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
     processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     models, first = list(MODELS), number * len(MODELS) // processes  # so that none waits for another

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.commands import widen_terminal
+from tests.support.few_figures import draw_empty
 from tests.support.pages import PAGES, PageError, Reader, fences, missing
 from tests.support.paths import ROOT
 
@@ -17,6 +18,7 @@ def place(
     """An empty folder to work in; FMUs are built when they are first needed, as for any user."""
     monkeypatch.chdir(tmp_path)
     widen_terminal(monkeypatch)
+    draw_empty(monkeypatch)
     for name, value in user_cache.items():
         monkeypatch.setenv(name, value)
     return tmp_path

@@ -106,7 +106,7 @@ def steps(draw: Any, session: Session, moving: bool) -> Step:
 @pytest.mark.parametrize("flavour", FLAVOURS)
 @pytest.mark.parametrize("model", MODELS)
 @given(data=st.data())
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_a_run_goes_on_from_a_saved_state_bit_for_bit(
     sessions: dict[tuple[str, str], Session],
     elsewhere: Elsewhere,
@@ -202,7 +202,7 @@ def refuse(session: Session, slave: Any, state: bytes, flavour: str) -> str:
 @pytest.mark.parametrize("flavour", FLAVOURS)
 @pytest.mark.parametrize("model", MODELS)
 @given(data=st.data())
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_a_damaged_state_is_refused_and_the_run_goes_on(
     sessions: dict[tuple[str, str], Session], model: str, flavour: str, data: st.DataObject
 ) -> None:

@@ -7,13 +7,21 @@ from typer.testing import CliRunner, Result
 
 from emla_cosim.cli import app
 from tests.support.commands import Emla, widen_terminal
+from tests.support.few_figures import draw_empty
 
 
 @pytest.fixture
-def emla(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Emla:
-    """Run `emla` in an empty folder; it finds the FMUs that the session has built."""
+def emla(
+    request: pytest.FixtureRequest, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Emla:
+    """Run `emla` in an empty folder; it finds the FMUs that the session has built.
+
+    Pictures are empty unless the test is marked as `drawn`.
+    """
     monkeypatch.chdir(tmp_path)
     widen_terminal(monkeypatch)
+    if request.node.get_closest_marker("drawn") is None:
+        draw_empty(monkeypatch)
 
     def call(*arguments: str) -> Result:
         takes_fmus = (

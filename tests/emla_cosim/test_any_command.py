@@ -25,7 +25,7 @@ from tests.support.whole_files import assert_whole
 pytest.importorskip("resource", reason="needs processes that divide")
 from tests.support.command_server import CLOSED, FULL, USABLE, Call, CommandServer, Ended
 
-EXAMPLES = int(os.environ.get("EMLA_COMMAND_EXAMPLES", "200"))
+EXAMPLES = int(os.environ.get("EMLA_COMMAND_EXAMPLES", "100"))
 COLD = max(EXAMPLES // 25, 1)
 """Examples in processes that import everything themselves."""
 

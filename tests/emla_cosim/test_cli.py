@@ -27,6 +27,7 @@ PICTURES = {f"{name}.png" for name in JOINT_FIGURES}
 ORDER = "lift.plant,lift.observer,lift.controller,lift.reference,lift.disturbance"
 
 
+@pytest.mark.drawn
 def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path) -> None:
     result = emla("run", "lift", "--stop-time", "0.4", "--set", "lift.plant.motor.R_s=0.2")
     assert result.exit_code == 0, result.output

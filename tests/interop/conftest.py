@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from emla_cosim.fmu.file import FmuFile, open_fmu
 from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.models import MODELS, fmu_path
+from tests.conftest import shared_folder
 from tests.support.c_programs import Build, build
 from tests.support.joint_run import STEP, Case, moving_joint, study_joint
 
@@ -56,9 +58,11 @@ def plain_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def address_build(unpacked_fmus: dict[str, FmuFile], tmp_path_factory: pytest.TempPathFactory) -> Build:
-    """Everything with AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer."""
-    folder = tmp_path_factory.mktemp("address")
-    return build("address", ["host", "fuzz"], unpacked_fmus.values(), folder)
+    """Everything with AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer, for all processes."""
+    folder = shared_folder(tmp_path_factory) / "address"
+    folder.mkdir(exist_ok=True)
+    with FileLock(f"{folder}.lock"):
+        return build("address", ["host", "fuzz"], unpacked_fmus.values(), folder)
 
 
 @pytest.fixture(scope="session")

@@ -52,7 +52,10 @@ class Build:
 
 
 def build(sanitizer: str, programs: Sequence[str], fmus: Iterable[FmuFile], folder: Path) -> Build:
-    """Compile programs of this folder and the sources of FMUs, as many at a time as there are cores."""
+    """Compile programs of this folder and the sources of FMUs, as many at a time as there are cores.
+
+    What the folder has is not compiled again.
+    """
     flags = [*_FLAGS, *SANITIZERS[sanitizer]]
     binaries, libraries = {p: folder / p for p in programs}, {}
     commands = [
@@ -65,7 +68,7 @@ def build(sanitizer: str, programs: Sequence[str], fmus: Iterable[FmuFile], fold
         shared = ["-shared", "-fPIC", "-fvisibility=hidden"]
         commands.append([*flags, *shared, str(source), "-o", str(library), "-lm"])
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(_compile, commands))
+        list(pool.map(_compile, (c for c in commands if not Path(c[c.index("-o") + 1]).exists())))
     return Build(binaries, libraries)
 
 

@@ -1,8 +1,11 @@
-"""Fewer pictures of a run: all are drawn alike, and each takes as long as the run."""
+"""Fewer pictures of a run, or empty ones: all are drawn alike, and each takes as long as the run."""
+
+from typing import Any
 
 import pytest
 
-import emla_cosim.loading  # noqa: F401  # registers those of the study
+import emla_cosim.loading  # registers those of the study
+import emla_cosim.results.plotting
 from emla_cosim.results.plotting import FIGURES
 
 DRAWN = 2
@@ -12,3 +15,14 @@ def draw_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let runs draw the first pictures only."""
     for name in list(FIGURES)[DRAWN:]:
         monkeypatch.delitem(FIGURES, name)
+
+
+def draw_empty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let runs write the pictures that they would draw, without anything on them."""
+
+    def empty(*_: Any) -> Any:
+        from matplotlib.figure import Figure
+
+        return Figure((1.0, 1.0))
+
+    monkeypatch.setattr(emla_cosim.results.plotting, "drawn_panels", empty)
