@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -56,11 +57,12 @@ OPTIONAL = [r for extra in ("pandas", "pytest") for r in PROJECT["optional-depen
 """What is imported only where somebody asks for it by name, or which imports what it finds of ours."""
 
 DECLARED = {normalized(requirement) for requirement in (*PROJECT["dependencies"], *OPTIONAL)}
-PROVIDERS = {
-    package: {normalized(d) for d in distributions}
-    for package, distributions in packages_distributions().items()
-}
-"""Distributions by the packages that they install."""
+
+
+@cache
+def providers() -> dict[str, set[str]]:
+    """Distributions by the packages that they install."""
+    return {package: {normalized(d) for d in found} for package, found in packages_distributions().items()}
 
 
 def undeclared(files: Iterable[Path]) -> dict[str, Path]:
@@ -68,7 +70,7 @@ def undeclared(files: Iterable[Path]) -> dict[str, Path]:
     return {
         package: file
         for package, file in imported(files).items()
-        if DECLARED.isdisjoint(PROVIDERS.get(package, {package}))
+        if DECLARED.isdisjoint(providers().get(package, {package}))
     }
 
 
@@ -78,7 +80,7 @@ def test_what_is_imported_is_declared() -> None:
 
 def test_what_is_declared_is_used() -> None:
     files = sources()
-    used = {d for package in imported(files) for d in PROVIDERS.get(package, {package})}
+    used = {d for package in imported(files) for d in providers().get(package, {package})}
     assert DECLARED - used == EXECUTED | FOR_DASK
     words = {
         node.value

@@ -17,7 +17,7 @@ from tests.support.c_programs import Build, fuzz_plan, needs_cc, run_program
 
 pytestmark = needs_cc
 
-SECONDS = float(os.environ.get("EMLA_FUZZ_SECONDS", "1"))
+SECONDS = float(os.environ.get("EMLA_FUZZ_SECONDS", "0.5"))
 SEED = int(os.environ.get("EMLA_FUZZ_SEED", "1"))
 FOREIGN = {model: list(MODELS)[i - 1] for i, model in enumerate(MODELS)}
 """The model whose states are given to each."""
