@@ -39,7 +39,8 @@ def release_interpreter_at_exit(binary: Path) -> None:
     one in memory that is free by then; the C library may find its lists damaged and abort.
     """
     if sys.platform == "linux":
-        with suppress(OSError):  # a host that runs a copy of the library is left as it is
+        # a host that runs a copy of the library is left as it is, and a library that has nothing to release
+        with suppress(OSError, AttributeError):
             library = ctypes.CDLL(str(binary), mode=os.RTLD_LAZY | os.RTLD_NOLOAD)
             atexit.register(library.finalizePythonInterpreter)
 

@@ -1,6 +1,8 @@
 """PythonFMU FMUs whose equations raise what no arithmetic raises."""
 
+import _ctypes
 import importlib
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,6 +12,7 @@ from textwrap import dedent
 import pytest
 
 from fmublock import build
+from fmublock.slave import release_interpreter_at_exit
 from tests.support.sessions import DISCARD, FATAL, Session, opened, refused
 
 FRAGILE = """
@@ -189,3 +192,39 @@ def test_a_thousand_failures_do_not_end_the_process(
     run = subprocess.run([sys.executable, "-c", dedent(code)], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert run.stdout.split()[-1] == "1000"
+
+
+@pytest.mark.parametrize("when", ["before", "after", "never"])
+def test_a_host_may_free_instances_as_it_ends(fragile_fmu: Path, tmp_path: Path, when: str) -> None:
+    """Before the FMU's library releases Python, after it, or not at all; and make one more in between."""
+    code = f"""
+        import atexit, fmpy
+        from fmpy.fmi2 import FMU2Slave
+
+        folder = fmpy.extract({str(fragile_fmu)!r}, {str(tmp_path / "fmu")!r})
+        guid = fmpy.read_model_description(folder).guid
+
+        def stepped(name):
+            slave = FMU2Slave(guid=guid, unzipDirectory=folder, modelIdentifier="Fragile", instanceName=name)
+            slave.instantiate()
+            slave.setupExperiment()
+            slave.enterInitializationMode()
+            slave.exitInitializationMode()
+            slave.doStep(0.0, 0.01)
+            return slave
+
+        if {when!r} == "after":  # what is registered first is called last
+            atexit.register(lambda: (stepped("late").freeInstance(), first.freeInstance(), print("freed")))
+        first = stepped("first")
+        if {when!r} == "before":
+            atexit.register(lambda: (first.freeInstance(), print("freed")))
+        """
+    strict = {**os.environ, "GLIBC_TUNABLES": "glibc.malloc.tcache_count=0"}
+    command = [sys.executable, "-c", dedent(code)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=strict)
+    assert (run.returncode, run.stdout.strip()) == (0, "" if when == "never" else "freed"), run.stderr
+
+
+def test_a_library_with_nothing_to_release_is_left_alone(tmp_path: Path) -> None:
+    for library in (Path(str(_ctypes.__file__)), tmp_path / "none.so"):
+        release_interpreter_at_exit(library)
