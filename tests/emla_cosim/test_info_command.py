@@ -105,14 +105,14 @@ def test_names_are_neither_markup_nor_commands_of_the_terminal(emla: Emla, tmp_p
     assert json.loads(told)["variables"][0]["fmu_name"] == "[bold]a[/]:warning:\u202eb"
 
 
-def test_many_variables_take_no_time(emla: Emla, tmp_path: Path) -> None:
-    many = "".join(real(f"v{i}.x", i) for i in range(30_000))
+def test_a_hundred_thousand_variables_take_no_time(emla: Emla, tmp_path: Path) -> None:
+    many = "".join(real(f"v{i}.x", i) for i in range(100_000))
     path = fmu(tmp_path / "x.fmu", description(many))
     begin = time.monotonic()
     shown = emla("info", str(path)).stdout
-    assert "The first 1000 rows of 30000 variables" in shown
-    assert time.monotonic() - begin < 10.0  # 2 s where nothing else runs
-    assert "M.v29999.x" in emla("info", str(path), "--match", "v29999.*").stdout
+    assert "The first 1000 rows of 100000 variables" in shown
+    assert time.monotonic() - begin < 30.0  # 7 s where nothing else runs
+    assert "M.v99999.x" in emla("info", str(path), "--match", "v99999.*").stdout
 
 
 @pytest.mark.parametrize(
