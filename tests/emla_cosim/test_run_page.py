@@ -150,6 +150,13 @@ def test_the_worst_is_said_first(result: Result) -> None:
     assert "<bdi>set a.b</bdi> <b><bdi>2</bdi></b>" in changed and "<bdi>gains</bdi>" in changed
 
 
+def test_files_are_called_by_their_names_on_top(result: Result) -> None:
+    given = {"input": [{"file": "/a/folder/load.csv", "end": "hold"}], "parameters": ["/a/folder/more.ssv"]}
+    text = page(replace(result, record={**result.record, "changed": given}))
+    assert "<bdi>input</bdi> <b><bdi>load.csv</bdi></b>" in text and "<bdi>more.ssv</bdi>" in text
+    assert "/a/folder" not in text
+
+
 # ---- what it does ------------------------------------------------------------------------------------
 
 
@@ -319,6 +326,14 @@ def test_large_systems_are_drawn_by_their_parts() -> None:
     assert all(len(d.boxes) == 6 and len(d.lines) == 5 for d in made[1:])
     assert diagrams(named([f"c{k}" for k in range(500)]), []) == []
     assert diagrams({}, []) == []
+
+
+def test_one_signal_is_no_plural() -> None:
+    names = dict.fromkeys(["a", "b", "c"], "an FMU")
+    joined = wires(
+        names, ["a.a_signal_with_a_long_name -> b.in", "b.one_output -> c.x", "b.other_one -> c.y"]
+    )
+    assert [line.label for d in diagrams(names, joined) for line in d.lines] == ["1 signal", "2 signals"]
 
 
 def test_connections_of_run_json_are_understood() -> None:

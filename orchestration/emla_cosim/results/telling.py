@@ -63,16 +63,16 @@ def how_stepped(result: "Result") -> Iterator[str]:
 
 def headline(result: "Result") -> str:
     """The scenario and what was changed in it, files by their names, on one line."""
-    words = ", ".join(f"{name} {_brief(value)}".removeprefix("set ") for name, value in changes(result))
+    words = ", ".join(f"{name} {short(value)}".removeprefix("set ") for name, value in changes(result))
     return visible(" \u00b7 ".join(filter(None, (result.name, words)))).replace("\n", " ")
 
 
-def _brief(value: Any) -> str:
+def short(value: Any) -> str:
     """A value, of a file, with or without what is said of it, its name."""
     if isinstance(value, Mapping) and "file" in value:
-        return _brief(value["file"])
+        return short(value["file"])
     if isinstance(value, list):
-        return " and ".join(map(_brief, value))
+        return " and ".join(map(short, value))
     return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else text(value)
 
 

@@ -161,7 +161,7 @@ def _line(connection: Connection, wire: Wire, elements: Mapping[str, Element], c
     points = [start, *connection.waypoints, end]
     path = "M" + "L".join(f"{x:.1f} {-y:.1f}" for x, y in points)
     outputs = list(dict.fromkeys(output for output, _ in wire.signals))
-    label = ", ".join(outputs) if len(", ".join(outputs)) <= 14 else f"{len(outputs)} signals"
+    label = ", ".join(outputs) if len(", ".join(outputs)) <= 14 else counted(len(outputs), "signal")
     told = "\n".join(f"{wire.source}.{a} → {wire.target}.{b}" for a, b in wire.signals[:40])
     return Line(path, color, label, start[0] + 1.0, -start[1] - 0.9, told)
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from ..result import Result
-from ..telling import changes, text
+from ..telling import changes, short
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ def heading(result: Result) -> Heading:
         result.name,
         verdict,
         tuple(sentences),
-        tuple((name, text(value)) for name, value in changes(result)),
+        tuple((name, short(value)) for name, value in changes(result)),
         f"{result.times.start:g} s to {result.end_s:g} s",
     )
 
