@@ -92,6 +92,15 @@ def user_cache(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {VARIABLE: str(shared_folder(tmp_path_factory) / "cache")}
 
 
+@pytest.fixture(scope="module")
+def own_cache(user_cache: dict[str, str]) -> Iterator[None]:
+    """What a file of tests builds in this process does not go into the user's own cache either."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in user_cache.items():
+            patch.setenv(name, value)
+        yield
+
+
 @pytest.fixture(scope="session")
 def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the native FMUs of all models, which all processes of a test run share."""

@@ -24,11 +24,13 @@ __all__ = [
     "cache_folder",
     "check_places",
     "coming_back",
+    "digest",
     "place_of",
     "present_folder",
     "read_file",
     "read_text",
     "real_place",
+    "sha256",
     "temporary_folder",
     "writing_to",
     "written_whole",
@@ -111,13 +113,16 @@ def read_text(path: Path, what: str) -> str:
         raise CommandError(f"{what} '{path}' is not a text in UTF-8.") from error
 
 
+def sha256(path: Path) -> str:
+    """The hash of a file's content; raises OSError where it cannot be read."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
 def digest(path: Path) -> str | None:
     """The hash of a file's content; None where there is no file that can be read."""
     try:
-        if not path.is_file():
-            return None
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return sha256(path) if path.is_file() else None
     except (OSError, ValueError):
         return None
 

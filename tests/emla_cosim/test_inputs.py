@@ -1,7 +1,6 @@
 """Data drive signals of a system: what receivers get, in whatever way the system is run."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +16,13 @@ from emla_cosim.run_record import plain
 from emla_cosim.sweep.shipment import Preparation
 from tests.support.commands import Emla
 
+pytestmark = pytest.mark.usefixtures("own_cache")
+
 STOP = 0.05
 LOAD = "lift.disturbance.F_L"
 T = np.linspace(0.0, 0.04, 41)
 F = 3.0 + np.cos(300.0 * T)
 """A load in kN."""
-
-
-@pytest.fixture(autouse=True, scope="module")
-def own_cache(user_cache: dict[str, str]) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in user_cache.items():
-            patch.setenv(name, value)
-        yield
 
 
 @pytest.fixture

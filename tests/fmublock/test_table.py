@@ -2,7 +2,6 @@
 
 import shutil
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import fmpy
@@ -19,17 +18,11 @@ from emla_cosim import Verdict, verify
 from fmublock.errors import BuildError
 from fmublock.table import ENDS, MOST_OUTPUTS, Column, DataUnit, Shown, Table, build_table
 
+pytestmark = pytest.mark.usefixtures("own_cache")
+
 Array = NDArray[np.float64]
 
 NEWTON = DataUnit("kN", {"kg": 1, "m": 1, "s": -2}, 1e3)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def own_cache(user_cache: dict[str, str]) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in user_cache.items():
-            patch.setenv(name, value)
-        yield
 
 
 def a_table(times: Array, values: Array, end: str = "hold") -> Table:

@@ -1,6 +1,5 @@
 """FMU files: opened, checked and unpacked once, however many instances a system has."""
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..errors import CommandError
+from ..files import sha256
 from ..wording import counted
 from .interface import Interface, read_interface
 from .library import missing_bytes
@@ -67,7 +67,7 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
         folder=folder,
         interface=interface,
         library=_whole(path, _library(path, folder / "binaries", library)),
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        sha256=sha256(path),
     )
 
 

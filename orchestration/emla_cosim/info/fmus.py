@@ -1,12 +1,12 @@
 """The header of an FMU: what its file and its model description say of the whole."""
 
-import hashlib
 import math
 import zipfile
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ..errors import CommandError
+from ..files import sha256
 from ..fmu.interface import Interface
 from .parts import FmuInfo
 
@@ -25,9 +25,7 @@ def fmu_info(path: Path, shown: str, interface: Interface) -> FmuInfo:
     """
     said = interface.description
     try:
-        with path.open("rb") as stream:
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-        size, platforms = path.stat().st_size, _platforms(path)
+        content, size, platforms = sha256(path), path.stat().st_size, _platforms(path)
     except OSError as error:
         raise CommandError(f"the FMU '{path}' cannot be read: {error.strerror}.") from error
     return FmuInfo(
@@ -46,7 +44,7 @@ def fmu_info(path: Path, shown: str, interface: Interface) -> FmuInfo:
         author=_text(said.author),
         license=_text(said.license),
         guid=_text(said.guid),
-        sha256=sha256,
+        sha256=content,
         size=size,
     )
 

@@ -1,7 +1,6 @@
 """What travels to the workers, once: FMUs by their content, and the systems that are made of them."""
 
 import copyreg
-import hashlib
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,6 +13,7 @@ from typing import Any
 import cloudpickle
 
 from ..errors import CommandError, called_as_in
+from ..files import sha256
 from ..fmu.interface import Interface, read_interfaces
 from ..master.algorithms.registry import ALGORITHMS
 from ..options import Options
@@ -61,7 +61,7 @@ class Preparation:
         options, told = until_data_end(scenario.options), progress or Progress()
         with called_as_in(scenario.unpacked):
             system, fmus = prepared(scenario.system, options, told)
-            hashes = {path: _sha256(path) for path in dict.fromkeys(fmus.values())}
+            hashes = {path: sha256(path) for path in dict.fromkeys(fmus.values())}
             interfaces = read_interfaces(fmus)
         told.advance(1)
         usual = Options()
@@ -142,7 +142,3 @@ def check_portable(kind: str, objects: Mapping[str, Any]) -> None:
 
 def _without_files(system: System) -> System:
     return replace(system, components=tuple(replace(c, model="", fmu=None) for c in system.components))
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,13 +1,12 @@
 """All checks of one FMU, each in its turn, in a process of its own."""
 
 import difflib
-import hashlib
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
 
 from ..errors import CommandError
+from ..files import sha256
 from ..patterns import fits
 from .asking import asked_each, blocked
 from .catalogue import CHECKS, READING, RECORDED
@@ -114,7 +113,7 @@ def _facts(subject: Subject) -> dict[str, str]:
     """What a person wants to know of it first."""
     facts = {}
     with suppress(OSError):
-        facts["SHA-256"] = _sha256(subject.path)
+        facts["SHA-256"] = sha256(subject.path)
         facts["size"] = f"{subject.path.stat().st_size / 1024:,.0f} KiB"
     if "description" in vars(subject):
         with suppress(Exception):
@@ -127,8 +126,3 @@ def _facts(subject: Subject) -> dict[str, str]:
             folders = sorted(p.name for p in (subject.folder / "binaries").glob("*"))
             facts["platforms"] = ", ".join(folders) or "none"
     return {name: facts[name] for name in sorted(facts)}
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
