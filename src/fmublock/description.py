@@ -44,6 +44,23 @@ def offers_model_exchange(block: Block) -> bool:
     return bool(layout.states) or not layout.discrete_states
 
 
+def described(model: str, description: str, producer: Producer, guid: str) -> Element:
+    """The element that all else stands in."""
+    told = {"version": producer.version, "license": producer.license}
+    return Element(
+        "fmiModelDescription",
+        {},
+        fmiVersion="2.0",
+        modelName=model,
+        guid=guid,
+        description=description,
+        **{attribute: text for attribute, text in told.items() if text is not None},
+        generationTool=producer.tool,
+        generationDateAndTime=BUILD_TIME,
+        variableNamingConvention="structured",
+    )
+
+
 def model_description(
     block: Block, symbolic: SymbolicBlock, producer: Producer, guid: str, offers: Offers
 ) -> bytes:
@@ -51,19 +68,7 @@ def model_description(
     layout = block.layout()
     scalars = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
     name = type(block).__name__
-    told = {"version": producer.version, "license": producer.license}
-    root = Element(
-        "fmiModelDescription",
-        {},
-        fmiVersion="2.0",
-        modelName=name,
-        guid=guid,
-        description=(block.__doc__ or name).strip().splitlines()[0],
-        **{attribute: text for attribute, text in told.items() if text is not None},
-        generationTool=producer.tool,
-        generationDateAndTime=BUILD_TIME,
-        variableNamingConvention="structured",
-    )
+    root = described(name, (block.__doc__ or name).strip().splitlines()[0], producer, guid)
     if offers.model_exchange:
         root.set("numberOfEventIndicators", "0")
         _add_interface(root, "ModelExchange", name, offers, completedIntegratorStepNotNeeded="true")

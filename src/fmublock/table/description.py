@@ -2,26 +2,14 @@
 
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from ..description import BUILD_TIME, LOG_CATEGORIES
+from ..description import LOG_CATEGORIES, described
 from ..recipe import Producer
 from .content import DataUnit, Table
 
 
 def table_description(table: Table, model: str, main: str, producer: Producer, guid: str) -> bytes:
     """The model description as UTF-8 XML; `main` is the C file to compile."""
-    told = {"version": producer.version, "license": producer.license}
-    root = Element(
-        "fmiModelDescription",
-        {},
-        fmiVersion="2.0",
-        modelName=model,
-        guid=guid,
-        description="Data over time as outputs",
-        **{attribute: text for attribute, text in told.items() if text is not None},
-        generationTool=producer.tool,
-        generationDateAndTime=BUILD_TIME,
-        variableNamingConvention="structured",
-    )
+    root = described(model, "Data over time as outputs", producer, guid)
     simulation = SubElement(
         root,
         "CoSimulation",
