@@ -139,8 +139,8 @@ class _Matching:
         self.matches: list[Match] = []
         self.left_out: set[str] = set()
         self._same: set[str] = set()
-        inputs = [x.input for x in system.connections if x.target == component.name]
-        outputs = list(dict.fromkeys(x.output for x in system.connections if x.source == component.name))
+        inputs = [x.input for x in system.into(component.name)]
+        outputs = list(dict.fromkeys(x.output for x in system.out_of(component.name)))
         for name in inputs:
             self._needed("input", name)
         for name in outputs:

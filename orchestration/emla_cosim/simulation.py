@@ -320,7 +320,7 @@ class Simulation:
         alias = component.alias(variable)
         slave = self._assembly.slaves[component.name]
         found = find_variable(component.name, slave.file.variables, alias.variable)
-        driver = next((x for x in self.system.connections if x.ends[1] == (component.name, found.name)), None)
+        driver = next((x for x in self.system.into(component.name) if x.input == found.name), None)
         if driver is not None:
             raise CommandError(f"{name} cannot be set: it is driven by {driver.source}.{driver.output}.")
         if found.causality != "input":

@@ -13,6 +13,7 @@ from fmpy.model_description import ModelDescription, ModelVariable, ValidationEr
 
 from ..errors import CommandError
 from ..units import BASE_UNITS, Unit
+from .dependencies import Dependencies
 
 _DESCRIPTION = "modelDescription.xml"
 _LARGEST = 2**28
@@ -40,6 +41,16 @@ class Interface:
     def units(self) -> dict[str, Unit]:
         """Units that the FMU defines, by name."""
         return {str(u.name): _unit(u) for u in self.description.unitDefinitions}
+
+    @cached_property
+    def direct(self) -> Dependencies:
+        """What outputs depend on within one instant."""
+        return Dependencies(self.description.outputs)
+
+    @cached_property
+    def initial(self) -> Dependencies:
+        """What unknowns depend on in initialization mode."""
+        return Dependencies(self.description.initialUnknowns)
 
     def settable(self, name: str) -> bool:
         """Whether a variable may get a start value."""

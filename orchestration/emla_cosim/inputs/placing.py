@@ -94,7 +94,7 @@ def _places(system: System, driven: Sequence[Wanted]) -> tuple[dict[str, list[Wa
     whole = {
         name: part
         for name, part in outputs.items()
-        if {x.output for x in system.connections if x.source == name} <= {one.variable for one in part}
+        if {x.output for x in system.out_of(name)} <= {one.variable for one in part}
     }
     return whole, [one for one in driven if not (one.output and one.component in whole)]
 
@@ -116,7 +116,10 @@ def _beside(system: System, name: str, fmu: Path, driven: Sequence[Wanted]) -> S
         if x.ends[1] not in inputs
     ]
     connections += [Connection(name, signal, *end) for end, signal in inputs.items()]
-    components = [_without(c, [end[1] for end in inputs if end[0] == c.name]) for c in system.components]
+    taken: dict[str, list[str]] = {}
+    for component, variable in inputs:
+        taken.setdefault(component, []).append(variable)
+    components = [_without(c, taken.get(c.name, ())) for c in system.components]
     return System((Component(name, fmu=fmu), *components), tuple(connections))
 
 

@@ -119,7 +119,7 @@ def _is_driven(name: str, system: System, interfaces: Mapping[str, Interface]) -
         return False
     end = (component.name, found.name)
     return found.causality == "input" or (
-        found.causality == "output" and any(x.ends[0] == end for x in system.connections)
+        found.causality == "output" and any(x.ends[0] == end for x in system.out_of(component.name))
     )
 
 
@@ -159,7 +159,7 @@ def _wanted(
     if variable.type != "Real":
         raise CommandError(f"{signal} is of the type {variable.type}; data can drive a Real.", signal=signal)
     end, output = (component.name, str(variable.name)), variable.causality == "output"
-    if output and not any(x.ends[0] == end for x in system.connections):
+    if output and not any(x.ends[0] == end for x in system.out_of(component.name)):
         raise CommandError(f"nobody reads {signal}, so that data for it would change nothing.", signal=signal)
     unit = interface.unit(end[1])
     label = f"the column '{data.headers[position].text}' of {data.label}"

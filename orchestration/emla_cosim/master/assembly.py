@@ -5,13 +5,11 @@ from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmpy.model_description import Unknown
-
 from ..files import temporary_folder
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import Interface
 from ..fmu.variables import TypedValue, typed_values
-from ..system.model import Alias, Component, System
+from ..system.model import Alias, Component, Connection, System
 from ..system.resolution import in_fmu_terms, refuse_driven, resolved
 from ..system.signal_faults import MODEL
 from ..units import IDENTITY, LinearTransformation
@@ -61,8 +59,8 @@ class Assembly:
 
     def _instantiate(self) -> None:
         """Make instances of all components, and the network of them."""
-        components, connections = self._wired.components, self._wired.connections
-        inputs = {c.name: [x.input for x in connections if x.target == c.name] for c in components}
+        components = self._wired.components
+        inputs = {c.name: [x.input for x in self._wired.into(c.name)] for c in components}
         outputs = {c.name: _outputs(self.files[c.name], self._wired, c.name) for c in components}
         self.slaves: dict[str, DescribedSlave] = {}
         log = FmuLog()
@@ -142,7 +140,7 @@ class Assembly:
     def _typed(self, component: Component) -> list[TypedValue]:
         """The start values of a component as its FMU has them."""
         given = in_fmu_terms(component)
-        refuse_driven(given, self._wired.connections)
+        refuse_driven(given, self._wired)
         return typed_values(component.name, self.files[component.name].interface, given.parameters)
 
 
@@ -167,7 +165,7 @@ def _open_files(fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
 
 def _outputs(file: FmuFile, system: System, name: str) -> list[str]:
     """All Real outputs of a component, and those of other types that are connected."""
-    connected = {x.output for x in system.connections if x.source == name}
+    connected = {x.output for x in system.out_of(name)}
     outputs = [v for v in file.variables.values() if v.causality == "output"]
     return [v.name for v in outputs if v.type == "Real" or v.name in connected]
 
@@ -199,37 +197,25 @@ def _links(
     outputs: Mapping[str, list[str]],
 ) -> list[Link]:
     position = {c.name: i for i, c in enumerate(system.components)}
-    used = {c.name: {x.output for x in system.connections if x.source == c.name} for c in system.components}
-    return [
-        Link(
+    used = {name: {x.output for x in system.out_of(name)} for name in position}
+    read = {name: {v: i for i, v in enumerate(inputs[name])} for name in position}
+    written = {name: {v: i for i, v in enumerate(outputs[name])} for name in position}
+
+    def link(x: Connection) -> Link:
+        interface, taken = files[x.target].interface, used[x.target]
+        direct = interface.direct.among(taken, x.input)
+        transformation = x.transformation or IDENTITY
+        return Link(
             source=position[x.source],
-            output=outputs[x.source].index(x.output),
+            output=written[x.source][x.output],
             target=position[x.target],
-            input=inputs[x.target].index(x.input),
-            direct=_depends(used[x.target], files[x.target].description.outputs, x.input),
-            initial=_depends(used[x.target], files[x.target].description.initialUnknowns, x.input),
-            factor=(x.transformation or IDENTITY).factor,
-            offset=(x.transformation or IDENTITY).offset,
+            input=read[x.target][x.input],
+            direct=bool(direct),
+            initial=bool(interface.initial.among(taken, x.input)),
+            factor=transformation.factor,
+            offset=transformation.offset,
             name=str(x),
-            through=tuple(
-                i
-                for i, output in enumerate(outputs[x.target])
-                if output in used[x.target]
-                and _depends({output}, files[x.target].description.outputs, x.input)
-            ),
+            through=tuple(sorted(written[x.target][output] for output in direct)),
         )
-        for x in system.connections
-    ]
 
-
-def _depends(outputs: set[str], unknowns: Sequence[Unknown], known: str) -> bool:
-    """Whether one of these outputs depends on a known; what is not declared is taken to depend.
-
-    An output without an entry has a value of its own, unless the model description says nothing at all.
-    """
-    for unknown in unknowns:
-        if unknown.variable is not None and unknown.variable.name in outputs:
-            knowns = unknown.dependencies
-            if knowns is None or known in {v.name for v in knowns}:
-                return True
-    return bool(outputs) and not unknowns
+    return [link(x) for x in system.connections]

@@ -184,7 +184,7 @@ class _Varying:
             near = [n for n in interface.variables if n.endswith(f".{own}") and interface.settable(n)]
             meant = f"; did you mean {component.name}.{near[0]}?" if near else "."
             raise CommandError(f"{self.label} is computed by the FMU and cannot be varied{meant}", name=name)
-        refuse_driven(replace(component, parameters={own: 0.0}), self.system.connections)
+        refuse_driven(replace(component, parameters={own: 0.0}), self.system)
 
     def _nominal(self, name: str) -> float:
         """The start value that the scenario has; CommandError where there is no number to multiply."""

@@ -1,7 +1,8 @@
 """A system of components that are FMUs, and the connections between them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 from ..errors import CommandError, listed
@@ -119,24 +120,31 @@ class System:
 
     def component(self, name: str) -> Component:
         """The component of this name; CommandError names the choices if there is none."""
-        for component in self.components:
-            if component.name == name:
-                return component
-        raise self._unknown(name)
+        if name not in self._by_name:
+            raise self._unknown(name)
+        return self._by_name[name]
+
+    def into(self, name: str) -> Sequence[Connection]:
+        """The connections that drive inputs of a component, in order."""
+        return self._into.get(name, ())
+
+    def out_of(self, name: str) -> Sequence[Connection]:
+        """The connections that read outputs of a component, in order."""
+        return self._out_of.get(name, ())
 
     def split(self, path: str) -> tuple[Component, str]:
         """component.variable as component and variable name, both of which may hold dots."""
         path = str(path)
-        inside = [c for c in self.components if path.startswith(f"{c.name}.") and path != f"{c.name}."]
-        if not inside:
+        dots = (i for i in reversed(range(len(path) - 1)) if path[i] == ".")
+        found = next((i for i in dots if path[:i] in self._by_name), None)  # the longest name wins
+        if found is None:
             longest = max(c.name.count(".") for c in self.components) + 1 if self.components else 1
             names = path.split(".")
             if len(names) <= longest or not names[-1]:
                 example = f"{self.components[0].name}.VARIABLE" if self.components else "COMPONENT.VARIABLE"
                 raise CommandError(f"'{path}' is not a variable; write it as {example}.", name=path)
             raise self._unknown(".".join(names[:longest]))
-        component = max(inside, key=lambda c: len(c.name))
-        return component, path.removeprefix(f"{component.name}.")
+        return self._by_name[path[:found]], path[found + 1 :]
 
     def with_parameters(self, values: Mapping[str, Value]) -> "System":
         """The system with further start values, by full name."""
@@ -176,6 +184,24 @@ class System:
             named = listed(sorted(".".join(end) for end in missing))
             raise CommandError(f"nothing drives {named}.", names=sorted(missing))
         return replace(self, connections=tuple(x for x in self.connections if x.ends[1] not in freed))
+
+    @cached_property
+    def _by_name(self) -> dict[str, Component]:
+        return {c.name: c for c in reversed(self.components)}
+
+    @cached_property
+    def _into(self) -> dict[str, list[Connection]]:
+        found: dict[str, list[Connection]] = {}
+        for x in self.connections:
+            found.setdefault(x.target, []).append(x)
+        return found
+
+    @cached_property
+    def _out_of(self) -> dict[str, list[Connection]]:
+        found: dict[str, list[Connection]] = {}
+        for x in self.connections:
+            found.setdefault(x.source, []).append(x)
+        return found
 
     def _connection(self, text: str) -> Connection:
         source, arrow, target = (part.strip() for part in str(text).partition("->"))

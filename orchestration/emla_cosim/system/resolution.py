@@ -3,7 +3,7 @@
 import contextlib
 import math
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 from ..errors import CommandError
@@ -33,7 +33,7 @@ def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
         if driven.setdefault((x.target, x.input), x) is not x:
             raise CommandError(f"{x.target}.{x.input} is driven by two outputs.")
     for component in components:
-        refuse_driven(component, system.connections)
+        refuse_driven(component, system)
     connections = (
         replace(x, transformation=_transformation(x, system, interfaces)) for x in system.connections
     )
@@ -48,10 +48,10 @@ def _check_name(name: str) -> None:
         )
 
 
-def refuse_driven(component: Component, connections: Iterable[Connection]) -> None:
-    """Raise CommandError where a start value is given to an input that is connected."""
-    for x in connections:
-        if x.target == component.name and x.input in component.parameters:
+def refuse_driven(component: Component, system: System) -> None:
+    """Raise CommandError where a start value is given to an input that the system connects."""
+    for x in system.into(component.name):
+        if x.input in component.parameters:
             raise CommandError(f"{x.target}.{x.input} cannot be set: it is driven by {x.source}.{x.output}.")
 
 
