@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelVariable
 
 from ... import black_box
 from ...arrays import Vector
 from ...errors import CommandError, RunError
-from ...files import coming_back
 from ...fmu.file import FmuFile
 from .calls import CALLS, code_of
 from .described_slave import DescribedSlave
 from .fmu_log import FmuLog
+from .loaded_library import DERIVATIVE, LoadedLibrary
 from .slave import EndRequestedError, EntryPoints, SlaveError, StepDiscardedError
 from .typed_values import CONNECTABLE, TypedValues
 
@@ -26,29 +26,7 @@ _STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fm
 _FINE, _DISCARD, _FATAL = (0, 1), 2, 4
 _TERMINATED = 3  # fmi2StatusKind
 
-# a prototype of its own per function, because fmpy's checks would cost as much as the call
-_POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
-_PROTOTYPES = {
-    "fmi2SetReal": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2GetReal": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2SetInteger": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2GetInteger": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2SetBoolean": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2GetBoolean": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2SetString": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2Reset": (_POINTER,),
-    "fmi2SetRealInputDerivatives": (_POINTER, _POINTER, _SIZE, _POINTER, _POINTER),
-    "fmi2DoStep": (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int),
-    "fmi2GetBooleanStatus": (_POINTER, ctypes.c_int, _POINTER),
-    "fmi2GetFMUstate": (_POINTER, _POINTER),
-    "fmi2SetFMUstate": (_POINTER, _POINTER),
-    "fmi2FreeFMUstate": (_POINTER, _POINTER),
-    "fmi2SerializedFMUstateSize": (_POINTER, _POINTER, _POINTER),
-    "fmi2SerializeFMUstate": (_POINTER, _POINTER, _POINTER, _SIZE),
-    "fmi2DeSerializeFMUstate": (_POINTER, _POINTER, _SIZE, _POINTER),
-}
-_DERIVATIVE = "fmi2GetDirectionalDerivative"
-_DERIVATIVE_TYPES = (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER, _POINTER)
+_POINTER = ctypes.c_void_p
 _DEAD_LIBRARIES: set[Path] = set()
 
 LARGEST_STATE = 2**32
@@ -80,24 +58,13 @@ class FmuSlave(DescribedSlave):
         self._present = black_box.present()
         self._codes = {call: code_of(number, call) for call in CALLS}
         try:
-            with self._doing("loading its library"), coming_back():  # fmpy goes to the library's folder
-                self._fmu = fmi2.FMU2Slave(
-                    guid=file.description.guid,
-                    unzipDirectory=str(file.folder),
-                    modelIdentifier=file.model_identifier,
-                    instanceName=name,
-                    libraryPath=str(file.library),
-                )
-            with self._doing("instantiate"):
-                self._fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
-            raw = {n: self._function(n, types) for n, types in _PROTOTYPES.items()}
-            if self.differentiates and hasattr(self._fmu.dll, _DERIVATIVE):
-                raw[_DERIVATIVE] = self._function(_DERIVATIVE, _DERIVATIVE_TYPES)
+            with self._doing("loading its library"):
+                self._library = LoadedLibrary.entered(file)
+            self._fmu = self._instantiated()
         except Exception as error:  # fmpy raises bare Exception
             reasons = " ".join([str(error), *log.lines(name)])
             raise CommandError(f"the FMU '{file.path}' of {name} cannot be started: {reasons}") from error
-        self._addresses = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in raw.items()}
-        self._functions = {n: self._told(n, f) for n, f in raw.items()}
+        self._functions = {n: self._told(n, f) for n, f in self._library.functions.items()}
         self._component = self._fmu.component
         self._do_step = self._functions["fmi2DoStep"]
         self._set_real, self._get_real = self._functions["fmi2SetReal"], self._functions["fmi2GetReal"]
@@ -119,6 +86,17 @@ class FmuSlave(DescribedSlave):
                 TypedValues("Get", self.written, self._functions),
             )
         self.bind(self.inputs.copy(), self.outputs)
+
+    def _instantiated(self) -> FMU2Slave:
+        """The instance; where there is none the library is left."""
+        made = self._library.instance(self.name)
+        try:
+            with self._doing("instantiate"):
+                made.instantiate(callbacks=self._log.callbacks, loggingOn=True)
+        except BaseException:
+            self._library.leave()
+            raise
+        return made
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory from now on; the slave keeps its addresses."""
@@ -212,17 +190,17 @@ class FmuSlave(DescribedSlave):
         found = np.zeros(len(self.outputs))
         if not len(found) or not len(direction):
             return found
-        if _DERIVATIVE not in self._functions:
+        if DERIVATIVE not in self._functions:
             return None
         unknown, known = self._output_references, self._input_references
-        status = self._functions[_DERIVATIVE](
+        status = self._functions[DERIVATIVE](
             self._component,
             *(unknown.ctypes.data, len(unknown)),
             *(known.ctypes.data, len(known)),
             *(direction.ctypes.data, found.ctypes.data),
         )
         if status == _FATAL:
-            raise self.error(_plain(_DERIVATIVE), status)
+            raise self.error(_plain(DERIVATIVE), status)
         return found if status in _FINE else None
 
     def save(self, state: Any = None) -> Any:
@@ -271,13 +249,14 @@ class FmuSlave(DescribedSlave):
                 with self._doing("terminate"):
                     self._fmu.terminate()
         with contextlib.suppress(Exception), self._doing("freeInstance"):
-            self._fmu.freeInstance()
+            self._fmu.fmi2FreeInstance(self._component)
+            self._library.leave()
 
     def entry_points(self) -> EntryPoints | None:
         """Addresses of the FMU's functions for compiled code, which knows Reals only."""
         if self._typed is not None:
             return None
-        address = self._addresses
+        address = self._library.addresses
         return EntryPoints(
             component=ctypes.cast(self._component, _POINTER).value or 0,
             set_real=address["fmi2SetReal"],
@@ -314,11 +293,6 @@ class FmuSlave(DescribedSlave):
     def _copied(self, state: Any) -> Any:
         self._call("fmi2GetFMUstate", ctypes.byref(state))
         return state
-
-    def _function(self, name: str, argument_types: tuple[Any, ...]) -> Any:
-        function = self._fmu.dll[name]
-        function.argtypes, function.restype = argument_types, ctypes.c_int
-        return function
 
     def _told(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
         """A function that says that it is called."""
