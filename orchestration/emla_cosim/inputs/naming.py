@@ -9,8 +9,12 @@ NAME = "input"
 _OWN_NAME = re.compile(rf"{NAME}(?:_\d+)?")
 
 
-def data_of(signal: str, names: Iterable[str]) -> str:
-    """The name, one of these, under which data are read in the place of a signal; else the signal's own."""
-    ends = f".{signal}"
-    named = (n for n in names if n.endswith(ends) and _OWN_NAME.fullmatch(n.removesuffix(ends)))
-    return next(named, signal)
+def data_among(names: Iterable[str]) -> dict[str, str]:
+    """The names, among these, under which data are read, by the signal in whose place they are."""
+    found: dict[str, str] = {}
+    for name in names:
+        if name.startswith(NAME):
+            component, _, signal = name.partition(".")
+            if _OWN_NAME.fullmatch(component):
+                found.setdefault(signal, name)
+    return found

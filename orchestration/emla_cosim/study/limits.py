@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import Vector
-from .roles import variable
+from .roles import Named, variable
 
 
 class Range(NamedTuple):
@@ -61,6 +61,7 @@ class LimitWatch:
         roles: Mapping[str, str],
     ) -> None:
         """Take the columns of signals and the values of parameters, both by full name, and given roles."""
+        columns, parameters = Named(columns), Named(parameters)
         self._watched = [
             watched
             for joint in joints
@@ -91,12 +92,12 @@ class LimitWatch:
         """Take the next rows (time first)."""
         values = rows[:, self._columns]
         outside = ~((self._minima <= values) & (values <= self._maxima))  # NaN is outside
-        while outside.any():
-            row, place = divmod(int(np.argmax(outside)), outside.shape[1])
+        places = np.flatnonzero(outside.any(axis=0))
+        first = outside[:, places].argmax(axis=0)
+        for row, place in sorted(zip(first.tolist(), places.tolist(), strict=True)):
             joint, _, signal, _, low, high = self._watched[place]
             time, value = float(rows[row, 0]), float(values[row, place])
-            self._left[joint] = LeftLimits(signal, time, value, low, high)
-            outside[:, [w.joint == joint for w in self._watched]] = False
+            self._left.setdefault(joint, LeftLimits(signal, time, value, low, high))
         self._prepare()
 
     def memory(self) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from ..arrays import Vector
 from ..recorders.metrics import Figures, Metrics, Shown
 from ..recorders.recorder import Outline
 from .limits import LimitWatch
-from .roles import all_joints, check_roles, given_joints, variable
+from .roles import Named, all_joints, check_roles, given_joints, variable
 
 SETTLED_AFTER = 0.3
 """Errors and torque count from this time on in s, or from convergence if that is later."""
@@ -89,7 +89,7 @@ class JointMetrics(Metrics):
         parameters: Mapping[str, float] | None = None,
         roles: Mapping[str, str] | None = None,
     ) -> None:
-        column = {name: i + 1 for i, name in enumerate(names)}
+        column = Named((name, i + 1) for i, name in enumerate(names))
         self._joints: dict[str, _JointAccumulator] = {}
         given = roles or {}
         told = given_joints(given)

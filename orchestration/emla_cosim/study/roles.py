@@ -5,11 +5,13 @@ element for each joint.
 """
 
 from collections.abc import Collection, Iterable, Mapping
+from functools import cached_property
+from typing import TypeVar
 
 from hdrm_fmu.trajectory import JOINTS
 
 from ..errors import CommandError, listed, near_or_some
-from ..inputs.naming import data_of
+from ..inputs.naming import data_among
 
 _PLACES: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),
@@ -55,18 +57,33 @@ _BOUNDS = ("N_p", "Phi_PM", "i_limit", "i_max", "permitted_rise", "q_LB", "q_UB"
 """The roles of parameters."""
 
 
+_T = TypeVar("_T")
+
+
+class Named(dict[str, _T]):
+    """Values by the names of variables, in which many roles are looked for."""
+
+    @cached_property
+    def data(self) -> dict[str, str]:
+        """Under which name data are read, by the signal in whose place they are."""
+        return data_among(self)
+
+
 def variable(
     joint: str, role: str, names: Collection[str], roles: Mapping[str, str] | None = None
 ) -> str | None:
     """The full name of what plays a role for a joint, one of `names`; None where nothing does.
 
     What `roles` names by joint.role goes before the places above. Where data are read in its place, it is
-    theirs.
+    theirs. Who asks for many roles gives `Named`.
     """
     given = (roles or {}).get(f"{joint}.{role}")
     places = _names(joint, _PLACES[role]) if given is None else (given,)
     found = next((name for name in places if name in names), None)
-    return None if found is None else data_of(found, names)
+    if found is None:
+        return None
+    data = names.data if isinstance(names, Named) else data_among(names)
+    return data.get(found, found)
 
 
 def all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:
@@ -81,6 +98,7 @@ def given_joints(roles: Mapping[str, str]) -> list[str]:
 
 def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: Collection[str]) -> None:
     """Raise CommandError for a role, a signal or a parameter that there is not, and for half a joint."""
+    signals, parameters = Named(dict.fromkeys(signals)), Named(dict.fromkeys(parameters))
     for place, name in roles.items():
         joint, _, role = place.rpartition(".")
         if not joint or role not in _PLACES:
@@ -100,6 +118,7 @@ def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: 
 
 def tracked(names: Collection[str], roles: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     """Position and reference of each joint that has both among these names."""
+    names = Named(dict.fromkeys(names))
     ends = {
         joint: [variable(joint, role, names, roles) for role in ("x_L", "x_d")]
         for joint in all_joints(names, roles)
