@@ -11,7 +11,7 @@ from hypothesis import given
 from emla_cosim.loading import load
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.recorders.csv_file import CsvFile, read_csv
-from emla_cosim.recorders.recorder import Outline, Recorder, RecordingError, RowBuffer
+from emla_cosim.recorders.recorder import BLOCK_ROWS, BLOCK_SIZE, Outline, Recorder, RecordingError, RowBuffer
 from emla_cosim.study.metrics import JointMetrics
 from tests.support.scenario_runs import run_scenario
 
@@ -96,6 +96,13 @@ def test_the_buffer_passes_everything_on_and_ends_every_recorder_even_if_one_fai
     with pytest.raises(RecordingError, match=r"^the counter cannot be written: No space left on device\.$"):
         buffer.end()
     assert [(r.rows, r.ended) for r in recorders] == [(10, True), (10, True)]
+
+
+@pytest.mark.parametrize("width", [1, 1000, 20_000, BLOCK_SIZE // 8 + 1])
+def test_rows_wait_in_so_much_memory_however_wide_they_are(width: int) -> None:
+    rows = RowBuffer(width, []).room(2 * BLOCK_ROWS)
+    assert len(rows) == 1 or rows.nbytes <= BLOCK_SIZE
+    assert len(rows) == BLOCK_ROWS or rows.nbytes + 8 * width > BLOCK_SIZE
 
 
 def metrics_by_definition(rows: np.ndarray) -> dict[str, float]:

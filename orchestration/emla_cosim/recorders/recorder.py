@@ -87,11 +87,16 @@ class RecordingError(RunError):
     """A recorder that could not take what it was given."""
 
 
+BLOCK_ROWS, BLOCK_SIZE = 2000, 2**24
+"""How many rows wait until they go to the recorders, and how many bytes they may have."""
+
+
 class RowBuffer:
     """Room for rows that the stepping fills; full blocks go to the recorders.
 
     Every `every`-th communication point is to be recorded. Memory stays the same however long the
-    run is. `shown` has signals, by position, that are passed on in another unit.
+    run is, and hardly grows with the signals of a row. `shown` has signals, by position, that are passed on
+    in another unit.
     """
 
     def __init__(
@@ -99,12 +104,13 @@ class RowBuffer:
         width: int,
         recorders: Sequence[Recorder],
         every: int = 1,
-        block_rows: int = 2000,
+        block_rows: int = BLOCK_ROWS,
         shown: Mapping[int, LinearTransformation] | None = None,
     ) -> None:
         self.every = every
         self._recorders = recorders
         self._shown = shown or {}
+        block_rows = max(min(block_rows, BLOCK_SIZE // (8 * width)), 1)
         memory = black_box.room(block_rows * width * 8)
         self._block = np.frombuffer(memory).reshape(block_rows, width)
         self._present = black_box.present()
