@@ -1,7 +1,8 @@
 """Values that parameter bindings give to the variables of FMUs."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 from ...system.model import Value
 from ...units import IDENTITY, LinearTransformation, conversion
@@ -71,6 +72,7 @@ class _Collected:
         self._wiring = wiring
         self.given: dict[Node, _Given] = {}
         self._matched: dict[ParameterSet, set[str]] = {}
+        self._inside: dict[Path_, dict[str, tuple[int, Element]]] = {}
         self._count = 0
 
     def element(self, element: Element, path: Path_) -> None:
@@ -95,9 +97,9 @@ class _Collected:
         if not isinstance(values, ParameterSet):
             raise TypeError("the structure is not loaded")
         matched = self._matched.setdefault(values, set())
+        targets = _targets(binding.mapping)
         for parameter in values.parameters:
-            name = f"{binding.prefix}{parameter.name}"
-            for target, entry in _targets(name, binding.mapping):
+            for target, entry in targets(f"{binding.prefix}{parameter.name}"):
                 node = self._node(element, path, target)
                 if node is not None:
                     matched.add(parameter.name)
@@ -112,23 +114,29 @@ class _Collected:
         if (path, name) in self._wiring.connectors:
             return path, name
         if isinstance(element, SystemElement):
-            for inside in element.elements:
-                if name.startswith(f"{inside.name}."):
-                    rest = name.removeprefix(f"{inside.name}.")
-                    found = self._node(inside, (*path, inside.name), rest)
-                    if found is not None:
-                        return found
+            for inside in self._beginning(element, path, name):
+                found = self._node(inside, (*path, inside.name), name.removeprefix(f"{inside.name}."))
+                if found is not None:
+                    return found
         return None
 
+    def _beginning(self, system: SystemElement, path: Path_, name: str) -> list[Element]:
+        """The elements of a system with whose name and a dot a name begins, in order."""
+        if path not in self._inside:
+            self._inside[path] = {e.name: (i, e) for i, e in enumerate(system.elements)}
+        inside = self._inside[path]
+        starts = (name[:i] for i, letter in enumerate(name) if letter == ".")
+        return [e for _, e in sorted((inside[s] for s in starts if s in inside), key=itemgetter(0))]
 
-def _targets(name: str, mapping: object) -> Iterator[tuple[str, MappingEntry | None]]:
-    """What a parameter of a set is called in the element; nothing if there is a mapping without it."""
+
+def _targets(mapping: object) -> Callable[[str], Sequence[tuple[str, MappingEntry | None]]]:
+    """What parameters of a set are called in the element: none of those that a mapping does not have."""
     if not isinstance(mapping, tuple):
-        yield name, None
-        return
+        return lambda name: [(name, None)]
+    targets: dict[str, list[tuple[str, MappingEntry | None]]] = {}
     for entry in mapping:
-        if entry.source == name:
-            yield entry.target, entry
+        targets.setdefault(entry.source, []).append((entry.target, entry))
+    return lambda name: targets.get(name, [])
 
 
 def _value(wiring: Wiring, given: _Given, node: Node, variable: Node) -> Value:

@@ -96,6 +96,8 @@ class _Level:
         self._wiring, self._system, self._path = wiring, system, path
         self._dictionaries = {**dictionaries, **{n: (*path, f"#{n}") for n in system.dictionaries}}
         self._elements = {e.name: e for e in system.elements}
+        self._owners: dict[str | None, Element] = {None: system, **self._elements}
+        self._connectors = {n: {c.name: c for c in o.connectors} for n, o in self._owners.items()}
 
     def connect(self) -> None:
         """Add the connections of the system and of those inside."""
@@ -125,16 +127,16 @@ class _Level:
             has = listed(self._elements) if self._elements else "none"
             text = f"names the element '{element}'; the system '{self._system.name}' has {has}"
             raise self._fault(connection, text)
-        owner = self._system if element is None else self._elements[element]
-        kinds = {c.name: c.kind for c in owner.connectors}
-        if name not in kinds:
-            has = listed(kinds) if kinds else "none"
+        owner, connectors = self._owners[element], self._connectors[element]
+        if name not in connectors:
+            has = listed(connectors) if connectors else "none"
             raise self._fault(connection, f"names the connector '{name}'; '{owner.name}' has {has}")
         if isinstance(owner, DictionaryReference):
             node = self._dictionary(owner), name
-            self._share(node, next(c for c in owner.connectors if c.name == name))
+            self._share(node, connectors[name])
             return _End(node, gives=True, takes=True)
-        gives, takes = kinds[name] in _GIVES, kinds[name] in _TAKES
+        kind = connectors[name].kind
+        gives, takes = kind in _GIVES, kind in _TAKES
         if element is None:  # what a system takes it gives to what is inside
             return _End((self._path, name), gives=takes, takes=gives)
         return _End(((*self._path, element), name), gives, takes)

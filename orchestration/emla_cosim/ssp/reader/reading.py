@@ -68,12 +68,14 @@ def _document(structure: Structure, package: Package) -> Document:
 def _names(wired: Wiring) -> dict[Path_, str]:
     """The names of all components; CommandError for two of the same name."""
     names: dict[Path_, str] = {}
+    taken: set[str] = set()
     for path, fmu in wired.fmus.items():
         id_ = fmu.component.id
         flat = len(path) == 1 and id_ is not None and id_.replace(".", "_") == path[0]
         name = id_ if flat and id_ is not None else ".".join(path)
-        if name in names.values():
+        if name in taken:
             raise wired.fault(f"there are two components '{name}'.")
+        taken.add(name)
         names[path] = name
     return names
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from ...errors import CommandError
 from ...fmu.interface import Interface
@@ -49,9 +50,17 @@ class Wiring:
 
     def _unit_inside(self, node: Node) -> Unit | None:
         """The unit of all connectors inside a system that its own connector drives, if it is one."""
-        inside = (t for t, (source, _) in self.drivers.items() if source == node and t[0][:-1] == node[0])
+        inside = (target for target in self._driven.get(node, ()) if target[0][:-1] == node[0])
         units = {self.unit(target) for target in inside}
         return units.pop() if len(units) == 1 else None
+
+    @cached_property
+    def _driven(self) -> dict[Node, list[Node]]:
+        """What each connector drives, when all connections are there."""
+        found: dict[Node, list[Node]] = {}
+        for target, (source, _) in self.drivers.items():
+            found.setdefault(source, []).append(target)
+        return found
 
     def fmu_unit(self, node: Node) -> Unit | None:
         """The unit of the FMU's variable behind a connector, if there is one."""
