@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .errors import CommandError
-from .fmu.interface import Interface, read_interface, read_interfaces
+from .fmu.interface import Interface, read_interfaces
 from .inputs.placing import Readable, data_end, with_inputs
 from .models import build
 from .options import Options
@@ -44,10 +44,10 @@ def prepared(system: System, options: Options, progress: Progress) -> tuple[Syst
             progress.note(f"Note: {note}")
     system = with_faults(system, faults, interfaces)
     system = system.with_parameters(start_values(system, interfaces, options.set))
+    others = read_interfaces({name: replacement.fmu for name, replacement in replacements.items()})
     for name, replacement in replacements.items():
-        other = read_interface(replacement.fmu)
-        system = _replaced(system, name, replacement, other, interfaces, progress)
-        fmus[name], interfaces[name] = replacement.fmu, other
+        system = _replaced(system, name, replacement, others[name], interfaces, progress)
+        fmus[name], interfaces[name] = replacement.fmu, others[name]
     return system, fmus
 
 
