@@ -11,7 +11,6 @@ from .errors import BenchmarkError
 from .registry import C_LOOP, FMU_CALLS
 from .rounds import Result
 
-BEGIN, END = "<!-- benchmark begins -->", "<!-- benchmark ends -->"
 _HEAD = ("Tool", "steps/s", "range", "of the C loop", "µs per step beyond the FMUs")
 
 
@@ -30,12 +29,18 @@ def rows(results: Sequence[Result]) -> list[tuple[str, ...]]:
         ratio = "-" if loop is None else f"{loop / medians[tool]:.3g}"
         beyond = "-" if calls is None or tool == FMU_CALLS else _microseconds(medians[tool] - calls)
         cells.append(
-            (title, _count(1.0 / medians[tool]), f"{_count(least)} - {_count(largest)}", ratio, beyond)
+            (
+                title,
+                three_digits(1.0 / medians[tool]),
+                f"{three_digits(least)} - {three_digits(largest)}",
+                ratio,
+                beyond,
+            )
         )
     return cells
 
 
-def _count(rate: float) -> str:
+def three_digits(rate: float) -> str:
     """Three digits of a rate."""
     digits = len(f"{rate:.0f}")
     return f"{round(rate, 3 - digits):,.0f}"
@@ -79,15 +84,16 @@ def _processor() -> str:
     return f"{names[0]} ({len(names)} logical cores)" if names else platform.machine()
 
 
-def in_readme(readme: str, table: str) -> str:
-    """The README's text with this table between its markers. Raises BenchmarkError where it has none."""
-    before, begin, rest = readme.partition(BEGIN)
-    _, end, after = rest.partition(END)
+def in_readme(readme: str, table: str, name: str = "benchmark") -> str:
+    """The README's text with a table between its markers. Raises BenchmarkError where it has none."""
+    begins, ends = f"<!-- {name} begins -->", f"<!-- {name} ends -->"
+    before, begin, rest = readme.partition(begins)
+    _, end, after = rest.partition(ends)
     if not begin or not end:
         raise BenchmarkError(
-            f"benchmarks/README.md has no place for the table: it needs the lines {BEGIN} and {END}."
+            f"benchmarks/README.md has no place for the table: it needs the lines {begins} and {ends}."
         )
-    return f"{before}{BEGIN}\n{table}\n{END}{after}"
+    return f"{before}{begins}\n{table}\n{ends}{after}"
 
 
 def as_json(results: Sequence[Result]) -> str:

@@ -11,6 +11,7 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.job import Job, load_job
 from benchmarks.registry import C_LOOP, FMU_CALLS, TOOLS, Tool
 from benchmarks.rounds import Result, check_signals, measured
+from benchmarks.run import README
 from benchmarks.study import study_job
 from benchmarks.table import as_json, in_readme, markdown, rows, text
 from benchmarks.tools import emla
@@ -110,6 +111,15 @@ def test_readme_gets_the_table_between_its_markers() -> None:
     new = in_readme(readme, "| new |")
     assert new == "# Title\n<!-- benchmark begins -->\n| new |\n<!-- benchmark ends -->\nmore\n"
     assert in_readme(new, "| new |") == new
+    both = f"{readme}<!-- size begins -->\nold\n<!-- size ends -->\n"
+    assert in_readme(both, "| new |", "size") == both.replace(
+        "size begins -->\nold", "size begins -->\n| new |"
+    )
     for wrong in ("# Title\n", readme.replace("ends", "end"), readme.replace("begins", "ends")):
         with pytest.raises(BenchmarkError, match="no place for the table"):
             in_readme(wrong, "| new |")
+
+
+@pytest.mark.parametrize("name", ["benchmark", "size"])
+def test_our_readme_has_a_place_for_each_table(name: str) -> None:
+    assert "| new |" in in_readme(README.read_text(encoding="utf-8"), "| new |", name)
