@@ -1,0 +1,164 @@
+"""Systems of many FMUs of one model: what is done once, what instances share, and how work grows."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
+
+import pytest
+from fmpy.fmi2 import FMU2Slave
+
+from benchmarks.row import ring
+from emla_cosim.errors import CommandError
+from emla_cosim.fmu import file as fmu_file
+from emla_cosim.loading import load
+from emla_cosim.master.assembly import Assembly
+from emla_cosim.master.slaves.loaded_library import LoadedLibrary
+from emla_cosim.ssp.reader.reading import read_ssp
+from emla_cosim.system.model import System
+from fmublock.archive import write_archive
+from tests.support.faulty_fmu import Counts
+from tests.support.faulty_systems import faulty, open_system, wired
+from tests.support.ssp_documents import binding, component, connection, entry, fake_fmu, ssd, ssm, ssv, system
+from tests.support.ssp_documents import folder as ssp_folder
+from tests.support.work import instructions
+
+SIZES = (40, 80, 160)
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> Callable[[object, str], list[Any]]:
+    """Notes the first argument of every call of a function, which is still called."""
+
+    def noted(owner: Any, name: str) -> list[Any]:
+        found: list[Any] = []
+        function = getattr(owner, name)
+
+        def call(*arguments: Any, **named: Any) -> Any:
+            found.append(arguments[0])
+            return function(*arguments, **named)
+
+        monkeypatch.setattr(owner, name, call)
+        return found
+
+    return noted
+
+
+def five(fmu: Path) -> System:
+    """Five instances of the faulty FMU, one after the other."""
+    names = [f"j.f{i}" for i in range(5)]
+    wires = [f"{a}.y -> {b}.u" for a, b in pairwise(names)]
+    return wired([faulty(name, fmu) for name in names], *wires)
+
+
+def test_a_file_is_read_unpacked_hashed_and_loaded_once(
+    faulty_fmu: Path, calls: Callable[[object, str], list[Any]]
+) -> None:
+    done = [calls(fmu_file, name) for name in ("read_interface", "unpack", "sha256")]
+    done.append(calls(FMU2Slave, "_loadFunctions"))
+    made = calls(FMU2Slave, "instantiate")
+    with open_system(five(faulty_fmu)) as assembly:
+        assert [len(found) for found in done] == [1, 1, 1, 1]
+        assert len(set(map(id, made))) == len(made) == 5
+        assert [m.instanceName for m in made] == [s.name for s in assembly.network.slaves]
+        assert len({m.component for m in made}) == 5
+
+
+def test_the_library_is_unloaded_with_the_last_instance(
+    faulty_fmu: Path, calls: Callable[[object, str], list[Any]]
+) -> None:
+    unloaded = calls(FMU2Slave, "freeLibrary")
+    with open_system(five(faulty_fmu)) as assembly:
+        first, *others = assembly.network.slaves
+        library = assembly.files[first.name].library
+        for slave in (first, *others):
+            slave.enter_initialization(0.0, 1.0)
+            slave.exit_initialization()
+        first.close()
+        for slave in others:
+            slave.do_step(0.0, 0.1)
+            slave.get_outputs()
+        assert not unloaded
+        assembly._instances.pop_all()
+        for slave in others:
+            slave.close()
+    assert len(unloaded) == 1
+    assert library not in LoadedLibrary._loaded
+
+
+def test_an_instance_that_cannot_be_made_leaves_nothing_of_the_others(
+    faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, calls: Callable[[object, str], list[Any]]
+) -> None:
+    unloaded, instantiate = calls(FMU2Slave, "freeLibrary"), FMU2Slave.instantiate
+    counts: list[Counts] = []
+
+    def refusing(slave: FMU2Slave, **given: Any) -> None:
+        if slave.instanceName == "j.f2":
+            counts.append(Counts(Path(slave.unzipDirectory)))
+            assert counts[0].instances == 2
+            raise Exception("no more")  # as fmpy does
+        instantiate(slave, **given)
+
+    monkeypatch.setattr(FMU2Slave, "instantiate", refusing)
+    loaded = set(LoadedLibrary._loaded)
+    with pytest.raises(CommandError, match=r"of j\.f2 cannot be started: no more"):
+        open_system(five(faulty_fmu)).__enter__()
+    assert counts[0].instances == 0
+    assert len(unloaded) == 1
+    assert set(LoadedLibrary._loaded) == loaded
+
+
+def test_an_fmu_that_allows_one_instance_per_process_gets_one(faulty_fmu: Path, tmp_path: Path) -> None:
+    with ZipFile(faulty_fmu) as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    means = b"<CoSimulation "
+    single = content["modelDescription.xml"].replace(
+        means, means + b'canBeInstantiatedOnlyOncePerProcess="true" ', 1
+    )
+    write_archive(tmp_path / "Faulty.fmu", {**content, "modelDescription.xml": single})
+    system = five(tmp_path / "Faulty.fmu")
+    with pytest.raises(CommandError, match=r"of j\.f1 cannot be started: .* one instance of it"):
+        open_system(system).__enter__()
+    paths = {c.name: c.fmu for c in system.components if c.fmu}
+    with Assembly(system, paths, ["j.f1", "j.f2", "j.f3", "j.f4"]) as assembly:
+        assert len(assembly.slaves) == 5
+
+
+def of_system(count: int, folder: Path) -> None:
+    """Prepare, run and write down a system of so many FMUs, with everything in Python."""
+    scenario = load(ring(count), fmus=folder, step_size=1e-3, stop_time=2e-3, compiled=False)
+    with scenario.prepare() as simulation:
+        simulation.run().save(folder / f"results-{count}", plots=False)
+
+
+def of_package(count: int, folder: Path) -> None:
+    """Read a package of so many FMUs, whose system has a connector and a parameter for each of them."""
+    with read_ssp(folder / f"{count}") as document:
+        assert len(document.system.components) == count
+        assert [c.parameters["k"] for c in document.system.components] == [*range(count)]
+        assert len(document.system.connections) == count - 1
+
+
+def package(count: int, folder: Path) -> None:
+    """Write what `of_package` reads."""
+    names = [f"c{i}" for i in range(count)]
+    parts = [component(name, "link.fmu", "u:input y:output w:input") for name in names]
+    parts += [connection(f"{a}.y -> {b}.u") for a, b in pairwise(names)]
+    parts += [connection(f"w_{name} -> {name}.w") for name in names]
+    given = ssv(**{f"p{i}": float(i) for i in range(count)})
+    mapping = ssm(*(entry(f"p{i}", f"{name}.k") for i, name in enumerate(names)))
+    ports = " ".join(f"w_{name}:input" for name in names)
+    root = ssd(system("s", *parts, ports=ports, bindings=binding(given, mapping)))
+    ssp_folder(folder / f"{count}", root=root)
+    fake_fmu(folder / f"{count}" / "link.fmu", "u:input", "w:input", "y:output", "k:parameter")
+
+
+@pytest.mark.parametrize("work", [of_system, of_package])
+def test_work_grows_in_proportion(work: Callable[[int, Path], None], tmp_path: Path) -> None:
+    """Twice as many more FMUs take twice as many more instructions, as far as Python executes them."""
+    for count in SIZES:
+        package(count, tmp_path)
+    work(SIZES[0], tmp_path)  # builds the FMU, and imports what is imported late
+    few, some, many = (instructions(lambda n=n: work(n, tmp_path)) for n in SIZES)
+    assert many - some < 1.02 * 2 * (some - few)
