@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
+from ...arrays import Vector
 from .algorithm import Algorithm
 
 
@@ -14,24 +17,23 @@ class Snapshot:
         self._algorithm = algorithm
         self._members = [network.slaves[i] for i in (slaves or range(len(network.slaves)))]
         self._states: list[Any] = [None] * len(self._members)
-        self._signals = network.signals.copy()
-        self._kept = [present.copy() for present in algorithm.kept.values()]
+        self._copies: list[Vector] = []  # each as long as the whole system: made where one is taken
         self._steps = algorithm.steps
 
     def take(self) -> None:
         """Remember the present."""
         algorithm = self._algorithm
         self._states = [s.save(state) for s, state in zip(self._members, self._states, strict=True)]
-        self._signals[:] = algorithm.network.signals
-        for copy, present in zip(self._kept, algorithm.kept.values(), strict=True):
+        if not self._copies:
+            self._copies = [np.empty_like(present) for present in self._present()]
+        for copy, present in zip(self._copies, self._present(), strict=True):
             copy[:] = present
         self._steps = algorithm.steps
 
     def restore(self) -> None:
         """Go back to what was taken."""
         self.restore_slaves()
-        self._algorithm.network.signals[:] = self._signals
-        for copy, present in zip(self._kept, self._algorithm.kept.values(), strict=True):
+        for copy, present in zip(self._copies, self._present(), strict=True):
             present[:] = copy
         self._algorithm.steps = self._steps
 
@@ -39,6 +41,9 @@ class Snapshot:
         """Take the slaves back, and leave signals and history as they are."""
         for slave, state in zip(self._members, self._states, strict=True):
             slave.restore(state)
+
+    def _present(self) -> list[Vector]:
+        return [self._algorithm.network.signals, *self._algorithm.kept.values()]
 
     def close(self) -> None:
         """Free the copies; never raises."""
