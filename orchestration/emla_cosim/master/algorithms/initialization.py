@@ -26,8 +26,9 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
         slave.enter_initialization(start_time, stop_time)
     for i in range(len(network.slaves)):
         network.assume_inputs(i)  # start values stand in for what is not known yet
+    scale = Scale(network)
     for group in network.groups(_is_initial):
-        _settle(network, group)
+        _settle(network, group, scale)
     for i in range(len(network.slaves)):  # inputs that no initial value depends on
         network.pass_inputs(i)
     for slave in network.slaves:
@@ -43,7 +44,7 @@ def _is_initial(link: Link) -> bool:
     return link.initial
 
 
-def _settle(network: Network, group: list[int]) -> None:
+def _settle(network: Network, group: list[int], scale: Scale) -> None:
     """Exchange values within a group until what is guessed of its loops is also what comes out."""
 
     def sweep() -> None:
@@ -61,17 +62,12 @@ def _settle(network: Network, group: list[int]) -> None:
         sweep()
         return network.signals[cut]
 
-    def present() -> Scale:
-        """Sizes of the present values, because tries on the way may be huge."""
-        scale = Scale(network)
-        scale.see()
-        return scale
-
     def agreed(difference: Vector) -> bool:
-        return bool((present().relative(difference, cut) <= TOLERANCE).all())
+        sizes = scale.present_sizes(cut)  # not the largest so far: tries on the way may be huge
+        return bool((np.abs(difference) / sizes <= TOLERANCE).all())
 
     try:
-        QuasiNewton(len(cut)).solve(network.signals[cut], answer, agreed, SWEEPS, present().sizes(cut))
+        QuasiNewton(len(cut)).solve(network.signals[cut], answer, agreed, SWEEPS, scale.present_sizes(cut))
     except NoAgreementError as failure:
         raise RunError(_no_agreement(network, group, cut, failure)) from failure
 
