@@ -112,8 +112,14 @@ class _Builder:
     ) -> ssp.SystemElement:
         """The system at a path, with the components and wires that are inside of it or touch it."""
         depth = len(path)
-        children = list(dict.fromkeys(p.path[depth] for p in places))
-        elements = [self._element(path, child, places, wires) for child in children]
+        members: dict[tuple[str, ...], list[_Place]] = {}
+        for place in places:
+            members.setdefault(place.path[: depth + 1], []).append(place)
+        touching: dict[tuple[str, ...], list[_Wire]] = {}
+        for wire in wires:
+            for inside in dict.fromkeys((wire.source[: depth + 1], wire.target[: depth + 1])):
+                touching.setdefault(inside, []).append(wire)
+        elements = [self._element(inside, m, touching.get(inside, ())) for inside, m in members.items()]
         connections = dict.fromkeys(c for w in wires for c in self._connections(path, w))
         own = {c.name: c for w in wires for c in self._own_connectors(path, w)}
         return drawn(
@@ -123,15 +129,12 @@ class _Builder:
         )
 
     def _element(
-        self, path: tuple[str, ...], child: str, places: Sequence[_Place], wires: Sequence[_Wire]
+        self, path: tuple[str, ...], places: Sequence[_Place], wires: Sequence[_Wire]
     ) -> ssp.Element:
-        inside = (*path, child)
-        depth = len(inside)
-        members = [p for p in places if p.path[:depth] == inside]
-        touching = [w for w in wires if inside in (w.source[:depth], w.target[:depth])]
-        if members[0].path == inside:
-            return self._component(members[0], touching)
-        return self.system(child, inside, members, touching)
+        """What is at a path: a component, or a system of what is inside."""
+        if places[0].path == path:
+            return self._component(places[0], wires)
+        return self.system(path[-1], path, places, wires)
 
     def _component(self, place: _Place, wires: Sequence[_Wire]) -> ssp.ComponentElement:
         part = self._parts[place.component.name]

@@ -119,9 +119,12 @@ def _groups(elements: Sequence[str], links: Sequence[tuple[str, str]]) -> list[l
 
 def _columns(order: Sequence[str], links: Sequence[tuple[str, str]]) -> dict[str, int]:
     """Columns so that links that run forward in this order run to the right."""
+    sources: dict[str, list[str]] = {}
+    for a, b in links:
+        sources.setdefault(b, []).append(a)
     columns: dict[str, int] = {}
     for element in order:
-        before = [columns[a] for a, b in links if b == element and a in columns and a != b]
+        before = [columns[a] for a in sources.get(element, ()) if a in columns]
         columns[element] = max(before, default=-1) + 1
     return columns
 
