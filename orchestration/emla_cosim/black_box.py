@@ -15,7 +15,7 @@ class Present(ctypes.Structure):
     `code` says which slave does which call (0: none), `time` in s when its doStep begins. `filled` rows
     wait to be written, and `recorded` more came since compiled code was called; they are in `room` bytes
     of this memory, or elsewhere if that is 0. `told` is how long the messages are in bytes, and `ended`
-    is 1 when the process came to an end of its own.
+    is 1 when the process came to an end of its own. Of threads beside the first only `code` and `time` count.
     """
 
     _fields_ = (
@@ -39,28 +39,44 @@ class Present(ctypes.Structure):
 SIZE = 64 * 2**20
 """Bytes of memory that has room for everything; only what is used costs anything."""
 
+THREADS = 32
+"""So many threads can say what they do."""
+
 RUN, MEMORY = 0, 1
 """The two messages: about the run, and what its recorders remember."""
 
 _MESSAGES, _LONGEST, _ROWS = 2**12, 2**23 - 2**12, 2**24
+_APART = _MESSAGES // THREADS
+
+
+def _presents(memory: Any) -> list[Present]:
+    """Where every thread says what it does, at the beginning of a memory of zeros."""
+    presents = [Present.from_buffer(memory, _APART * thread) for thread in range(THREADS)]
+    for each in presents:
+        each.time = math.nan
+    return presents
 
 
 class _Box:
     """The memory of this process: its own, until it is shared."""
 
     memory: Any = None
-    present = Present(time=math.nan)
+    presents = _presents(bytearray(_MESSAGES))
 
 
-def present() -> Present:
-    """Where this process says what goes on."""
-    return _Box.present
+def present(thread: int = 0) -> Present:
+    """Where a thread of this process says what goes on; the first says it of the process as well."""
+    return _Box.presents[thread]
+
+
+def busy() -> list[Present]:
+    """What all threads say that are in a call of a slave."""
+    return [each for each in _Box.presents if each.code]
 
 
 def share(memory: Any) -> None:
     """Use this memory, all zeros, from now on; who took `present` before does not."""
-    _Box.memory, _Box.present = memory, Present.from_buffer(memory)
-    _Box.present.time = math.nan
+    _Box.memory, _Box.presents = memory, _presents(memory)
 
 
 def shared() -> bool:
@@ -70,7 +86,7 @@ def shared() -> bool:
 
 def tell(content: bytes, which: int = RUN) -> bool:
     """Leave a message in place of the last one of its kind; none where it is too long. Whether it fits."""
-    told = _Box.present.told
+    told = present().told
     told[which] = 0
     if shared() and len(content) <= _LONGEST:
         first = _MESSAGES + which * _LONGEST
@@ -82,11 +98,11 @@ def tell(content: bytes, which: int = RUN) -> bool:
 def message(which: int = RUN) -> bytes:
     """The last message; empty if there is none."""
     first = _MESSAGES + which * _LONGEST
-    return _Box.memory[first : first + _Box.present.told[which]]
+    return _Box.memory[first : first + present().told[which]]
 
 
 def room(size: int) -> memoryview:
     """Memory for so many bytes of rows, shared where it is large enough."""
     fits = shared() and _ROWS + size <= len(_Box.memory)
-    _Box.present.room = size if fits else 0
+    present().room = size if fits else 0
     return memoryview(_Box.memory)[_ROWS : _ROWS + size] if fits else memoryview(bytearray(size))

@@ -41,6 +41,18 @@ from .tubes.tolerance import Tolerance, read_tolerances
 from .values import converted
 
 ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO)
+
+
+def read_threads(text: str) -> int | None:
+    """A number of threads, or None for `auto`; CommandError for any other text."""
+    if text == "auto":
+        return None
+    try:
+        return int(text)
+    except ValueError as error:
+        raise CommandError(f"--threads {text} is neither a whole number nor auto.") from error
+
+
 _system = partial(option, group=SYSTEM, commands=ALL)
 _stepping = partial(option, group=STEPPING)
 _output = partial(option, group=OUTPUT)
@@ -174,6 +186,15 @@ class Options:
         flag="--kernel",
         in_file=False,
         recorded=False,
+    )
+    threads: int | None = _stepping(
+        help="Threads that step FMUs; the results are the same. Default: auto, as many as there are cores, "
+        "where that is measured to be faster.",
+        metavar="N|auto",
+        parse=read_threads,
+        in_file=False,
+        recorded=False,
+        commands=(RUN,),
     )
     real_time: float | None = _stepping(
         help="Simulate at most so many seconds per second. Default: as fast as it goes.",

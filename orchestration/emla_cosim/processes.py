@@ -53,3 +53,8 @@ def environment() -> dict[str, str]:
     """
     folders = dict.fromkeys(folder or str(Path.cwd()) for folder in sys.path)
     return {**os.environ, "PYTHONPATH": os.pathsep.join(x for x in folders if Path(x).exists())}
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

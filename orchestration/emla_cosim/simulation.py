@@ -518,4 +518,4 @@ def _stepping(algorithm: Algorithm, options: Options, times: Timing) -> Stepping
     """The stepping for an algorithm that is set up; CommandError where times do not fit."""
     if options.error_tolerance is not None:
         return ErrorControl(algorithm, times, options.error_tolerance, options.output_interval)
-    return FixedSteps(algorithm, times, options.compiled)
+    return FixedSteps(algorithm, times, options.compiled, options.threads)

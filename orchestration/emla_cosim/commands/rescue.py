@@ -15,7 +15,7 @@ from typing import Any
 
 from .. import black_box
 from ..bars import BarProgress
-from ..errors import CosimError
+from ..errors import CosimError, listed
 from ..interruption import POLITE
 from ..master.slaves.calls import decoded
 from ..progress import Progress
@@ -159,8 +159,8 @@ def rescue(how: str, ended: float) -> None:
         return
     try:
         told: _Told = pickle.loads(message)
-        slave, call = decoded(black_box.present())
-        cause = _cause(how, told.components[slave] if slave is not None else None, call)
+        busy = [decoded(present) for present in black_box.busy()]
+        cause = _cause(how, [(told.components[s], call) for s, call in busy if s is not None])
     except Exception:  # an FMU wrote where it should not have
         show_error(f"the process of the run ended ({how}), and what it left cannot be read.")
         return
@@ -173,11 +173,19 @@ def rescue(how: str, ended: float) -> None:
         show_error(f"{cause}; {error}")
 
 
-def _cause(how: str, component: str | None, call: str) -> str:
+def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
+    """Why a process ended that was in these calls of components.
+
+    Which one ended it cannot be told where threads were in several.
+    """
+    where = [f"{component} in {call}" for component, call in calls]
     if how == "SIGKILL":  # which nobody does to itself
-        where = f"with {component} in {call}" if component else "perhaps for want of memory"
-        return f"the process was killed, {where}"
-    return f"{component} ended the process in {call} ({how})" if component else f"the process ended ({how})"
+        return f"the process was killed, {f'with {listed(where)}' if where else 'perhaps for want of memory'}"
+    if len(calls) > 1:
+        return f"one of {listed(where)} ended the process ({how})"
+    for component, call in calls:
+        return f"{component} ended the process in {call} ({how})"
+    return f"the process ended ({how})"
 
 
 def _kept(told: _Told, output: OutputFolder, cause: str, ended: float) -> str:

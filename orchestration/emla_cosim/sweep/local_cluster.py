@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, cast
 import psutil
 
 from ..errors import RunError
-from ..processes import end_with, environment
+from ..processes import cores, end_with, environment
 
 
 class Place(NamedTuple):
@@ -75,13 +75,6 @@ def local_cluster(workers: int | None = None) -> Iterator[Place]:
             process.stdout.close()
 
 
-def _usual(workers: int) -> int:
-    """So many workers, or as many as this process may use cores."""
-    if workers:
-        return workers
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def main() -> None:
     """Serve until standard input ends, or the parent is gone."""
     folder = tempfile.mkdtemp(prefix="emla-cluster-")
@@ -96,7 +89,7 @@ def main() -> None:
     configure({**_CONFIG, "temporary-directory": folder})
     security = Security.temporary()
     with LocalCluster(
-        n_workers=_usual(int(sys.argv[1])),
+        n_workers=int(sys.argv[1]) or cores(),
         threads_per_worker=1,
         processes=True,
         host="127.0.0.1",

@@ -5,7 +5,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
@@ -129,7 +129,8 @@ class SweepPlugin(WorkerPlugin):
         if found is None:
             shipped = self._shipment.shipped[group]
             system = shipped.simulated(self._files)
-            found = Simulation(system, shipped.options, shipped.name, unpacked=self._place)
+            alone = replace(shipped.options, threads=1)  # other workers have the other cores
+            found = Simulation(system, alone, shipped.name, unpacked=self._place)
         with self._turn:
             self._simulations[key] = found
         return found

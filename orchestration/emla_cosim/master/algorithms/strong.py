@@ -52,13 +52,13 @@ class Strong(InOrder, Sampling):
 
     sweeps: int = field(init=False, repr=False)
     """Times that a loop was stepped so far."""
-    begun: int = field(init=False, repr=False)
-    """Groups, the first ones, that have done the present step already."""
+    done: set[int] = field(init=False, repr=False)
+    """Numbers of the groups that have done the present step already."""
 
     def setup(self, network: Network) -> None:
         """Take the network; CommandError where a slave of a loop cannot go back, or multiples are wrong."""
         super().setup(network)
-        self.sweeps = self.begun = 0
+        self.sweeps, self.done = 0, set()
         self.scale = Scale(network)
         self._sampled = self._sampled_slaves()
         if self._sampled:
@@ -131,9 +131,9 @@ class Strong(InOrder, Sampling):
                 group.start.close()
 
     def _step(self, time: float, step: float, span: Span) -> None:
-        if not self.begun:
+        if not self.done:
             self.scale.see()
-        rest, self.begun = self.groups[self.begun :], 0
+        rest, self.done = [g for i, g in enumerate(self.groups) if i not in self.done], set()
         for group in rest:
             self._advance(group, time, step, HALVINGS)
         self.operate(time, step, span)

@@ -29,6 +29,9 @@ _TERMINATED = 3  # fmi2StatusKind
 _POINTER = ctypes.c_void_p
 _DEAD_LIBRARIES: set[Path] = set()
 
+_INTERPRETED = "slavemodule.txt"
+"""What an FMU of PythonFMU has among its resources: all of these share the lock of one interpreter."""
+
 LARGEST_STATE = 2**32
 """Bytes that a serialized state may have; an FMU that answers more is not believed."""
 
@@ -52,6 +55,7 @@ class FmuSlave(DescribedSlave):
         if file.library in _DEAD_LIBRARIES:
             raise RunError(f"the FMU '{file.path}' of {name} answered fmi2Fatal; load it anew.")
         super().__init__(name, file, inputs, outputs)
+        self.runs_beside_others = _runs_beside_others(file)
         self._log = log
         self._stepping = False
         self._no_way_back = 1  # until a state is saved, a step may forget the past
@@ -335,3 +339,9 @@ def _plain(name: str) -> str:
 
 def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ...]:
     return (component, references.ctypes.data_as(_POINTER), len(references), values.ctypes.data_as(_POINTER))
+
+
+def _runs_beside_others(file: FmuFile) -> bool:
+    """Whether nothing is known of the FMU that only one thread of a process may have to do with."""
+    shares = file.can("canBeInstantiatedOnlyOncePerProcess") or file.can("needsExecutionTool")
+    return not shares and not (file.folder / "resources" / _INTERPRETED).exists()

@@ -76,6 +76,8 @@ class Slave(ABC):
     serializes = False
     interpolates = False
     differentiates = False
+    runs_beside_others = True
+    """Whether its calls may be made while another thread calls other slaves of its kind."""
 
     def reset(self) -> None:
         """Become as it was when it was new; needs nothing to be set or stepped before."""

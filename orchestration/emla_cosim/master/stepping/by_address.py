@@ -1,5 +1,6 @@
 """Memory and C functions by address, for compiled code."""
 
+import platform
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ from llvmlite import ir
 from numba import from_dtype, njit, types
 from numba.extending import intrinsic
 
-from .layout import GROUP, INPUT, LOOP, OPERATION, PRESENT, SLAVE
+from .layout import GROUP, INPUT, LANE, LOOP, OPERATION, PRESENT, SLAVE, TASK
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
 """What all functions are compiled with."""
@@ -64,11 +65,71 @@ def _caller(*argument_types: types.Type) -> Any:
     return call
 
 
-loop_at, operation_at, slave_at, input_at, group_at, present_at = (
-    _records(r) for r in (LOOP, OPERATION, SLAVE, INPUT, GROUP, PRESENT)
+def _counter(order: str) -> Any:
+    """A function that reads a number that other threads write; what they wrote before it is there then."""
+
+    @intrinsic
+    def load(typing_context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.load_atomic(builder.inttoptr(values[0], _COUNTER), order, _SIZE)
+
+        return types.int64(types.intp), generate
+
+    return load
+
+
+def _count(order: str) -> Any:
+    """A function that writes a number for other threads, with all that was written before it."""
+
+    @intrinsic
+    def store(typing_context: Any, address: Any, number: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            builder.store_atomic(values[1], builder.inttoptr(values[0], _COUNTER), order, _SIZE)
+            return context.get_dummy_value()
+
+        return types.void(types.intp, types.int64), generate
+
+    return store
+
+
+def _lower() -> Any:
+    """A function that makes a number the lesser of itself and another, whoever else does so now."""
+
+    @intrinsic
+    def lower(typing_context: Any, address: Any, number: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.atomic_rmw("min", builder.inttoptr(values[0], _COUNTER), values[1], "acq_rel")
+
+        return types.int64(types.intp, types.int64), generate
+
+    return lower
+
+
+def _pause() -> Any:
+    """A function that tells the processor that this thread only waits, where it can be told."""
+
+    @intrinsic
+    def pause(typing_context: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            if platform.machine().lower() in ("x86_64", "amd64"):
+                builder.call(builder.module.declare_intrinsic("llvm.x86.sse2.pause", (), _NOTHING), ())
+            return context.get_dummy_value()
+
+        return types.void(), generate
+
+    return pause
+
+
+_SIZE, _COUNTER = 8, ir.IntType(64).as_pointer()
+_NOTHING = ir.FunctionType(ir.VoidType(), ())
+
+loop_at, operation_at, slave_at, input_at, group_at, present_at, lane_at, task_at = (
+    _records(r) for r in (LOOP, OPERATION, SLAVE, INPUT, GROUP, PRESENT, LANE, TASK)
 )
 doubles, positions = _numbers(types.float64), _numbers(types.intp)
 exchange = _caller(types.intp, types.intp, types.uintp, types.intp)
 derive = _caller(types.intp, types.intp, types.uintp, types.intp, types.intp)
 do_step = _caller(types.intp, types.float64, types.float64, types.int32)
 copy_state = _caller(types.intp, types.intp)
+give_way = _caller()
+counted, count_to, lower, pause = _counter("acquire"), _count("release"), _lower(), _pause()

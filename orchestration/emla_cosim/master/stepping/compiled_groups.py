@@ -8,7 +8,7 @@ import numpy as np
 
 from ..algorithms import quasi_newton
 from ..algorithms.strong import SWEEPS
-from .by_address import doubles, group_at, input_at, part, positions, slave_at
+from .by_address import doubles, group_at, input_at, part, positions, present_at, slave_at
 from .compiled_calls import (
     get_outputs,
     keep_history,
@@ -34,22 +34,22 @@ def _member(loop, group, m):
 
 
 @part
-def _failed(loop, group, m, failure, status):
+def _failed(lane, group, m, failure, status):
     """Whether a call failed; notes which."""
     if failure == _NONE:
         return False
-    loop.slave, loop.status = positions(group.members)[m], status
+    lane.slave, lane.status = positions(group.members)[m], status
     return True
 
 
 @part
-def _begin(loop, group, present, end):
+def _begin(loop, lane, group, present, end):
     """Save the slaves, predict what they agree on, and make room for new outputs; the failure."""
     if group.saved:
         for m in range(group.member_count):
             slave = _member(loop, group, m)
             failure, status = save(slave, present)
-            if _failed(loop, group, m, failure, status):
+            if _failed(lane, group, m, failure, status):
                 return failure
             keep_history(slave)
     guess = doubles(group.guess)
@@ -61,17 +61,17 @@ def _begin(loop, group, present, end):
 
 
 @part
-def _restore(loop, group, present):
+def _restore(loop, lane, group, present):
     """Bring the slaves back to where the step began; the failure."""
     for m in range(group.member_count):
         failure, status = restore(_member(loop, group, m), present)
-        if _failed(loop, group, m, failure, status):
+        if _failed(lane, group, m, failure, status):
             return failure
     return _NONE
 
 
 @part
-def _sweep(loop, group, present, time, length):
+def _sweep(loop, lane, group, present, time, length):
     """Every slave of the group does the step with the newest values; the failure."""
     for m in range(group.member_count):
         slave = _member(loop, group, m)
@@ -80,7 +80,7 @@ def _sweep(loop, group, present, time, length):
             failure, status = step(slave, present, time, length)
         if failure == _NONE:
             failure, status = get_outputs(slave, present)
-        if _failed(loop, group, m, failure, status):
+        if _failed(lane, group, m, failure, status):
             return failure
     return _NONE
 
@@ -102,7 +102,7 @@ def _compare(loop, group, sweep):
 
 
 @part
-def _agree(loop, group, present, time, length):
+def _agree(loop, lane, group, present, time, length):
     """See `Strong.agree` and `QuasiNewton.solve`; the failure."""
     n, signals, places = group.cut_count, doubles(loop.signals), positions(group.positions)
     guess, sizes, floors = doubles(group.guess), doubles(group.sizes), doubles(group.floors)
@@ -114,11 +114,11 @@ def _agree(loop, group, present, time, length):
     for sweep in range(SWEEPS):
         failure = _NONE
         if sweep > 0:
-            failure = _restore(loop, group, present)
+            failure = _restore(loop, lane, group, present)
         if failure == _NONE:
             for c in range(n):
                 signals[places[c]] = guess[c]
-            failure = _sweep(loop, group, present, time, length)
+            failure = _sweep(loop, lane, group, present, time, length)
         if failure != _NONE:
             return failure, sweep
         agreed, finite = _compare(loop, group, sweep)
@@ -143,9 +143,9 @@ def _agree(loop, group, present, time, length):
 
 
 @part
-def _give_up(loop, group, g, present):
+def _give_up(loop, lane, group, present):
     """Bring everything back to where the step began; the failure."""
-    failure = _restore(loop, group, present)
+    failure = _restore(loop, lane, group, present)
     if failure != _NONE:
         return failure
     for m in range(group.member_count):
@@ -153,26 +153,25 @@ def _give_up(loop, group, g, present):
     jacobian, earlier = doubles(group.jacobian), doubles(group.earlier)
     for e in range(group.cut_count * group.cut_count):
         jacobian[e] = earlier[e]
-    loop.group = g
     return _NOT_IN_ONE
 
 
 @part
-def advance_group(loop, g, present, time, length):
+def advance_group(loop, lane, g, time, length):
     """Bring the group with this number to the end of the step; the failure."""
-    group = group_at(loop.groups, g)
-    failure = _begin(loop, group, present, time + length)
+    group, present = group_at(loop.groups, g), present_at(lane.present, 0)
+    failure = _begin(loop, lane, group, present, time + length)
     if failure != _NONE:
         return failure
     sweeps = 0
     if group.cut_count > 0:
-        failure, sweeps = _agree(loop, group, present, time, length)
+        failure, sweeps = _agree(loop, lane, group, present, time, length)
     else:
-        failure = _sweep(loop, group, present, time, length)
-    discarded = failure == _DO_STEP and loop.status == _DISCARD
+        failure = _sweep(loop, lane, group, present, time, length)
+    discarded = failure == _DO_STEP and lane.status == _DISCARD
     if group.saved and (discarded or failure == _NOT_IN_ONE):
-        return _give_up(loop, group, g, present)
-    loop.sweeps += sweeps
+        return _give_up(loop, lane, group, present)
+    lane.sweeps += sweeps
     return failure
 
 

@@ -1,11 +1,17 @@
 """Steps of one length."""
 
 import math
+import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from ...black_box import THREADS
+from ...errors import CommandError
+from ...processes import cores
 from ..algorithms.algorithm import Algorithm
+from ..algorithms.sampling import Sampling
 from .compilation import COMPILED, compile_kernel
+from .sharing import Sharing
 from .stepping import ROUNDING, Rows, Stepping
 from .timing import Timing
 
@@ -19,10 +25,21 @@ class FixedSteps(Stepping):
     Compiled where `compiled` is wanted and possible: FMUs in this process that exchange Reals, and numba.
     """
 
-    def __init__(self, algorithm: Algorithm, times: Timing, compiled: bool = True) -> None:
-        """Take an algorithm that is set up."""
+    def __init__(
+        self, algorithm: Algorithm, times: Timing, compiled: bool = True, threads: int | None = 1
+    ) -> None:
+        """Take an algorithm that is set up.
+
+        So many threads step slaves in compiled code; with None as many as there are cores, where that is
+        measured to be faster. CommandError for more than can be.
+        """
         super().__init__(algorithm, times)
+        if threads is not None and not 1 <= threads <= THREADS:
+            raise CommandError(f"{threads} threads cannot step FMUs; at least 1 can, and at most {THREADS}.")
         self._kernel = compile_kernel(algorithm) if compiled else None
+        self._sharing: Sharing | None = None
+        if self._kernel is not None and threads != 1 and isinstance(algorithm, Sampling):
+            self._sharing = Sharing(self._kernel, algorithm, threads, min(cores(), THREADS))
 
     @property
     def compiled(self) -> bool:
@@ -49,6 +66,9 @@ class FixedSteps(Stepping):
         last = min(self.algorithm.steps + most, self._last(until))
         if self._kernel is None:
             self._advance_here(rows, last)
+        elif self._sharing is not None and self._sharing.observing:
+            with self._sharing.observed():
+                self._advance_here(rows, min(last, self.algorithm.steps + 1))
         else:
             self._advance_compiled(self._kernel, rows, last)
 
@@ -61,6 +81,8 @@ class FixedSteps(Stepping):
         found = super().report()
         if isinstance(self.algorithm, COMPILED):
             found["compiled"] = self.compiled
+        if self._sharing is not None:
+            found |= self._sharing.report()
         if self._kernel is not None and (reason := self._kernel.why_not_kept()):
             found["compiled_code_not_kept"] = reason
         return found
@@ -90,7 +112,12 @@ class FixedSteps(Stepping):
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
         count = min(last, fitting) - first
+        if self._sharing is not None:
+            count = self._sharing.next(count)
+        began = time.perf_counter()
         recorded, failure = kernel.run(first, count, times.clock, every, block)
+        if self._sharing is not None:
+            self._sharing.did(self.algorithm.steps - first, time.perf_counter() - began)
         if recorded:
             rows.commit(recorded)
         if failure is not None:

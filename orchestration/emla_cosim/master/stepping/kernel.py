@@ -1,12 +1,16 @@
-"""The compiled stepping loop: many steps of an algorithm per call.
+"""The compiled stepping loops: many steps of an algorithm per call, in one thread or in several.
 
-It works on the memory of the algorithm and its network, and calls the FMI functions of the slaves by
-address. `loop.py` says what it does.
+They work on the memory of the algorithm and its network, and call the FMI functions of the slaves by
+address. `loop.py` and `parallel_loop.py` say what they do.
 """
 
 import ctypes
-from collections.abc import Sequence
+import os
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +25,17 @@ from ..algorithms.strong import Strong
 from ..slaves import calls
 from ..slaves.slave import EntryPoints
 from . import layout, machine_code
-from .layout import LOOP, Failure
-from .records import add_undo, group_records, input_records, operation_records, slave_records
+from .layout import LOOP, NOWHERE, Failure
+from .records import (
+    add_undo,
+    group_records,
+    input_records,
+    lane_records,
+    operation_records,
+    slave_records,
+    task_records,
+)
+from .tasks import Task
 from .timing import Clock
 
 _CALL_NAMES = {
@@ -32,12 +45,12 @@ _CALL_NAMES = {
     Failure.GET_STATE: "getFMUstate",
     Failure.SET_STATE: "setFMUstate",
 }
-_TEXTS = ("loop.py", "by_address.py", "compiled_calls.py", "compiled_groups.py")
-"""Modules that are compiled, and imported only then."""
+_TEXTS = ("by_address.py", "compiled_calls.py", "compiled_groups.py", "compiled_steps.py")
+"""Modules that are compiled with every loop, and imported only then."""
 
 
 class Kernel:
-    """The compiled loop for one algorithm, set up and initialized or not."""
+    """The compiled loop for one algorithm, set up and initialized or not; in one thread until `share_out`."""
 
     def __init__(self, algorithm: Explicit | Strong, entry_points: Sequence[EntryPoints]) -> None:
         """Collect the records; compiles the loop, or loads what an earlier process compiled.
@@ -46,11 +59,50 @@ class Kernel:
         """
         self._advance = _advance()
         self._algorithm = algorithm
-        self._present = black_box.present()
         self._held: list[Any] = [entry_points]  # owners of memory whose addresses are in the records
         self._states = np.zeros(len(entry_points), dtype=np.uintp)
         """Addresses of the saved states of slaves."""
         self._loop = self._whole(entry_points)
+        self._threads: ThreadPoolExecutor | None = None
+        self.together = False
+        """Whether `run` lets all lanes step, if it has been shared out among several."""
+        self.share_out([], [[]])
+
+    def share_out(self, tasks: Sequence[Task], lanes: Sequence[Sequence[int]]) -> None:
+        """From now on let each lane be run by a thread of its own, the first by that which calls `run`.
+
+        Lanes have the places of the tasks of a step, each once, so that no lane waits for what comes later in
+        it. With one lane nothing is shared. Compiles what threads run, or loads it; see `__init__`.
+        """
+        self._lane_records = lane_records(lanes, self._keep)
+        self._task_records = task_records(tasks, lanes, self._keep)
+        loop = self._loop
+        loop["lanes"], loop["lane_count"] = self._lane_records.ctypes.data, len(lanes)
+        loop["tasks"] = self._task_records.ctypes.data
+        if self._threads is not None:
+            self._threads.shutdown()
+            self._threads = None
+        self.together = len(lanes) > 1
+        if self.together:
+            self._advance_lane = _advance_lane()
+            self._threads = ThreadPoolExecutor(len(lanes) - 1, "lane")
+
+    @property
+    def threads(self) -> int:
+        """How many threads step slaves in `run`."""
+        return len(self._lane_records) if self.together else 1
+
+    def handover(self, steps: int = 1000) -> float:
+        """Seconds that lanes need to meet in a step in which there is nothing to do; nothing changes."""
+        loop, lanes = self._loop, self._lane_records
+        kept, checked = lanes["task_count"].copy(), int(loop["read_count"])
+        lanes["task_count"], loop["read_count"], loop["clock"] = 0, 0, (0.0, 0.0, 1.0)
+        try:
+            began = time.perf_counter()
+            self._together(0, steps, steps + 1, 0)
+            return (time.perf_counter() - began) / steps
+        finally:
+            lanes["task_count"], loop["read_count"] = kept, checked
 
     def run(
         self, first: int, count: int, clock: Clock, every: int, rows: Vector
@@ -63,17 +115,47 @@ class Kernel:
         algorithm in Python is to do the next one: it knows how much of it is done.
         """
         self._check_room(rows, (first + count) // every - first // every)
-        loop = self._loop
+        loop, algorithm = self._loop, self._algorithm
         loop["clock"] = tuple(clock)
-        failure = Failure(self._advance(loop.ctypes.data, first, count, every, rows.ctypes.data))
+        steps = first, count, every, rows.ctypes.data
+        self._lane_records["sweeps"] = 0
+        failure = Failure(self._together(*steps) if self.together else self._alone(*steps))
         reached = int(loop["reached"])
-        self._algorithm.steps += reached - first
-        if isinstance(self._algorithm, Strong):
-            self._algorithm.sweeps += int(loop["sweeps"])
+        algorithm.steps += reached - first
+        if isinstance(algorithm, Strong):
+            algorithm.sweeps += int(self._lane_records["sweeps"].sum())
             if failure == Failure.NOT_IN_ONE:
-                self._algorithm.begun = int(loop["group"])
+                algorithm.done = self._groups_done(reached)
         error = self._error(failure, reached, clock)
         return int(loop["recorded"]), error
+
+    def _alone(self, first: int, count: int, every: int, rows: int) -> int:
+        return self._advance(self._loop.ctypes.data, first, count, every, rows)
+
+    def _together(self, first: int, count: int, every: int, rows: int) -> int:
+        """All lanes at once; RunError where the system has no more threads."""
+        assert self._threads is not None
+        loop, lanes, tasks = self._loop, self._lane_records, self._task_records
+        lanes["failed"], lanes["reached"] = NOWHERE, first
+        tasks["through"], tasks["done"] = first, 0
+        loop["recorded"], loop["released"], loop["failed"], loop["given_up"] = 0, first, NOWHERE, NOWHERE
+        steps, others = (first, count, every, rows), list[Future[int]]()
+        try:
+            for n in range(1, len(lanes)):
+                others.append(self._threads.submit(self._advance_lane, loop.ctypes.data, n, *steps))
+            return self._advance_lane(loop.ctypes.data, 0, *steps)
+        except RuntimeError as error:
+            raise RunError(f"the system gives no {len(lanes)} threads to step FMUs in: {error}.") from error
+        finally:
+            loop["released"] = NOWHERE  # if lanes have not met, the others wait for this
+            wait(others)
+
+    def _groups_done(self, reached: int) -> set[int]:
+        """Which groups have done the step that this many steps were followed by."""
+        if not self.together:
+            return set(range(int(self._loop["group"])))
+        done = self._task_records["done"][: int(self._loop["group_count"])]
+        return set(np.flatnonzero(done == reached + 1).tolist())
 
     @staticmethod
     def why_not_kept() -> str:
@@ -93,6 +175,8 @@ class Kernel:
             if state:
                 slave.forget(ctypes.c_void_p(int(state)))
         self._states[:] = 0
+        if self._threads is not None:
+            self._threads.shutdown()
 
     def _keep(self, values: Any) -> Any:
         self._held.append(values)
@@ -119,32 +203,53 @@ class Kernel:
         loop["slaves"] = slaves.ctypes.data
         loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
         loop["read"], loop["read_count"] = network.read.ctypes.data, len(network.read)
-        loop["present"] = ctypes.addressof(self._present)
+        loop["give_way"] = _give_way()
         return loop
 
     def _error(self, failure: Failure, reached: int, clock: Clock) -> RunError | None:
-        network, i = self._algorithm.network, int(self._loop["slave"])
+        network, lane = self._algorithm.network, self._lane_records[int(self._loop["lane"])]
         if failure in (Failure.NONE, Failure.NOT_IN_ONE):
             return None
         if failure == Failure.NOT_FINITE:
             return network.not_finite(clock.point(reached + 1))
-        slave, status = network.slaves[i], int(self._loop["status"])
+        i = int(lane["slave"])
+        slave, status = network.slaves[i], int(lane["status"])
         time = clock.point(reached + 1 - int(self._algorithm.multiples[i]))
         call = f"doStep at t = {time:.9g} s" if failure == Failure.DO_STEP else _CALL_NAMES[failure]
         return slave.error(call, status)
 
 
+_ADDRESS, _NUMBER = ctypes.c_ssize_t, ctypes.c_int64
+
+
 @cache
-def _advance() -> Any:
+def _advance() -> Callable[..., int]:
     """The loop as a function that releases the interpreter's lock."""
+    prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER, _ADDRESS)
+    return prototype(_compiled("advance", "loop"))
+
+
+@cache
+def _advance_lane() -> Callable[..., int]:
+    """The same for one of several threads."""
+    prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER, _NUMBER, _ADDRESS)
+    return prototype(_compiled("advance_lane", "parallel_loop"))
+
+
+def _compiled(name: str, module: str) -> int:
+    """The address of a function of a module that is imported only where it has to be compiled."""
 
     def generate() -> str:
-        from .loop import text
-
-        return text()
+        return import_module(f".{module}", __package__).text()
 
     modules = (layout, calls, sampling, strong, quasi_newton, extrapolation, black_box)
-    files = [Path(str(m.__file__)) for m in modules] + [Path(__file__).with_name(name) for name in _TEXTS]
-    address = machine_code.load("advance", b"".join(f.read_bytes() for f in files), generate)
-    address_type, number = ctypes.c_ssize_t, ctypes.c_int64
-    return ctypes.CFUNCTYPE(number, address_type, number, number, number, address_type)(address)
+    texts = [Path(__file__).with_name(text) for text in (*_TEXTS, f"{module}.py")]
+    files = [*(Path(str(m.__file__)) for m in modules), *texts]
+    return machine_code.load(name, b"".join(f.read_bytes() for f in files), generate)
+
+
+@cache
+def _give_way() -> int:
+    """The address of the C function by which a thread lets others run."""
+    library, name = ("kernel32", "SwitchToThread") if os.name == "nt" else (None, "sched_yield")
+    return ctypes.cast(getattr(ctypes.CDLL(library), name), ctypes.c_void_p).value or 0

@@ -1,6 +1,7 @@
-"""What the compiled loop works on: records in memory, one per operation, slave, connected input and group.
+"""What the compiled loops work on: records in memory, one per operation, slave, connected input and group.
 
-Addresses point to doubles unless said otherwise. `loop.py` reads these records, `records.py` fills them.
+Addresses point to doubles unless said otherwise. `loop.py` and `parallel_loop.py` read these records,
+`records.py` fills them.
 """
 
 from enum import IntEnum
@@ -31,8 +32,9 @@ class Failure(IntEnum):
 _ADDRESS, _NUMBER = "intp", "int64"
 
 
-def _record(**fields: str | np.dtype) -> np.dtype:
-    return np.dtype(list(fields.items()), align=True)
+def _record(**fields: str | np.dtype | tuple[str, int]) -> np.dtype:
+    layout = [(n, *f) if isinstance(f, tuple) else (n, f) for n, f in fields.items()]
+    return np.dtype(layout, align=True)
 
 
 CLOCK = _record(first="float64", per_step="float64", denominator="float64")
@@ -104,6 +106,34 @@ GROUP = _record(
 )
 """See `algorithms.group.Group`."""
 
+LANE = _record(
+    tasks=_ADDRESS,  # of the places of its tasks, in the order in which it does them
+    task_count=_NUMBER,
+    present=_ADDRESS,  # of a PRESENT record
+    sweeps=_NUMBER,  # answer: how often groups were stepped to agree
+    slave=_NUMBER,  # answer: the slave that failed
+    status=_NUMBER,  # answer: what its FMI function returned
+    failed=_NUMBER,  # the place of its first task that failed in the present step, or `NOWHERE`
+    failure=_NUMBER,  # the `Failure` then
+    failed_slave=_NUMBER,  # and what `slave` and `status` were
+    failed_status=_NUMBER,
+    reached=_NUMBER,  # steps that it is through with; others wait for it
+    apart=(_NUMBER, 5),  # so that a core that writes to one record does not slow down who reads the next
+)
+"""One thread's part of the work, and what it answers."""
+
+TASK = _record(
+    waits=_ADDRESS,  # of the places of tasks of other lanes that come before it in every step
+    wait_count=_NUMBER,
+    through=_NUMBER,  # steps that it is through with; others wait for it
+    done=_NUMBER,  # steps in which it was done; a step that fails has tasks that are left out
+    apart=(_NUMBER, 4),
+)
+"""A group, or an operation, that one of several threads does.
+
+A task's place is where it comes when one thread does everything: groups first, then operations.
+"""
+
 LOOP = _record(
     operations=_ADDRESS,  # of OPERATION records
     operation_count=_NUMBER,
@@ -116,13 +146,21 @@ LOOP = _record(
     signal_count=_NUMBER,
     read=_ADDRESS,  # of positions of the signals that have to be finite
     read_count=_NUMBER,
-    present=_ADDRESS,  # of a PRESENT record
+    lanes=_ADDRESS,  # of LANE records
+    lane_count=_NUMBER,
+    tasks=_ADDRESS,  # of TASK records; none where one thread does everything
+    give_way=_ADDRESS,  # of a C function by which a thread that waits lets others run
     clock=CLOCK,
     reached=_NUMBER,  # answer: the step that failed, or the one after the last
     recorded=_NUMBER,  # answer: how many rows were filled; others may write to the PRESENT record
-    sweeps=_NUMBER,  # answer: how often groups were stepped to agree
-    group=_NUMBER,  # answer: the group that did not come through the step
-    slave=_NUMBER,  # answer: the slave that failed
-    status=_NUMBER,  # answer: what its FMI function returned
+    group=_NUMBER,  # answer: the first group that did not come through the step
+    lane=_NUMBER,  # answer: the lane in which something failed
+    apart=(_NUMBER, 8),
+    released=_NUMBER,  # steps that all lanes may begin
+    failed=_NUMBER,  # the first place that failed in the present step, or `NOWHERE`
+    given_up=_NUMBER,  # the first group that did not come through it, or `NOWHERE`
 )
-"""What the loop is called with, and its answers."""
+"""What a loop is called with, and its answers. The last three are what lanes tell each other."""
+
+NOWHERE = 2**62
+"""A place beyond all others."""

@@ -1,96 +1,36 @@
-"""The stepping loop that is compiled: many steps of an algorithm per call.
+"""The stepping loop that is compiled: many steps of an algorithm per call, in one thread.
 
 It does what `Explicit` and `Strong` do in Python, on the same memory, and gives the same bits. It is
 imported only where it has to be compiled.
 """
 
-import numpy as np
 from numba import cfunc, types
 
-from ..algorithms.sampling import Call
-from .by_address import OPTIONS, doubles, loop_at, operation_at, part, positions, present_at, slave_at
-from .compiled_calls import get_outputs, set_inputs, shift, step
+from .by_address import OPTIONS, lane_at, loop_at, part, present_at
 from .compiled_groups import advance_group, see
+from .compiled_steps import all_finite, divides, operate, point, record
 from .layout import Failure
 
-_SET, _STEP = int(Call.SET), int(Call.STEP)
-_NONE, _NOT_FINITE = int(Failure.NONE), int(Failure.NOT_FINITE)
+_NONE, _NOT_FINITE, _NOT_IN_ONE = int(Failure.NONE), int(Failure.NOT_FINITE), int(Failure.NOT_IN_ONE)
 
 
 @part
-def _divides(multiple, k):
-    """Whether k is a multiple; a division would take as long as a call of an FMU."""
-    return multiple == 1 or k % multiple == 0
-
-
-@part
-def _point(clock, k):
-    """See `Clock.point`."""
-    return (clock.first + k * clock.per_step) / clock.denominator
-
-
-@part
-def _all_finite(loop):
-    signals, read = doubles(loop.signals), positions(loop.read)
-    for r in range(loop.read_count):  # noqa: SIM110 - compiled
-        if not np.isfinite(signals[read[r]]):
-            return False
-    return True
-
-
-@part
-def _record(loop, time, rows):
-    """Fill the next row: time, then all signals."""
-    row, signals = loop.recorded * (1 + loop.signal_count), doubles(loop.signals)
-    values = doubles(rows)
-    values[row] = time
-    for s in range(loop.signal_count):
-        values[row + 1 + s] = signals[s]
-    loop.recorded += 1
-    present_at(loop.present, 0).recorded = loop.recorded
-
-
-@part
-def _operate(loop, k, present, time, length):
-    """All operations of step k; the failure. See `Sampling.operate`."""
-    for o in range(loop.operation_count):
-        operation = operation_at(loop.operations, o)
-        slave, call = slave_at(loop.slaves, operation.slave), operation.call
-        multiple = slave.multiple
-        if not _divides(multiple, k + 1):
-            continue
-        begin, span = time, length
-        if multiple > 1:
-            begin = _point(loop.clock, k + 1 - multiple)
-            span = _point(loop.clock, k + 1) - begin
-        if call == _SET:
-            failure, status = set_inputs(slave, present, begin, span)
-        elif call == _STEP:
-            failure, status = step(slave, present, begin, span)
-        else:
-            shift(slave, time + length)
-            failure, status = get_outputs(slave, present)
-        if failure != _NONE:
-            loop.slave, loop.status = operation.slave, status
-            return failure
-    return _NONE
-
-
-@part
-def _advance(loop, k, time, length):
+def _advance(loop, lane, k, time, length):
     """Step k: all groups, then all operations; the failure."""
-    present = present_at(loop.present, 0)
     if loop.group_count > 0:
         see(loop)
     for g in range(loop.group_count):
-        failure = advance_group(loop, g, present, time, length)
+        failure = advance_group(loop, lane, g, time, length)
+        if failure == _NOT_IN_ONE:
+            loop.group = g
         if failure != _NONE:
             return failure
-    failure = _operate(loop, k, present, time, length)
-    if failure != _NONE:
-        return failure
-    present.code = 0
-    return _NONE if _all_finite(loop) else _NOT_FINITE
+    for o in range(loop.operation_count):
+        failure = operate(loop, lane, o, k, time, length)
+        if failure != _NONE:
+            return failure
+    present_at(lane.present, 0).code = 0
+    return _NONE if all_finite(loop) else _NOT_FINITE
 
 
 @cfunc(types.int64(types.intp, types.int64, types.int64, types.int64, types.intp), **OPTIONS)
@@ -101,16 +41,17 @@ def advance(address, first, count, every, rows):
     `every`-th point fills one.
     """
     loop = loop_at(address, 0)
-    loop.recorded, loop.sweeps = 0, 0
-    next_time = _point(loop.clock, first)
+    lane = lane_at(loop.lanes, 0)
+    loop.recorded, loop.lane = 0, 0
+    next_time = point(loop.clock, first)
     for k in range(first, first + count):
         loop.reached = k
-        time, next_time = next_time, _point(loop.clock, k + 1)
-        failure = _advance(loop, k, time, next_time - time)
+        time, next_time = next_time, point(loop.clock, k + 1)
+        failure = _advance(loop, lane, k, time, next_time - time)
         if failure != _NONE:
             return failure
-        if _divides(every, k + 1):
-            _record(loop, next_time, rows)
+        if divides(every, k + 1):
+            record(loop, present_at(lane.present, 0), next_time, rows)
     loop.reached = first + count
     return _NONE
 

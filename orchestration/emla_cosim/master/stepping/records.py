@@ -1,10 +1,12 @@
 """Fills the records that compiled code works on, from an algorithm and its network; see `layout`."""
 
+import ctypes
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from ... import black_box
 from ...arrays import Indices
 from ..algorithms.group import Group
 from ..algorithms.sampling import Sampling
@@ -12,7 +14,8 @@ from ..algorithms.scale import Scale
 from ..algorithms.strong import SWEEPS
 from ..slaves.calls import code_of
 from ..slaves.slave import EntryPoints
-from .layout import GROUP, INPUT, OPERATION, SLAVE
+from .layout import GROUP, INPUT, LANE, OPERATION, SLAVE, TASK
+from .tasks import Task
 
 Kept = Callable[[Any], Any]
 """Takes an array whose address is in a record, so that it lives as long; gives it back."""
@@ -107,6 +110,28 @@ def group_records(algorithm: Sampling, groups: Sequence[Group], scale: Scale | N
         rooms = {"earlier": n * n, "basis": n * n, "residuals": SWEEPS * n, "answers": SWEEPS * n}
         for name, size in (rooms | dict.fromkeys(("sizes", "direction", "guess"), n)).items():
             record[name] = _address(kept(np.zeros(size)))
+    return records
+
+
+def lane_records(lanes: Sequence[Sequence[int]], kept: Kept) -> Any:
+    """LANE records of threads that do the tasks at these places, each in this order."""
+    records = np.zeros(len(lanes), LANE)
+    for thread, (record, places) in enumerate(zip(records, lanes, strict=True)):
+        record["tasks"] = _address(kept(np.array(places, dtype=np.intp)))
+        record["task_count"] = len(places)
+        record["present"] = ctypes.addressof(kept(black_box.present(thread)))
+    return records
+
+
+def task_records(tasks: Sequence[Task], lanes: Sequence[Sequence[int]], kept: Kept) -> Any:
+    """TASK records by place; what comes earlier in a task's own lane needs no waiting for."""
+    records, lane_of = np.zeros(len(tasks), TASK), np.zeros(len(tasks), dtype=np.intp)
+    for lane, places in enumerate(lanes):
+        lane_of[places] = lane
+    for place, (record, task) in enumerate(zip(records, tasks, strict=True)):
+        elsewhere = [before for before in task.after if lane_of[before] != lane_of[place]]
+        record["waits"] = _address(kept(np.array(elsewhere, dtype=np.intp)))
+        record["wait_count"] = len(elsewhere)
     return records
 
 

@@ -1,0 +1,69 @@
+"""What belongs to a step, for compiled code, however many threads do it."""
+
+import numpy as np
+
+from ..algorithms.sampling import Call
+from .by_address import doubles, operation_at, part, positions, present_at, slave_at
+from .compiled_calls import get_outputs, set_inputs, shift, step
+from .layout import Failure
+
+_SET, _STEP = int(Call.SET), int(Call.STEP)
+_NONE = int(Failure.NONE)
+
+
+@part
+def divides(multiple, k):
+    """Whether k is a multiple; a division would take as long as a call of an FMU."""
+    return multiple == 1 or k % multiple == 0
+
+
+@part
+def point(clock, k):
+    """See `Clock.point`."""
+    return (clock.first + k * clock.per_step) / clock.denominator
+
+
+@part
+def all_finite(loop):
+    """Whether all signals that somebody reads are finite."""
+    signals, read = doubles(loop.signals), positions(loop.read)
+    for r in range(loop.read_count):  # noqa: SIM110 - compiled
+        if not np.isfinite(signals[read[r]]):
+            return False
+    return True
+
+
+@part
+def record(loop, present, time, rows):
+    """Fill the next row: time, then all signals."""
+    row, signals = loop.recorded * (1 + loop.signal_count), doubles(loop.signals)
+    values = doubles(rows)
+    values[row] = time
+    for s in range(loop.signal_count):
+        values[row + 1 + s] = signals[s]
+    loop.recorded += 1
+    present.recorded = loop.recorded
+
+
+@part
+def operate(loop, lane, o, k, time, length):
+    """The operation with this number in step k; the failure. See `Sampling.operate`."""
+    operation = operation_at(loop.operations, o)
+    slave, call = slave_at(loop.slaves, operation.slave), operation.call
+    present, multiple = present_at(lane.present, 0), slave.multiple
+    if not divides(multiple, k + 1):
+        return _NONE
+    begin, span = time, length
+    if multiple > 1:
+        begin = point(loop.clock, k + 1 - multiple)
+        span = point(loop.clock, k + 1) - begin
+    if call == _SET:
+        failure, status = set_inputs(slave, present, begin, span)
+    elif call == _STEP:
+        failure, status = step(slave, present, begin, span)
+    else:
+        shift(slave, time + length)
+        failure, status = get_outputs(slave, present)
+    if failure != _NONE:
+        lane.slave, lane.status = operation.slave, status
+    return failure

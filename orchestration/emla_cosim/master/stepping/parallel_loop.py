@@ -1,0 +1,139 @@
+"""The stepping loop of several threads: each has a lane, the tasks that it does in every step, in order.
+
+A task waits until those that it depends on are through, wherever they are done. All lanes meet at the end
+of a step, so that what is recorded, and what a failure leaves, is as if one thread had done everything.
+It is imported only where it has to be compiled.
+"""
+
+from numba import cfunc, types
+
+from .by_address import (
+    OPTIONS,
+    count_to,
+    counted,
+    give_way,
+    lane_at,
+    loop_at,
+    lower,
+    part,
+    pause,
+    positions,
+    present_at,
+    task_at,
+)
+from .compiled_groups import advance_group, see
+from .compiled_steps import all_finite, divides, operate, point, record
+from .layout import LANE, LOOP, NOWHERE, TASK, Failure
+
+_NONE, _NOT_FINITE, _NOT_IN_ONE = int(Failure.NONE), int(Failure.NOT_FINITE), int(Failure.NOT_IN_ONE)
+_RELEASED, _FAILED, _GIVEN_UP = (
+    int(LOOP.fields[name][1])  # type: ignore[index]
+    for name in ("released", "failed", "given_up")
+)
+_LANE, _REACHED = int(LANE.itemsize), int(LANE.fields["reached"][1])  # type: ignore[index]
+_TASK, _THROUGH = int(TASK.itemsize), int(TASK.fields["through"][1])  # type: ignore[index]
+
+_SPINS = 200
+"""How often a thread looks again before it lets others run: some ten microseconds."""
+
+
+@part
+def _wait(loop, counter, least):
+    """Wait until other threads have brought a counter so far."""
+    tries = 0
+    while counted(counter) < least:
+        tries += 1
+        if tries < _SPINS:
+            pause()
+        else:
+            give_way(loop.give_way, ())
+
+
+@part
+def _note(lane, address, place, failure):
+    """A task failed; all that comes after it is left out, and what comes first has failed."""
+    if failure == _NOT_IN_ONE:
+        lower(address + _GIVEN_UP, place)
+        return
+    lower(address + _FAILED, place)
+    if place < lane.failed:
+        lane.failed, lane.failure = place, failure
+        lane.failed_slave, lane.failed_status = lane.slave, lane.status
+
+
+@part
+def _do(loop, address, lane, place, k, time, length):
+    """Do the task at a place, once it may be done."""
+    task = task_at(loop.tasks, place)
+    waits = positions(task.waits)
+    for w in range(task.wait_count):
+        _wait(loop, loop.tasks + waits[w] * _TASK + _THROUGH, k + 1)
+    if counted(address + _FAILED) > place and counted(address + _GIVEN_UP) > place:
+        if place < loop.group_count:
+            failure = advance_group(loop, lane, place, time, length)
+        else:
+            failure = operate(loop, lane, place - loop.group_count, k, time, length)
+        if failure == _NONE:
+            task.done = k + 1
+        else:
+            _note(lane, address, place, failure)
+    count_to(loop.tasks + place * _TASK + _THROUGH, k + 1)
+
+
+@part
+def _judge(loop, address):
+    """What a step came to that all lanes are through with."""
+    for n in range(loop.lane_count):
+        lane = lane_at(loop.lanes, n)
+        if lane.failed < NOWHERE and lane.failed == counted(address + _FAILED):
+            loop.lane, lane.slave, lane.status = n, lane.failed_slave, lane.failed_status
+            return lane.failure
+    if counted(address + _GIVEN_UP) < NOWHERE:
+        return _NOT_IN_ONE
+    return _NONE if all_finite(loop) else _NOT_FINITE
+
+
+@cfunc(types.int64(types.intp, types.int64, types.int64, types.int64, types.int64, types.intp), **OPTIONS)
+def advance_lane(address, n, first, count, every, rows):
+    """Do the n-th lane of `count` steps from the one numbered `first`; the first lane returns the failure.
+
+    `address` is that of a LOOP record, `rows` that of the doubles to record to, row by row; each
+    `every`-th point fills one. All lanes have to be called, each by a thread of its own.
+    """
+    loop = loop_at(address, 0)
+    lane, leads = lane_at(loop.lanes, n), n == 0
+    present, tasks = present_at(lane.present, 0), positions(lane.tasks)
+    next_time = point(loop.clock, first)
+    for k in range(first, first + count):
+        time, next_time = next_time, point(loop.clock, k + 1)
+        if leads:
+            loop.reached = k
+            if loop.group_count > 0:
+                see(loop)
+            count_to(address + _RELEASED, k + 1)
+        else:
+            _wait(loop, address + _RELEASED, k + 1)
+            if counted(address + _RELEASED) == NOWHERE:
+                return _NONE
+        for t in range(lane.task_count):
+            _do(loop, address, lane, tasks[t], k, time, next_time - time)
+        present.code = 0
+        if not leads:
+            count_to(loop.lanes + n * _LANE + _REACHED, k + 1)
+            continue
+        for other in range(1, loop.lane_count):
+            _wait(loop, loop.lanes + other * _LANE + _REACHED, k + 1)
+        failure = _judge(loop, address)
+        if failure != _NONE:
+            count_to(address + _RELEASED, NOWHERE)
+            return failure
+        if divides(every, k + 1):
+            record(loop, present, next_time, rows)
+    if leads:
+        loop.reached = first + count
+    return _NONE
+
+
+def text() -> str:
+    """LLVM's text of `advance_lane`, under this name."""
+    return advance_lane.inspect_llvm().replace(advance_lane.native_name, "advance_lane")

@@ -1,0 +1,190 @@
+"""Whether several threads share a step, and how: found out by measuring while the run goes on.
+
+Results are the same bits either way, so that a run may change its mind at any step.
+"""
+
+import contextlib
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..algorithms.sampling import Sampling
+from ..slaves.slave import Slave
+from .placement import Placement, placed
+from .tasks import Task, tasks
+
+if TYPE_CHECKING:
+    from .kernel import Kernel
+
+WORTH = 1e-5
+"""Seconds by which a step at least has to become shorter to be looked at."""
+
+BETTER = 0.97
+"""Further lanes have to make a step shorter by this factor; so has a change from one way to the other."""
+
+_PROBE = 0.005
+"""Seconds for which a way is measured."""
+
+_SOON, _LATE = 0.5, 30.0
+"""Seconds until the ways are compared again, at first and at last: a machine may become busy, or free."""
+
+_OBSERVED, _OBSERVED_AT_MOST = 4, 64
+"""Steps in which the cost of every slave is measured: more where some step more rarely."""
+
+_OBSERVE = 0.0
+"""What a course asks for to have the costs measured."""
+
+_Course = Generator[float, float, None]
+"""Asks for steps of so many seconds, and gets the seconds per step."""
+
+
+class Sharing:
+    """Measures, shares out, and says it; see `next`.
+
+    Without a number of `threads`, up to `most` are used, and only where that is faster.
+    """
+
+    def __init__(self, kernel: "Kernel", algorithm: Sampling, threads: int | None, most: int) -> None:
+        self._kernel, self._algorithm = kernel, algorithm
+        self._asked = threads is not None
+        self._most = min(threads or most, len(algorithm.network.slaves))
+        self._report: dict[str, Any] = {}
+        self._observed: list[list[float]] = []
+        self._costs: list[float] = []
+        self._course: _Course | None = self._decided() if self._asked else self._tried()
+        self._asks = next(self._course, None) if self._most > 1 else None
+        self._steps, self._seconds, self._size = 0, 0.0, 1
+
+    @property
+    def observing(self) -> bool:
+        """Whether the next step is to be done in Python, within `observed`."""
+        return self._asks == _OBSERVE
+
+    def report(self) -> dict[str, Any]:
+        """How many threads step FMUs now, and what was measured, as plain data for run.json; times in us."""
+        return {"threads": self._kernel.threads, **self._report}
+
+    def next(self, count: int) -> int:
+        """How many of so many steps to do before `did` is told how long they took."""
+        return count if self._asks is None else min(count, self._size)
+
+    def did(self, steps: int, seconds: float) -> None:
+        """So many steps were done in so many seconds."""
+        if self._asks is None or not steps:
+            return
+        self._steps, self._seconds = self._steps + steps, self._seconds + seconds
+        if self._seconds < self._asks:
+            left = (self._asks - self._seconds) / (self._seconds / self._steps)
+            self._size = max(1, min(2 * self._size, round(left)))
+            return
+        self._answer(self._seconds / self._steps)
+
+    @contextlib.contextmanager
+    def observed(self) -> Iterator[None]:
+        """Measure what slaves cost in the step that is done meanwhile."""
+        with _watched(self._algorithm.network.slaves) as spent:
+            yield
+        self._observed.append(spent)
+        multiple = int(self._algorithm.multiples.max())
+        if len(self._observed) > min(max(_OBSERVED, multiple), _OBSERVED_AT_MOST):
+            later = self._observed[1:]  # the first time takes longer
+            self._costs = [sum(each) / len(later) for each in zip(*later, strict=True)]
+            self._answer(0.0)
+
+    def _answer(self, per_step: float) -> None:
+        assert self._course is not None
+        self._steps, self._seconds = 0, 0.0
+        try:
+            self._asks = self._course.send(per_step)
+        except StopIteration:
+            self._asks = None
+
+    def _decided(self) -> _Course:
+        """As many threads as are asked for."""
+        yield _OBSERVE
+        work = tasks(self._algorithm)
+        self._share(work, self._placed(work, self._most))
+
+    def _tried(self) -> _Course:
+        """Threads where they are faster."""
+        yield _PROBE  # the first steps are longer than others
+        alone = yield _PROBE
+        if alone * (1.0 - 1.0 / self._most) < WORTH:
+            return
+        yield _OBSERVE
+        work, costs = tasks(self._algorithm), sum(self._costs)
+        best = self._fewest(work)
+        if best is None or alone * (1.0 - best.length / costs) < WORTH:
+            return
+        self._share(work, best)
+        handover = self._kernel.handover()
+        self._report["handover_us"] = _us(handover)
+        if alone * (1.0 - best.length / costs) < handover:
+            self._kernel.together = False
+            return
+        yield from self._compared()
+
+    def _compared(self) -> _Course:
+        """Both ways in turn, then for a while the faster one, and so on."""
+        kernel, pause = self._kernel, _SOON
+        while True:
+            measured: dict[bool, list[float]] = {True: [], False: []}
+            for way in (kernel.together, not kernel.together) * 2:
+                kernel.together = way
+                self._size = 1
+                measured[way].append((yield _PROBE))
+            together, alone = min(measured[True]), min(measured[False])
+            self._report |= {"step_us": _us(together), "step_in_one_thread_us": _us(alone)}
+            kernel.together = together < alone * (1.0 if kernel.together else BETTER)
+            yield pause
+            pause = min(2.0 * pause, _LATE)
+
+    def _fewest(self, work: Sequence[Task]) -> Placement | None:
+        """The placement with as many lanes as still make a step shorter; None where two do not."""
+        best, before = None, sum(self._costs)
+        for count in range(2, self._most + 1):
+            found = self._placed(work, count)
+            if found.length > BETTER * before:
+                break
+            best, before = found, found.length
+        return best
+
+    def _placed(self, work: Sequence[Task], count: int) -> Placement:
+        slaves = self._algorithm.network.slaves
+        alone = {i for i, slave in enumerate(slaves) if not slave.runs_beside_others}
+        return placed(work, self._costs, count, alone)
+
+    def _share(self, work: Sequence[Task], placement: Placement) -> None:
+        self._kernel.share_out(work, placement.lanes)
+        slaves = self._algorithm.network.slaves
+        members = [dict.fromkeys(i for place in lane for i in work[place].slaves) for lane in placement.lanes]
+        self._report["lanes"] = [[slaves[i].name for i in lane] for lane in members]
+
+
+@contextlib.contextmanager
+def _watched(slaves: Sequence[Slave]) -> Iterator[list[float]]:
+    """The seconds that each slave spends in its calls of a step meanwhile."""
+    spent, calls = [0.0] * len(slaves), ("set_inputs", "do_step", "get_outputs")
+
+    def watch(i: int, call: Callable[..., None]) -> Callable[..., None]:
+        def called(*arguments: float) -> None:
+            began = time.perf_counter()
+            try:
+                call(*arguments)
+            finally:
+                spent[i] += time.perf_counter() - began
+
+        return called
+
+    for i, slave in enumerate(slaves):
+        vars(slave).update({name: watch(i, getattr(slave, name)) for name in calls})
+    try:
+        yield spent
+    finally:
+        for slave in slaves:
+            for name in calls:
+                del vars(slave)[name]
+
+
+def _us(seconds: float) -> float:
+    return round(1e6 * seconds, 3)
