@@ -23,6 +23,7 @@ from emla_cosim.master.stretches import simulate
 from emla_cosim.models import fmu_path
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import counts_of, faulty, loop_with_a_fault, open_system, wired
+from tests.support.lanes import in_lanes
 from tests.support.linear import LinearSlave, connected
 from tests.support.simulated import Table, begun, recorded
 from tests.support.slaves import FakeSlave, compilable, fmu_slave
@@ -114,12 +115,21 @@ def late_refusal() -> Network:
 
 
 def stepped(
-    build: Build, algorithm: Strong, compiled: bool, interrupted: Callable[[], bool] = lambda: False
+    build: Build,
+    algorithm: Strong,
+    compiled: bool,
+    interrupted: Callable[[], bool] = lambda: False,
+    shared: int | None = None,
 ) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
-    """All rows of a run, what it remembers in the end, and what the slaves keep of compiled code."""
+    """All rows of a run, what it remembers in the end, and what the slaves keep of compiled code.
+
+    `shared` is the seed by which threads share the steps.
+    """
     network = build()
     stepping = FixedSteps(begun(network, algorithm, TIMES), TIMES, compiled)
     assert stepping.compiled == compiled
+    if shared is not None:
+        in_lanes(stepping, shared)
     rows = recorded(stepping, interrupted=interrupted)
     return rows, stepping.memory(), sum(len(getattr(s, "states", ())) for s in network.slaves)
 
@@ -145,13 +155,17 @@ NETWORKS: dict[str, Build] = {
 }
 
 
+THREADS = pytest.mark.parametrize("shared", [None, 1, 2], ids=["alone", "threads", "other threads"])
+
+
+@THREADS
 @WAYS
 @pytest.mark.parametrize("name", NETWORKS)
-def test_compiled_loops_have_the_bits_of_python(name: str, extrapolation: str) -> None:
+def test_compiled_loops_have_the_bits_of_python(name: str, extrapolation: str, shared: int | None) -> None:
     """Rows, history, sizes of signals, Jacobians, and the number of sweeps."""
     build = NETWORKS[name]
     expected, memory, _ = stepped(build, Strong(extrapolation), False)
-    found, compiled_memory, left = stepped(build, Strong(extrapolation), True)
+    found, compiled_memory, left = stepped(build, Strong(extrapolation), True, shared=shared)
     assert len(expected) == TIMES.steps + 1
     assert np.isfinite(expected).all() and np.ptp(expected, axis=0).any()
     assert same(found, expected)
@@ -162,13 +176,14 @@ def test_compiled_loops_have_the_bits_of_python(name: str, extrapolation: str) -
     assert left == 0  # states that were not freed
 
 
+@THREADS
 @pytest.mark.parametrize("halved", [False, True])
-def test_sampled_slaves_beside_a_loop_have_the_bits_of_python(halved: bool) -> None:
+def test_sampled_slaves_beside_a_loop_have_the_bits_of_python(halved: bool, shared: int | None) -> None:
     """Also the lines of their inputs, where the loop's step is done in halves."""
     build = linear(two_loops, 0.01 if halved else np.inf, 1)
     for multiples in ({"sink": 1}, {"sink": 3, "d": 2}):
         expected, memory, _ = stepped(build, Strong("fmu", multiples), False)
-        found, compiled_memory, _ = stepped(build, Strong("fmu", multiples), True)
+        found, compiled_memory, _ = stepped(build, Strong("fmu", multiples), True, shared=shared)
         assert same(found, expected)
         assert all(same(compiled_memory[key], value) for key, value in memory.items())
 
@@ -212,11 +227,13 @@ def test_python_and_compiled_code_take_over_from_each_other(at: int) -> None:
 # ---- errors ------------------------------------------------------------------------------------
 
 
-def sentence(build: Build, compiled: bool) -> tuple[str, int]:
+def sentence(build: Build, compiled: bool, shared: int | None = None) -> tuple[str, int]:
     """What ends a run, and after how many rows."""
     algorithm, table = begun(build(), Strong(), TIMES), None
     stepping = FixedSteps(algorithm, TIMES, compiled)
     assert stepping.compiled == compiled
+    if shared is not None:
+        in_lanes(stepping, shared)
     table = Table(1 + len(algorithm.network.signals))
     with pytest.raises(RunError) as caught:
         simulate(stepping, table)
@@ -280,6 +297,7 @@ def test_what_ends_a_run_is_the_same_sentence(build: Build, words: str) -> None:
     expected = sentence(build, False)
     assert words in expected[0]
     assert sentence(build, True) == expected
+    assert all(sentence(build, True, seed) == expected for seed in (1, 2))
 
 
 @pytest.mark.parametrize(

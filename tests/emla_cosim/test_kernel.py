@@ -33,6 +33,7 @@ from emla_cosim.models import fmu_path
 from emla_cosim.system.model import Component, System
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.faulty_systems import faulty, open_system, wired
+from tests.support.lanes import in_lanes
 from tests.support.simulated import Table, begun, recorded
 from tests.support.slaves import FakeSlave, compilable
 
@@ -43,11 +44,20 @@ Make = Callable[[], Sampling]
 
 
 def rows(
-    network: Network, make: Make, times: Timing, *, compiled: bool, every: int = 1, room: int = 7
+    network: Network,
+    make: Make,
+    times: Timing,
+    *,
+    compiled: bool,
+    every: int = 1,
+    room: int = 7,
+    shared: int | None = None,
 ) -> np.ndarray:
-    """All rows of a run in this way and no other."""
+    """All rows of a run in this way and no other; `shared` is the seed by which threads share its steps."""
     stepping = FixedSteps(begun(network, make(), times), times, compiled)
     assert stepping.compiled == compiled
+    if shared is not None:
+        in_lanes(stepping, shared)
     return recorded(stepping, every, room=room)
 
 
@@ -60,12 +70,20 @@ def assert_same_bits(found: np.ndarray, expected: np.ndarray) -> None:
 
 
 def study_rows(
-    folder: Path, make: Make, steps: int, *, compiled: bool, every: int = 1, flavour: str = "native"
+    folder: Path,
+    make: Make,
+    steps: int,
+    *,
+    compiled: bool,
+    every: int = 1,
+    flavour: str = "native",
+    shared: int | None = None,
 ) -> np.ndarray:
     system = load("study").system
     fmus = {c.name: fmu_path(c.model, flavour, folder) for c in system.components}
     with Assembly(system, fmus) as assembly:
-        return rows(assembly.network, make, timing(steps * 1e-4, 1e-4), compiled=compiled, every=every)
+        times = timing(steps * 1e-4, 1e-4)
+        return rows(assembly.network, make, times, compiled=compiled, every=every, shared=shared)
 
 
 @pytest.mark.parametrize("multiples", [{}, {"lift.controller": 2, "tilt.observer": 3, "tilt.reference": 6}])
@@ -80,6 +98,8 @@ def test_the_study_has_the_same_bits(
     expected = study_rows(fmu_folder, make, 42, compiled=False)
     assert np.isfinite(expected).all() and np.ptp(expected, axis=0).any()
     assert_same_bits(study_rows(fmu_folder, make, 42, compiled=True), expected)
+    for seed in range(3):
+        assert_same_bits(study_rows(fmu_folder, make, 42, compiled=True, shared=seed), expected)
     for compiled in (False, True):
         assert_same_bits(study_rows(fmu_folder, make, 42, compiled=compiled, every=7), expected[::7])
 
@@ -148,8 +168,8 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
     transformations = [data.draw(transformation) for _ in system.connections]
     every, room = data.draw(st.integers(1, 7), label="every"), data.draw(st.integers(1, 5), label="room")
     times = timing(1.2, 0.05)
-    found = []
-    for compiled in (False, True):
+    found, seed = [], data.draw(st.integers(0, 99), label="share")
+    for compiled, shared in ((False, None), (True, None), (True, seed)):
         with open_system(system, transformations) as assembly:
             assembly.network.reorder(order)
             found.append(
@@ -160,11 +180,13 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
                     compiled=compiled,
                     every=every,
                     room=room,
+                    shared=shared,
                 )
             )
-    expected, fast = found
+    expected, *fast = found
     assert len(expected) == 24 // every + 1
-    assert_same_bits(fast, expected)
+    for rows_of_one in fast:
+        assert_same_bits(rows_of_one, expected)
 
 
 @pytest.mark.parametrize("room", [1, 2, 3, 1000])
@@ -266,6 +288,7 @@ from pathlib import Path
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.stepping.timing import timing
 from tests.support.faulty_systems import faulty, open_system, wired
+from tests.support.lanes import in_lanes
 from tests.support.simulated import simulated
 system = wired([faulty("j.a", Path(sys.argv[1]), u=1.0)])
 with open_system(system) as assembly:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from ...errors import listed
 from ..network import Network
 from .algorithm import Span
-from .sampling import Operation, Sampling
+from .sampling import Sampling
+from .tasks import Operation
 
 
 @dataclass(eq=False)

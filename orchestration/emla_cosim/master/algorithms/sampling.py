@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
 
 import numpy as np
 
@@ -10,28 +9,14 @@ from ...errors import CommandError
 from ...option import option
 from ..network import Network
 from .algorithm import Algorithm, Span
+from .apart import Apart
+from .tasks import Call, Operation, Task, tasks
 
 MOST = 2**31
 """The largest step multiple."""
 
 
-class Call(IntEnum):
-    """What is done with a slave."""
-
-    SET = 0
-    STEP = 1
-    GET = 2
-
-
 _SET, _STEP, _GET = (int(call) for call in Call)  # comparing numbers is cheaper in the loop
-
-
-@dataclass(frozen=True)
-class Operation:
-    """One call on the slave at this position."""
-
-    call: Call
-    slave: int
 
 
 @dataclass(eq=False)
@@ -71,9 +56,18 @@ class Sampling(Algorithm):
         """Work through these operations, in order; part of `setup`."""
         self.operations = list(operations)
         self._calls = [(int(o.call), o.slave, int(self.multiples[o.slave])) for o in operations]
+        apart = sum(self.network.slaves[o.slave].steps_apart for o in operations if o.call == Call.STEP)
+        self._apart = Apart(self.exchange, self.operations, self.multiples) if apart > 1 else None
+
+    def tasks(self) -> list[Task]:
+        """What a step consists of, so that several threads can share it."""
+        return tasks(self.exchange, self.operations)
 
     def operate(self, time: float, step: float, span: Span) -> None:
         """Work through the table in the step from `time` of length `step`, both in s."""
+        if self._apart is not None:
+            self._apart.operate(time, step, span, self.steps + 1)
+            return
         exchange, slaves, reached = self.exchange, self.network.slaves, self.steps + 1
         for call, i, multiple in self._calls:
             if reached % multiple:

@@ -15,9 +15,10 @@ from .algorithm import Span, require
 from .group import Group, loop_derivatives
 from .in_order import InOrder
 from .quasi_newton import NoAgreementError, QuasiNewton
-from .sampling import Call, Operation, Sampling
+from .sampling import Sampling
 from .scale import Scale
 from .snapshot import Snapshot
+from .tasks import Call, Operation, Task, tasks
 
 SWEEPS = 30
 """A loop that has not agreed after so many sweeps is taken to have no solution near."""
@@ -91,6 +92,10 @@ class Strong(InOrder, Sampling):
         for group in self.groups:
             if len(group.cut):
                 group.newton.forget(loop_derivatives(self.exchange, group))
+
+    def tasks(self) -> list[Task]:
+        """What a step consists of: the groups, each as a whole, then what is sampled."""
+        return tasks(self.exchange, self.operations, [group.members for group in self.groups])
 
     def late(self) -> list[Link]:
         """Those from sampled slaves to the others, and against the order of the sampled."""

@@ -40,6 +40,8 @@ class IsolatedSlave(DescribedSlave):
     exchange of messages.
     """
 
+    steps_apart = True
+
     def __init__(self, name: str, file: FmuFile, inputs: Sequence[str], outputs: Sequence[str]) -> None:
         """Start the process, which goes on to instantiate the FMU; CommandError where it cannot start."""
         super().__init__(name, file, inputs, outputs)
@@ -47,6 +49,7 @@ class IsolatedSlave(DescribedSlave):
         self._slopes_to_set: bytes | None = None
         self._outputs_of_step: bytes | None = None
         self._end: SlaveError | None = None
+        self._under_way = False
         try:
             self._calls = _CallFile()
             with self._calls.kept():
@@ -104,7 +107,18 @@ class IsolatedSlave(DescribedSlave):
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
-        self._outputs_of_step = self._ask("do_step", time, step)
+        self.begin_step(time, step)
+        self.end_step()
+
+    def begin_step(self, time: float, step: float) -> None:
+        """Begin to advance from `time` by `step`, both in s."""
+        self._request("do_step", (time, step))
+        self._under_way = True
+
+    def end_step(self) -> None:
+        """Wait until the step is done."""
+        self._under_way = False
+        self._outputs_of_step = self._receive()
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """How fast the outputs change at once when the inputs move in a direction."""
@@ -147,10 +161,16 @@ class IsolatedSlave(DescribedSlave):
 
     def _ask(self, call: str, *arguments: Any, patience: float | None = None) -> Any:
         """Let the FMU's process do a call, after it set what is still to be set."""
+        self._request(call, arguments)
+        return self._receive(patience)
+
+    def _request(self, call: str, arguments: tuple[Any, ...]) -> None:
+        if self._under_way:  # what goes on was given up, and its answer is of no use
+            with contextlib.suppress(SlaveError):
+                self.end_step()
         request = Request(call, arguments, self._inputs_to_set, self._slopes_to_set)
         self._inputs_to_set = self._slopes_to_set = self._outputs_of_step = None
         self._send(request)
-        return self._receive(patience)
 
     def _send(self, request: Request) -> None:
         if os.getpid() != self._owner:

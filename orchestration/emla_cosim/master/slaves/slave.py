@@ -76,6 +76,8 @@ class Slave(ABC):
     serializes = False
     interpolates = False
     differentiates = False
+    steps_apart = False
+    """Whether its steps can be begun and ended, so that others can step meanwhile."""
     runs_beside_others = True
     """Whether its calls may be made while another thread calls other slaves of its kind."""
 
@@ -102,6 +104,14 @@ class Slave(ABC):
     @abstractmethod
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s; StepDiscardedError where it could not."""
+
+    def begin_step(self, time: float, step: float) -> None:
+        """Begin to advance, if the slave `steps_apart`; nothing else is called before `end_step`."""
+        raise NotImplementedError
+
+    def end_step(self) -> None:
+        """Wait until the step that was begun is done; raises what `do_step` does."""
+        raise NotImplementedError
 
     @abstractmethod
     def close(self) -> None:

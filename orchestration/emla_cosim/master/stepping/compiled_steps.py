@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..algorithms.sampling import Call
+from ..algorithms.tasks import Call
 from .by_address import doubles, operation_at, part, positions, present_at, slave_at
 from .compiled_calls import get_outputs, set_inputs, shift, step
 from .layout import Failure

@@ -19,9 +19,10 @@ import numpy as np
 from ... import black_box
 from ...arrays import Vector
 from ...errors import RunError
-from ..algorithms import extrapolation, quasi_newton, sampling, strong
+from ..algorithms import extrapolation, quasi_newton, strong, tasks
 from ..algorithms.explicit import Explicit
 from ..algorithms.strong import Strong
+from ..algorithms.tasks import Task
 from ..slaves import calls
 from ..slaves.slave import EntryPoints
 from . import layout, machine_code
@@ -35,7 +36,6 @@ from .records import (
     slave_records,
     task_records,
 )
-from .tasks import Task
 from .timing import Clock
 
 _CALL_NAMES = {
@@ -68,14 +68,14 @@ class Kernel:
         """Whether `run` lets all lanes step, if it has been shared out among several."""
         self.share_out([], [[]])
 
-    def share_out(self, tasks: Sequence[Task], lanes: Sequence[Sequence[int]]) -> None:
+    def share_out(self, work: Sequence[Task], lanes: Sequence[Sequence[int]]) -> None:
         """From now on let each lane be run by a thread of its own, the first by that which calls `run`.
 
         Lanes have the places of the tasks of a step, each once, so that no lane waits for what comes later in
         it. With one lane nothing is shared. Compiles what threads run, or loads it; see `__init__`.
         """
         self._lane_records = lane_records(lanes, self._keep)
-        self._task_records = task_records(tasks, lanes, self._keep)
+        self._task_records = task_records(work, lanes, self._keep)
         loop = self._loop
         loop["lanes"], loop["lane_count"] = self._lane_records.ctypes.data, len(lanes)
         loop["tasks"] = self._task_records.ctypes.data
@@ -135,9 +135,9 @@ class Kernel:
     def _together(self, first: int, count: int, every: int, rows: int) -> int:
         """All lanes at once; RunError where the system has no more threads."""
         assert self._threads is not None
-        loop, lanes, tasks = self._loop, self._lane_records, self._task_records
+        loop, lanes, work = self._loop, self._lane_records, self._task_records
         lanes["failed"], lanes["reached"] = NOWHERE, first
-        tasks["through"], tasks["done"] = first, 0
+        work["through"], work["done"] = first, 0
         loop["recorded"], loop["released"], loop["failed"], loop["given_up"] = 0, first, NOWHERE, NOWHERE
         steps, others = (first, count, every, rows), list[Future[int]]()
         try:
@@ -242,7 +242,7 @@ def _compiled(name: str, module: str) -> int:
     def generate() -> str:
         return import_module(f".{module}", __package__).text()
 
-    modules = (layout, calls, sampling, strong, quasi_newton, extrapolation, black_box)
+    modules = (layout, calls, tasks, strong, quasi_newton, extrapolation, black_box)
     texts = [Path(__file__).with_name(text) for text in (*_TEXTS, f"{module}.py")]
     files = [*(Path(str(m.__file__)) for m in modules), *texts]
     return machine_code.load(name, b"".join(f.read_bytes() for f in files), generate)

@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 
-from .tasks import Task
+from ..algorithms.tasks import Task
 
 _TRIES = 40
 """How many orders are tried for a few tasks; for many, one is as good as another."""

@@ -12,10 +12,10 @@ from ..algorithms.group import Group
 from ..algorithms.sampling import Sampling
 from ..algorithms.scale import Scale
 from ..algorithms.strong import SWEEPS
+from ..algorithms.tasks import Task
 from ..slaves.calls import code_of
 from ..slaves.slave import EntryPoints
 from .layout import GROUP, INPUT, LANE, OPERATION, SLAVE, TASK
-from .tasks import Task
 
 Kept = Callable[[Any], Any]
 """Takes an array whose address is in a record, so that it lives as long; gives it back."""

@@ -9,9 +9,9 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..algorithms.sampling import Sampling
+from ..algorithms.tasks import Task
 from ..slaves.slave import Slave
 from .placement import Placement, placed
-from .tasks import Task, tasks
 
 if TYPE_CHECKING:
     from .kernel import Kernel
@@ -102,7 +102,7 @@ class Sharing:
     def _decided(self) -> _Course:
         """As many threads as are asked for."""
         yield _OBSERVE
-        work = tasks(self._algorithm)
+        work = self._algorithm.tasks()
         self._share(work, self._placed(work, self._most))
 
     def _tried(self) -> _Course:
@@ -112,7 +112,7 @@ class Sharing:
         if alone * (1.0 - 1.0 / self._most) < WORTH:
             return
         yield _OBSERVE
-        work, costs = tasks(self._algorithm), sum(self._costs)
+        work, costs = self._algorithm.tasks(), sum(self._costs)
         best = self._fewest(work)
         if best is None or alone * (1.0 - best.length / costs) < WORTH:
             return

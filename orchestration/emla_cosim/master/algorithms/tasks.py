@@ -1,10 +1,26 @@
 """What a step consists of, and what has to come before what, whoever does it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 
-from ..algorithms.sampling import Call, Sampling
-from ..algorithms.strong import Strong
+from .extrapolation import Exchange
+
+
+class Call(IntEnum):
+    """What is done with a slave."""
+
+    SET = 0
+    STEP = 1
+    GET = 2
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One call on the slave at this position."""
+
+    call: Call
+    slave: int
 
 
 @dataclass(frozen=True)
@@ -21,20 +37,20 @@ class Task:
     steps: bool
 
 
-def tasks(algorithm: Sampling) -> list[Task]:
-    """The tasks of a step by place: groups come first, if the algorithm has any, then operations.
+def tasks(
+    exchange: Exchange, operations: Sequence[Operation], groups: Sequence[Sequence[int]] = ()
+) -> list[Task]:
+    """The tasks of a step by place: groups of slaves come first, if there are any, then operations.
 
     Operations come after all groups: where one of these is done anew, none of them has been done.
     """
-    network, found = algorithm.network, _Found(len(algorithm.network.slaves))
-    owners = algorithm.exchange.owners
-    sources = [sorted(set(owners[signals].tolist())) for signals in network.sources]
-    groups = algorithm.groups if isinstance(algorithm, Strong) else []
-    for group in groups:
-        read = {source for i in group.members for source in sources[i]}
-        found.add(group.members, reads=read - set(group.members), writes=group.members, steps=True)
+    network, found = exchange.network, _Found(len(exchange.network.slaves))
+    sources = [sorted(set(exchange.owners[signals].tolist())) for signals in network.sources]
+    for members in groups:
+        read = {source for i in members for source in sources[i]}
+        found.add(members, reads=read - set(members), writes=members, steps=True)
     every = range(len(groups))
-    for operation in algorithm.operations:
+    for operation in operations:
         i, call = operation.slave, operation.call
         reads, writes = (sources[i] if call == Call.SET else ()), ((i,) if call == Call.GET else ())
         found.add((i,), reads, writes, steps=call == Call.STEP, after=every if call == Call.SET else ())

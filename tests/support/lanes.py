@@ -1,0 +1,26 @@
+"""Steps that are shared among threads in any way that is allowed."""
+
+import random
+
+from emla_cosim.master.algorithms.sampling import Sampling
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+
+
+def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:
+    """The same stepping, its tasks shared out at random: anywhere, in any order that their dependencies leave."""
+    algorithm, kernel = stepping.algorithm, stepping._kernel
+    assert isinstance(algorithm, Sampling) and kernel is not None
+    work, chance = algorithm.tasks(), random.Random(seed)
+    lane_of = [chance.randrange(count) for _ in algorithm.network.slaves]
+    for task in work:
+        for i in task.slaves:
+            lane_of[i] = lane_of[task.slaves[0]]
+    lanes, through = [list[int]() for _ in range(count)], set[int]()
+    while len(through) < len(work):
+        possible = [p for p, t in enumerate(work) if p not in through and through.issuperset(t.after)]
+        place = chance.choice(possible)
+        through.add(place)
+        lanes[lane_of[work[place].slaves[0]]].append(place)
+    kernel.share_out(work, lanes)
+    assert kernel.threads == count
+    return stepping
