@@ -18,9 +18,9 @@ from .master.algorithms.explicit import Explicit as Explicit
 from .master.algorithms.gauss_seidel import GaussSeidel as GaussSeidel
 from .master.algorithms.jacobi import Jacobi as Jacobi
 from .master.algorithms.registry import ALGORITHMS as ALGORITHMS
+from .master.algorithms.strong import Strong as Strong
 from .master.algorithms.tasks import Call as Call
 from .master.algorithms.tasks import Operation as Operation
-from .master.algorithms.strong import Strong as Strong
 from .option import option as option
 from .options import Options as Options
 from .recorders.csv_file import CsvFile as CsvFile

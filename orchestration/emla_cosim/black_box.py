@@ -48,6 +48,9 @@ RUN, MEMORY = 0, 1
 _MESSAGES, _LONGEST, _ROWS = 2**12, 2**23 - 2**12, 2**24
 _APART = _MESSAGES // THREADS
 
+BLANK = bytes(_MESSAGES)
+"""Memory that has room for what threads say, but for no message and no rows."""
+
 
 def _presents(memory: Any) -> list[Present]:
     """Where every thread says what it does, at the beginning of a memory of zeros."""
@@ -61,7 +64,7 @@ class _Box:
     """The memory of this process: its own, until it is shared."""
 
     memory: Any = None
-    presents = _presents(bytearray(_MESSAGES))
+    presents = _presents(bytearray(BLANK))
 
 
 def present(thread: int = 0) -> Present:

@@ -55,8 +55,10 @@ from tests.support.slaves import FakeSlave
 AT = 0.35
 STEPPED = {
     "compiled jacobi": {"algorithm": "jacobi"},
+    "compiled jacobi in threads": {"algorithm": "jacobi", "threads": 3},
     "jacobi": {"algorithm": "jacobi", "compiled": False},
     "compiled gauss-seidel": {"algorithm": "gauss-seidel", "extrapolation": "fmu"},
+    "compiled gauss-seidel in threads": {"algorithm": "gauss-seidel", "extrapolation": "fmu", "threads": 2},
     "gauss-seidel": {"algorithm": "gauss-seidel", "extrapolation": "fmu", "compiled": False},
 }
 """Options by the way of stepping that they choose."""

@@ -7,7 +7,7 @@ from emla_cosim.master.stepping.fixed_steps import FixedSteps
 
 
 def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:
-    """The same stepping, its tasks shared out at random: anywhere, in any order that their dependencies leave."""
+    """The same stepping, its tasks shared out at random, in any order that their dependencies leave."""
     algorithm, kernel = stepping.algorithm, stepping._kernel
     assert isinstance(algorithm, Sampling) and kernel is not None
     work, chance = algorithm.tasks(), random.Random(seed)

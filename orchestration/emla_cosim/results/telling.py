@@ -36,10 +36,12 @@ def how_stepped(result: "Result") -> Iterator[str]:
     rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
     rejected = result.stepping.get("rejected_steps")
     tried = f" ({rejected} more rejected)" if rejected is not None else ""
-    slowly = "" if result.stepping.get("compiled", True) else ", not compiled"
+    how = "" if result.stepping.get("compiled", True) else ", not compiled"
+    if (threads := result.stepping.get("threads", 1)) > 1:
+        how = f", in {threads} threads"
     yield (
         f"{counted(result.steps, 'step')}{tried} in {result.wall_s:.2f} s: "
-        f"{rate:,.0f} steps/s, {factor:.2g} x real time{slowly}"
+        f"{rate:,.0f} steps/s, {factor:.2g} x real time{how}"
     )
     if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
         yield f"The compiled loop could not be kept, the next run has to compile it again: {reason}"

@@ -12,7 +12,7 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ...arrays import Vector
-from ...black_box import Present
+from ...black_box import BLANK, Present
 from ...channel import Channel, SilenceError
 from ...errors import CommandError, RunError
 from ...fmu.file import FmuFile
@@ -218,7 +218,7 @@ class _CallFile:
         descriptor, name = tempfile.mkstemp(prefix="emla-call-")
         self.path = Path(name)
         with os.fdopen(descriptor, "wb") as stream:
-            stream.write(bytes(Present()))
+            stream.write(BLANK)
 
     @contextlib.contextmanager
     def kept(self) -> Iterator[None]:

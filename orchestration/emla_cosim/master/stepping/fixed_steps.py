@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from ...black_box import THREADS
 from ...errors import CommandError
-from ...processes import cores
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.sampling import Sampling
 from .compilation import COMPILED, compile_kernel
@@ -39,7 +38,7 @@ class FixedSteps(Stepping):
         self._kernel = compile_kernel(algorithm) if compiled else None
         self._sharing: Sharing | None = None
         if self._kernel is not None and threads != 1 and isinstance(algorithm, Sampling):
-            self._sharing = Sharing(self._kernel, algorithm, threads, min(cores(), THREADS))
+            self._sharing = Sharing(self._kernel, algorithm, threads)
 
     @property
     def compiled(self) -> bool:
@@ -81,8 +80,7 @@ class FixedSteps(Stepping):
         found = super().report()
         if isinstance(self.algorithm, COMPILED):
             found["compiled"] = self.compiled
-        if self._sharing is not None:
-            found |= self._sharing.report()
+            found |= self._sharing.report() if self._sharing is not None else {"threads": 1}
         if self._kernel is not None and (reason := self._kernel.why_not_kept()):
             found["compiled_code_not_kept"] = reason
         return found

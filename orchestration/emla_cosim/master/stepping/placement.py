@@ -112,6 +112,7 @@ def _simulated(
             free.append(lane)
             end(place)
     lanes = [list[int]() for _ in range(count)]
-    for place in sorted(range(len(tasks)), key=lambda p: (begun[p], p)):
+    # what costs nothing comes first, so that who waits for it need not wait for more
+    for place in sorted(range(len(tasks)), key=lambda p: (begun[p], cost[p] > 0.0, p)):
         lanes[lane_of.get(tasks[place].slaves[0], 0)].append(place)
     return Placement(lanes, now)

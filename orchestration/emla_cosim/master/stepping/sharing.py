@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ...black_box import THREADS
+from ...processes import cores
 from ..algorithms.sampling import Sampling
 from ..algorithms.tasks import Task
 from ..slaves.slave import Slave
@@ -41,13 +43,13 @@ _Course = Generator[float, float, None]
 class Sharing:
     """Measures, shares out, and says it; see `next`.
 
-    Without a number of `threads`, up to `most` are used, and only where that is faster.
+    Without a number of `threads`, there are up to one for each core, and only where that is faster.
     """
 
-    def __init__(self, kernel: "Kernel", algorithm: Sampling, threads: int | None, most: int) -> None:
+    def __init__(self, kernel: "Kernel", algorithm: Sampling, threads: int | None) -> None:
         self._kernel, self._algorithm = kernel, algorithm
         self._asked = threads is not None
-        self._most = min(threads or most, len(algorithm.network.slaves))
+        self._most = min(threads or cores(), THREADS, len(algorithm.network.slaves))
         self._report: dict[str, Any] = {}
         self._observed: list[list[float]] = []
         self._costs: list[float] = []

@@ -1,0 +1,405 @@
+"""Several threads that share a step, and FMUs in other processes that step at once."""
+
+import json
+import re
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import polars
+import pytest
+from hypothesis import given
+
+import emla_cosim as ec
+from emla_cosim.commands.rescue import _cause
+from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
+from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.sampling import Sampling
+from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.algorithms.tasks import Call, Task
+from emla_cosim.master.network import Link, Network
+from emla_cosim.master.slaves.slave import SlaveError
+from emla_cosim.master.stepping import sharing
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.placement import Placement, placed
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stretches import simulate
+from tests.support.faulty_fmu import Fault
+from tests.support.faulty_systems import faulty, line_with_a_fault, open_system, wired
+from tests.support.lanes import in_lanes
+from tests.support.simulated import Table, begun, recorded
+from tests.support.slaves import FakeSlave, compilable
+
+TIMES = timing(1.0, 0.125)
+HEAVY = {"*.solver.internal_step": 1e-6}
+Advance = Callable[[np.ndarray, np.ndarray, float, float], Any]
+
+
+def moved(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
+    """A step that mixes all inputs into the state."""
+    return 0.9 * x + step * (np.sin(time) + u.sum())
+
+
+def chains(count: int, links: Sequence[tuple[int, int]], advance: Advance = moved) -> Network:
+    """Slaves s0, s1, ... with one output each, the input of every link the next one of its target."""
+    inputs = Counter(target for _, target in links)
+    slaves = [FakeSlave(f"s{i}", inputs[i], [0.1 * i], advance) for i in range(count)]
+    used = Counter[int]()
+    wires = []
+    for source, target in links:
+        wires.append(Link(source, 0, target, used[target], False))
+        used[target] += 1
+    return Network([compilable(slave) for slave in slaves], wires)
+
+
+def work_of(algorithm: Sampling, network: Network) -> list[Task]:
+    algorithm.setup(network)
+    return algorithm.tasks()
+
+
+# ---- what has to come before what --------------------------------------------------------------
+
+
+def test_outputs_of_jacobi_wait_for_those_who_read_them() -> None:
+    """Inputs of 0, 1, 2 have the places 0 to 2, steps 3 to 5, and outputs 6 to 8."""
+    work = work_of(Jacobi(), chains(3, [(0, 1), (1, 2), (0, 2)]))
+    assert [task.steps for task in work] == [call == Call.STEP for call in Call for _ in range(3)]
+    assert [task.after for task in work[:6]] == [(), (), (), (0,), (1,), (2,)]
+    assert [task.after for task in work[6:]] == [(1, 2, 3), (2, 4), (5,)]
+
+
+def test_gauss_seidel_follows_the_signals_and_lets_others_go_their_way() -> None:
+    """Two chains of two, of which the second goes back to the beginning of the first."""
+    work = work_of(GaussSeidel(order=["s0", "s1", "s2", "s3"]), chains(4, [(0, 1), (2, 3), (3, 0)]))
+    after = [task.after for task in work]
+    assert after[3] == (2,)  # the inputs of s1 wait for the outputs of s0
+    assert after[6] == ()  # the second chain waits for nobody
+    assert after[9] == (8,)
+    assert after[11] == (0, 10)  # what s3 gives must not be there before s0 has read the earlier value
+
+
+def test_groups_wait_for_what_they_read_and_samples_for_all_groups() -> None:
+    network = chains(5, [(0, 1), (1, 0), (2, 3), (1, 4)])
+    work = work_of(Strong(step_multiples={"s4": 2}), network)
+    members = [task.slaves for task in work]
+    assert sorted(members[:3]) == [(0, 1), (2,), (3,)]
+    assert members[3:] == [(4,)] * 3
+    loop, source, reader = (members.index(x) for x in ((0, 1), (2,), (3,)))
+    assert work[loop].after == work[source].after == () and work[reader].after == (source,)
+    assert work[3].after == (0, 1, 2)
+
+
+# ---- who does what -----------------------------------------------------------------------------
+
+
+def simulated_length(work: Sequence[Task], costs: Sequence[float], lanes: Sequence[Sequence[int]]) -> float:
+    """How long a step is, worked out from what each lane waits for; fails where lanes wait for each other."""
+    through = dict[int, float]()
+    at, now = [0] * len(lanes), [0.0] * len(lanes)
+    while len(through) < len(work):
+        before = len(through)
+        for lane, places in enumerate(lanes):
+            while at[lane] < len(places) and through.keys() >= set(work[places[at[lane]]].after):
+                task = work[places[at[lane]]]
+                begin = max([now[lane], *(through[p] for p in task.after)])
+                now[lane] = begin + (sum(costs[i] for i in task.slaves) if task.steps else 0.0)
+                through[places[at[lane]]] = now[lane]
+                at[lane] += 1
+        assert len(through) > before, "lanes wait for each other"
+    return max(now)
+
+
+def lane_of(work: Sequence[Task], placement: Placement) -> dict[int, set[int]]:
+    """The lanes in which each slave is called."""
+    found: dict[int, set[int]] = {}
+    for lane, places in enumerate(placement.lanes):
+        for place in places:
+            for i in work[place].slaves:
+                found.setdefault(i, set()).add(lane)
+    return found
+
+
+def test_independent_steps_are_balanced() -> None:
+    """9 is the sum of 4 and 5, and of 3, 3 and 3."""
+    work = work_of(Jacobi(), chains(5, []))
+    assert placed(work, [5.0, 3.0, 3.0, 4.0, 3.0], 2).length == 9.0
+
+
+def test_three_chains_in_two_threads_are_interleaved() -> None:
+    """Whole chains would need 6; the tasks of one chain between those of the others need 5."""
+    network = chains(9, [(0, 1), (1, 2), (3, 4), (4, 5), (6, 7), (7, 8)])
+    placement = placed(work_of(GaussSeidel(), network), [1.0] * 9, 2)
+    assert placement.length == 5.0
+
+
+@given(st.data())
+def test_lanes_never_wait_for_each_other(data: st.DataObject) -> None:
+    """Every task is in one lane, each slave in one, and a step is as long as was said."""
+    count = data.draw(st.integers(1, 7))
+    numbers = st.integers(0, count - 1)
+    links = data.draw(st.lists(st.tuples(numbers, numbers), max_size=12, unique=True))
+    kind = data.draw(st.sampled_from([Jacobi, GaussSeidel, Strong]))
+    costs = data.draw(st.lists(st.sampled_from([0.0, 1.0, 2.5, 7.0]), min_size=count, max_size=count))
+    alone = data.draw(st.sets(numbers))
+    work = work_of(kind(), chains(count, links))
+    lanes = data.draw(st.integers(1, 4))
+    placement = placed(work, costs, lanes, alone)
+    assert sorted(p for lane in placement.lanes for p in lane) == list(range(len(work)))
+    where = lane_of(work, placement)
+    assert all(len(found) == 1 for found in where.values())
+    with_them = {i for task in work if alone & set(task.slaves) for i in task.slaves}
+    assert all(where[i] == {0} for i in with_them)
+    assert simulated_length(work, costs, placement.lanes) <= placement.length + 1e-9
+    assert max(costs) <= placement.length <= sum(costs)
+
+
+# ---- failures ----------------------------------------------------------------------------------
+
+
+def failing(times: dict[str, float]) -> Callable[[], Network]:
+    """Six slaves in three pairs; those that are named refuse the step at a time in s."""
+
+    def build() -> Network:
+        network = chains(6, [(0, 1), (2, 3), (4, 5)])
+        for slave in network.slaves:
+            assert isinstance(slave, FakeSlave)
+            at = times.get(slave.name, np.inf)
+            name = slave.name
+
+            def advance(
+                u: np.ndarray, x: np.ndarray, time: float, step: float, at: float = at, name: str = name
+            ) -> Any:
+                if time >= at:
+                    raise SlaveError(name, f"doStep at t = {time:.9g} s", "fmi2Error", [])
+                return moved(u, x, time, step)
+
+            slave._advance = advance
+            slave.error = lambda call, answer, name=name: SlaveError(name, call, "fmi2Error", [])
+        return network
+
+    return build
+
+
+def ended(network: Network, algorithm: Sampling, seed: int | None) -> tuple[str, bytes]:
+    """The sentence that ends a run, and its rows; `seed` says how threads share it."""
+    stepping = FixedSteps(begun(network, algorithm, TIMES), TIMES)
+    if seed is not None:
+        in_lanes(stepping, seed)
+    table = Table(1 + len(network.signals))
+    with pytest.raises(ec.RunError) as caught:
+        simulate(stepping, table)
+    stepping.close()
+    assert stepping.steps == len(table.rows)
+    return str(caught.value), table.rows.tobytes()
+
+
+@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel, Strong])
+@pytest.mark.parametrize("times", [{"s3": 0.5}, {"s1": 0.5, "s4": 0.5}, {"s5": 0.25, "s0": 0.375}], ids=str)
+def test_the_first_failure_is_told_whoever_meets_it(times: dict[str, float], kind: type[Sampling]) -> None:
+    """The sentence, and the rows before it, are those of one thread."""
+    expected = ended(failing(times)(), kind(), None)
+    for seed in range(6):
+        assert ended(failing(times)(), kind(), seed) == expected
+
+
+def test_no_threads_to_be_had_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    stepping = in_lanes(FixedSteps(begun(chains(3, []), Jacobi(), TIMES), TIMES))
+
+    def refused(thread: Any) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("threading.Thread.start", refused)
+    with pytest.raises(ec.RunError, match="gives no 3 threads to step FMUs in: can't start new thread"):
+        stepping.advance(Table(4), 5)
+    assert stepping.steps == 0
+
+
+@pytest.mark.parametrize("threads", [0, -1, 33])
+def test_a_number_of_threads_that_cannot_be_is_refused(threads: int) -> None:
+    with pytest.raises(ec.CommandError, match=f"^{threads} threads cannot step FMUs; at least 1 can"):
+        FixedSteps(begun(chains(1, []), Jacobi(), TIMES), TIMES, threads=threads)
+
+
+# ---- found out by measuring --------------------------------------------------------------------
+
+
+def run_study(folder: Path, **options: Any) -> ec.Result:
+    return ec.load("study", fmus=folder, stop_time=0.02, output_interval=1e-4).prepare().run(**options)
+
+
+@pytest.mark.parametrize("algorithm", ["jacobi", "gauss-seidel", "strong"])
+def test_threads_that_are_asked_for_give_the_same_rows(algorithm: str, fmu_folder: Path) -> None:
+    found = [run_study(fmu_folder, algorithm=algorithm, threads=n) for n in (1, 2, 3)]
+    assert [result.stepping["threads"] for result in found] == [1, 2, 3]
+    assert all(result.to_polars().equals(found[0].to_polars()) for result in found)
+    lanes = found[2].stepping["lanes"]
+    assert sorted(name for lane in lanes for name in lane) == sorted(
+        c.name for c in ec.load("study").system.components
+    )
+
+
+def test_light_steps_stay_in_one_thread(fmu_folder: Path) -> None:
+    stepping = run_study(fmu_folder).stepping
+    assert stepping["threads"] == 1 and "lanes" not in stepping
+
+
+def slow(seconds: float) -> Advance:
+    def advance(u: np.ndarray, x: np.ndarray, at: float, step: float) -> Any:
+        time.sleep(seconds)  # which lets other threads go on
+        return moved(u, x, at, step)
+
+    return advance
+
+
+@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
+def test_heavy_steps_are_shared_where_that_is_faster(
+    kind: type[Sampling], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two chains that need nothing of each other, so that a step takes half as long."""
+    monkeypatch.setattr(sharing, "cores", lambda: 2)
+    times = timing(300.0, 1.0)
+    links = [(0, 1), (2, 3)]
+    expected = recorded(FixedSteps(begun(chains(4, links), kind(), times), times))
+    stepping = FixedSteps(begun(chains(4, links, slow(1e-3)), kind(), times), times, threads=None)
+    found = recorded(stepping)
+    report = stepping.report()
+    assert found.tobytes() == expected.tobytes()
+    assert report["threads"] == 2 and sorted(map(len, report["lanes"])) == [2, 2]
+    assert report["step_us"] < 0.7 * report["step_in_one_thread_us"]
+    assert 0.0 < report["handover_us"] < report["step_us"]
+
+
+def test_steps_that_only_wait_for_each_other_stay_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chain: nobody can begin before the one in front is through."""
+    monkeypatch.setattr(sharing, "cores", lambda: 2)
+    times, links = timing(60.0, 1.0), [(0, 1), (1, 2)]
+    stepping = FixedSteps(begun(chains(3, links, slow(1e-3)), GaussSeidel(), times), times, threads=None)
+    recorded(stepping)
+    report = stepping.report()
+    assert report["threads"] == 1 and "lanes" not in report
+
+
+# ---- FMUs that do not run beside others --------------------------------------------------------
+
+
+def test_fmus_of_one_interpreter_share_a_thread(python_fmu_folder: Path) -> None:
+    found = [
+        ec.load("lift", flavour="python", fmus=python_fmu_folder, stop_time=2e-3, output_interval=1e-4)
+        .prepare()
+        .run(threads=threads)
+        for threads in (1, 3)
+    ]
+    assert found[1].to_polars().equals(found[0].to_polars())
+    first, *others = found[1].stepping["lanes"]
+    assert sorted(first) == sorted(c.name for c in ec.load("lift").system.components) and not any(others)
+
+
+def test_an_fmu_that_ends_the_process_is_among_those_that_are_told(faulty_fmu: Path, tmp_path: Path) -> None:
+    """Which of several threads it was cannot be known from outside."""
+    system = line_with_a_fault(faulty_fmu, Fault.SEGFAULT, 0.35)
+    package = ec.load(system, stop_time=1.0, step_size=0.01).export(tmp_path / "line.ssp")
+    words = ("--algorithm", "jacobi", "--threads", "2", "--no-plots", "--output", tmp_path / "out")
+    command = [sys.executable, "-m", "emla_cosim", "run", *map(str, (package, *words))]
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 1
+    status = json.loads((tmp_path / "out/run.json").read_text())["status"]
+    assert re.search(r"j\.bad (in|ended the process in) doStep at t = 0\.3[45] s.* \(SIGSEGV\)", status), (
+        status
+    )
+    assert len(polars.read_csv(tmp_path / "out/results.csv")) in (35, 36)
+
+
+def test_causes_are_told_for_any_number_of_calls() -> None:
+    a, b = ("j.a", "doStep at t = 1 s"), ("j.b", "getReal")
+    assert _cause("SIGSEGV", [a]) == "j.a ended the process in doStep at t = 1 s (SIGSEGV)"
+    assert (
+        _cause("SIGSEGV", [a, b])
+        == "one of j.a in doStep at t = 1 s and j.b in getReal ended the process (SIGSEGV)"
+    )
+    assert _cause("SIGKILL", [b]) == "the process was killed, with j.b in getReal"
+    assert _cause("SIGKILL", []) == "the process was killed, perhaps for want of memory"
+    assert _cause("SIGSEGV", []) == "the process ended (SIGSEGV)"
+
+
+# ---- FMUs in processes of their own ------------------------------------------------------------
+
+
+class Apart(FakeSlave):
+    """A slave whose steps are done when they are ended; `calls` says so."""
+
+    steps_apart = True
+
+    def begin_step(self, time: float, step: float) -> None:
+        self.calls.append(f"{self.name}.begin")
+        self._begun = (time, step)
+
+    def end_step(self) -> None:
+        self.do_step(*self._begun)
+
+
+def with_steps_apart(network: Network, calls: list[str]) -> Network:
+    for slave in network.slaves:
+        slave.__class__ = Apart
+        vars(slave)["calls"] = calls
+    return network
+
+
+@pytest.mark.parametrize("kind", [Jacobi, partial(GaussSeidel, order=["s0", "s1", "s2", "s3"])])
+def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], Sampling]) -> None:
+    calls: list[str] = []
+    links = [(0, 1), (2, 3), (3, 0)]
+    expected = recorded(FixedSteps(begun(chains(4, links), kind(), TIMES), TIMES, False))
+    network = with_steps_apart(chains(4, links), calls)
+    found = recorded(FixedSteps(begun(network, kind(), TIMES), TIMES, False))
+    assert found.tobytes() == expected.tobytes()
+    begun_at_once = calls[calls.index("s0.begin") : calls.index("s0.step")]
+    free = ["s0", "s1", "s2", "s3"] if kind is Jacobi else ["s0", "s2"]
+    assert {f"{name}.begin" for name in free} == {x for x in begun_at_once if x.endswith("begin")}
+
+
+@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
+@pytest.mark.parametrize("times", [{"s3": 0.5}, {"s1": 0.5, "s4": 0.5}], ids=str)
+def test_a_failure_apart_is_the_first_one_and_nothing_goes_on(
+    times: dict[str, float], kind: type[Sampling]
+) -> None:
+    expected = ended(failing(times)(), kind(), None)
+    calls: list[str] = []
+    network = with_steps_apart(failing(times)(), calls)
+    stepping = FixedSteps(begun(network, kind(), TIMES), TIMES, False)
+    table = Table(1 + len(network.signals))
+    with pytest.raises(ec.RunError) as caught:
+        simulate(stepping, table)
+    assert (str(caught.value), table.rows.tobytes()) == expected
+    count = Counter(calls)
+    assert all(count[f"s{i}.begin"] == count[f"s{i}.step"] for i in range(6))
+
+
+def test_isolated_fmus_have_the_rows_of_others(faulty_fmu: Path) -> None:
+    starts = [{"u": 1.0}, {}, {"u": 2.0}, {}]
+    parts = [faulty(f"j.c{i}", faulty_fmu, b=0.1 * i, **start) for i, start in enumerate(starts)]
+    system = wired(parts, "j.c0.y -> j.c1.u", "j.c2.y -> j.c3.u")
+    for algorithm in ("jacobi", "gauss-seidel"):
+        options = {"stop_time": 1.0, "step_size": 0.1, "algorithm": algorithm}
+        with ec.load(system, **options).prepare() as alone:
+            expected = alone.run().to_polars()
+        with ec.load(system, **options).prepare(isolate=True) as apart:
+            assert apart.run().to_polars().equals(expected)
+
+
+def test_an_isolated_fmu_that_fails_beside_others_leaves_them_usable(faulty_fmu: Path) -> None:
+    system = line_with_a_fault(faulty_fmu, Fault.ERROR, 0.35)
+    options = {"stop_time": 1.0, "step_size": 0.1, "algorithm": "jacobi"}
+    with ec.load(system, **options).prepare(isolate=True) as simulation:
+        for _ in range(2):
+            with pytest.raises(ec.RunError, match=r"j\.bad answered doStep at t = 0\.3 s with fmi2Error"):
+                simulation.run()
+        again = simulation.run(set={"j.bad.fault": Fault.NONE.value})
+        assert again.time[-1] == 1.0
+    with open_system(system) as assembly:
+        assert len(assembly.slaves) == 3
