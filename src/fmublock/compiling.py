@@ -95,6 +95,8 @@ def constants() -> list[str]:
 
 def c_number(value: float) -> str:
     """A number as C has it."""
+    if math.isnan(value):
+        return "NAN"
     if math.isinf(value):
         return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
     return repr(float(value))

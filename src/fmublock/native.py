@@ -4,14 +4,13 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import casadi
-
 from .block import Block
+from .c_equations import c_equations
 from .compiling import c_number, compiled, constants, sources
 from .description import Offers, offers_model_exchange
 from .export import Draft, draft
 from .recipe import Documents, Producer
-from .symbolic import SymbolicBlock, evaluate_symbolically
+from .symbolic import evaluate_symbolically
 
 _SHIM = "fmi2_block.c"  # the only file to compile; it includes all others
 
@@ -23,7 +22,7 @@ def native_draft(block: Block, producer: Producer, documents: Documents) -> Draf
     """
     symbolic = evaluate_symbolically(block)
     content = {
-        "sources/generated.h": _equations(symbolic).encode(),
+        "sources/generated.h": c_equations(block, symbolic).encode(),
         "sources/model.h": _model_header(block, symbolic.demands).encode(),
         **sources("shim"),
     }
@@ -41,13 +40,6 @@ def native_binaries(
     Raises BuildError where the compiler fails or does not know a platform.
     """
     return compiled(type(draft.block).__name__, _SHIM, draft.files, platforms, advance)
-
-
-def _equations(symbolic: SymbolicBlock) -> str:
-    generator = casadi.CodeGenerator("generated.h", {"with_header": False})
-    for function in symbolic.functions():
-        generator.add(function)
-    return generator.dump()
 
 
 def _model_header(block: Block, demands: Sequence[str]) -> str:

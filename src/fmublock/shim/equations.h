@@ -2,21 +2,12 @@
  * that both give the same bits; compile without floating-point contraction.
  */
 
-typedef int Equations(const casadi_real **, casadi_real **, casadi_int *, casadi_real *, int);
+#ifndef FIXED /* by a resource */
+#define FIXED(state) ((state)->fixed)
+#endif
 
-static void evaluate(Equations *equations, const State *now, double time, double *result) {
-    const double *arguments[3] = {&time, now->values, now->resource};
-    double *results[1] = {result};
-    equations(arguments, results, NULL, NULL, 0);
-}
-
-/* Derivative of derivatives or outputs in a direction. */
-static void evaluate_tangent(Equations *tangent, const State *now, double time_direction,
-                             const double *direction, double *result) {
-    const double *arguments[5] = {&now->time, now->values, &time_direction, direction, now->resource};
-    double *results[1] = {result};
-    tangent(arguments, results, NULL, NULL, 0);
-}
+/* What parameters decide, whenever these may have changed. */
+static void fix_values(State *now) { fixed_values(now->values, now->fixed); }
 
 /* In co-simulation outputs are frozen between communication points, and derivatives with them: they
  * belong to the inputs of the last step, whatever has been set since.
@@ -26,17 +17,19 @@ static void evaluate_derivatives(State *now) {
     const int frozen = now->type == fmi2CoSimulation && now->phase & (STEP | TERMINATED);
     memcpy(set, now->values, N_INPUTS * sizeof(double));
     if (frozen) memcpy(now->values, now->held, N_INPUTS * sizeof(double));
-    evaluate(derivatives, now, now->time, now->values + FIRST_DERIVATIVE);
+    double stepwise[ROOM(N_STEPWISE)];
+    stepwise_values(now->values, FIXED(now), stepwise);
+    derivatives(now->time, now->values, FIXED(now), stepwise, now->values + FIRST_DERIVATIVE);
     memcpy(now->values, set, N_INPUTS * sizeof(double));
 }
 
 static void evaluate_outputs(State *now) {
-    evaluate(outputs, now, now->time, now->values + FIRST_OUTPUT);
+    outputs(now->time, now->values, FIXED(now), now->values + FIRST_OUTPUT);
 }
 
 static void update_discrete_states(State *now) {
     double next[ROOM(N_DISCRETE_STATES)];
-    evaluate(update, now, now->time, next);
+    update(now->time, now->values, FIXED(now), next);
     memcpy(now->values + FIRST_DISCRETE_STATE, next, N_DISCRETE_STATES * sizeof(double));
 }
 
@@ -72,9 +65,13 @@ static double substeps(const State *now, double step) {
 }
 
 #if N_STATES > 0
-static void slope(State *now, const double *u0, double start, double time, double *k) {
-    if (now->inputs_move) move_inputs(now, u0, time - start);
-    evaluate(derivatives, now, time, k);
+/* `stepwise` is what inputs and discrete states decide; it moves only where inputs do. */
+static void slope(State *now, const double *u0, double start, double time, double *stepwise, double *k) {
+    if (now->inputs_move) {
+        move_inputs(now, u0, time - start);
+        stepwise_values(now->values, FIXED(now), stepwise);
+    }
+    derivatives(time, now->values, FIXED(now), stepwise, k);
 }
 
 static void set_states(double *x, const double *x0, double factor, const double *k) {
@@ -83,19 +80,20 @@ static void set_states(double *x, const double *x0, double factor, const double 
 
 /* Classical Runge-Kutta substeps no longer than the internal step. */
 static void integrate(State *now, const double *u0, double time, double step) {
-    double x0[N_STATES], k1[N_STATES], k2[N_STATES], k3[N_STATES], k4[N_STATES];
+    double x0[N_STATES], k1[N_STATES], k2[N_STATES], k3[N_STATES], k4[N_STATES], stepwise[ROOM(N_STEPWISE)];
     double *x = now->values + FIRST_STATE;
     const double count = substeps(now, step), dt = step / count;
+    stepwise_values(now->values, FIXED(now), stepwise);
     for (long i = 0; i < (long)count; i++) {
         const double t = time + (double)i * dt;
         memcpy(x0, x, sizeof x0);
-        slope(now, u0, time, t, k1);
+        slope(now, u0, time, t, stepwise, k1);
         set_states(x, x0, 0.5 * dt, k1);
-        slope(now, u0, time, t + 0.5 * dt, k2);
+        slope(now, u0, time, t + 0.5 * dt, stepwise, k2);
         set_states(x, x0, 0.5 * dt, k2);
-        slope(now, u0, time, t + 0.5 * dt, k3);
+        slope(now, u0, time, t + 0.5 * dt, stepwise, k3);
         set_states(x, x0, dt, k3);
-        slope(now, u0, time, t + dt, k4);
+        slope(now, u0, time, t + dt, stepwise, k4);
         for (int j = 0; j < N_STATES; j++) k1[j] = k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j];
         set_states(x, x0, dt / 6.0, k1);
     }
@@ -128,5 +126,6 @@ static void take_start_values(State *now) {
 /* Those, and the outputs that follow from everything set. */
 static void initialize_values(State *now) {
     take_start_values(now);
+    fix_values(now);
     evaluate_outputs(now);
 }

@@ -17,7 +17,6 @@
 #include "guid.h"
 #include "model.h"
 
-#define CASADI_SYMBOL_EXPORT static
 #include "generated.h"
 
 #include "instance.h"

@@ -113,7 +113,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
 static fmi2Status check_conditions(const Instance *instance) {
 #if N_CONDITIONS > 0
     double holds[N_CONDITIONS];
-    evaluate(conditions, &instance->now, instance->now.time, holds);
+    conditions(instance->now.time, instance->now.values, FIXED(&instance->now), holds);
     for (int i = 0; i < N_CONDITIONS; i++)
         if (holds[i] == 0.0) return report(instance, fmi2Error, "%s.", demands[i]);
 #else
@@ -129,6 +129,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     take_start_values(now);
     for (int r = N_INPUTS; r < FIRST_DISCRETE_STATE; r++)
         if (check_range(instance, r) != fmi2OK) return fmi2Error;
+    fix_values(now);
     if (check_conditions(instance) != fmi2OK) return fmi2Error;
     evaluate_outputs(now);
     hold_inputs(now, 0.0);

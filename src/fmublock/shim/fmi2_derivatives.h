@@ -6,8 +6,9 @@
 /* Derivatives of everything computed, when time and values move in a direction. */
 static void all_tangents(const State *now, double time_direction, const double *direction, double *tangents) {
     memcpy(tangents, direction, FIRST_OUTPUT * sizeof(double));
-    evaluate_tangent(outputs_tangent, now, time_direction, direction, tangents + FIRST_OUTPUT);
-    evaluate_tangent(derivatives_tangent, now, time_direction, direction, tangents + FIRST_DERIVATIVE);
+    const double *v = now->values, *fixed = FIXED(now);
+    outputs_tangent(now->time, v, fixed, time_direction, direction, tangents + FIRST_OUTPUT);
+    derivatives_tangent(now->time, v, fixed, time_direction, direction, tangents + FIRST_DERIVATIVE);
 }
 
 static int is_discrete_state(int reference) {

@@ -34,6 +34,7 @@ typedef struct {
     double input_derivatives[ROOM(N_INPUTS)][INPUT_ORDERS]; /* for the next step */
     double held[ROOM(N_INPUTS)];       /* inputs that the present outputs were computed with */
     double held_rates[ROOM(N_INPUTS)]; /* and their time derivatives then */
+    double fixed[ROOM(N_FIXED)];       /* what parameters decide */
 } State;
 
 typedef struct {

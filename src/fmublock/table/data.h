@@ -5,9 +5,6 @@
  * rows, the rows themselves, and an index of them.
  */
 
-typedef double casadi_real;
-typedef int casadi_int;
-
 enum { AT_GUID = 0, AT_ROWS = 5, AT_COLUMNS, AT_OUTPUTS, AT_END, AT_TABLES }; /* the head */
 enum { HELD, LINEAR, CUBIC, N_KINDS };                                        /* of a column */
 enum { HOLD, REPEAT, STOP, N_ENDS };                                          /* what follows the last row */
@@ -97,37 +94,35 @@ static double value_of(const Table *t, size_t column, int order, const Place *pl
 
 /* ---- in the place of generated.h ------------------------------------------------------- */
 
-static int outputs(const casadi_real **arguments, casadi_real **results, casadi_int *iw, casadi_real *w, int memory) {
-    (void)iw, (void)w, (void)memory;
-    const Table t = table_of(arguments[2]);
-    const Place place = place_of(&t, *arguments[0]);
+#define N_FIXED 0
+#define N_STEPWISE 0
+
+static void outputs(double time, const double *v, const double *data, double *result) {
+    (void)v;
+    const Table t = table_of(data);
+    const Place place = place_of(&t, time);
     for (size_t i = 0; i < t.outputs; i++) {
         const double *shown = t.shown + N_OUTPUT * i;
         const double value = value_of(&t, (size_t)shown[COLUMN], (int)shown[ORDER], &place);
-        results[0][i] = shown[GAIN] * value + shown[OFFSET];
+        result[i] = shown[GAIN] * value + shown[OFFSET];
     }
-    return 0;
 }
 
 /* Data depend on time alone. */
-static int outputs_tangent(const casadi_real **arguments, casadi_real **results, casadi_int *iw, casadi_real *w,
-                           int memory) {
-    (void)iw, (void)w, (void)memory;
-    const Table t = table_of(arguments[4]);
-    const Place place = place_of(&t, *arguments[0]);
+static void outputs_tangent(double time, const double *v, const double *data, double d_time, const double *d,
+                            double *result) {
+    (void)v, (void)d;
+    const Table t = table_of(data);
+    const Place place = place_of(&t, time);
     for (size_t i = 0; i < t.outputs; i++) {
         const double *shown = t.shown + N_OUTPUT * i;
         const double rate = value_of(&t, (size_t)shown[COLUMN], (int)shown[ORDER] + 1, &place);
-        results[0][i] = shown[GAIN] * rate * *arguments[2];
+        result[i] = shown[GAIN] * rate * d_time;
     }
-    return 0;
 }
 
-static int nothing(const casadi_real **arguments, casadi_real **results, casadi_int *iw, casadi_real *w, int memory) {
-    (void)arguments, (void)results, (void)iw, (void)w, (void)memory;
-    return 0;
-}
-
-#define derivatives nothing
-#define derivatives_tangent nothing
-#define update nothing
+#define fixed_values(...)
+#define stepwise_values(...)
+#define derivatives(...)
+#define derivatives_tangent(...)
+#define update(...)

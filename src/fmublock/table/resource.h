@@ -2,6 +2,7 @@
 
 #define GUID(state) ((const char *)((state)->resource + AT_GUID))
 #define SHOWN(instance) ((fmi2ValueReference)(instance)->now.resource[AT_OUTPUTS])
+#define FIXED(state) ((state)->resource)
 #define RESOURCE_END(state) resource_end((state)->resource)
 
 #define MAGIC "EMLATBL1"

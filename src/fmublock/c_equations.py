@@ -1,0 +1,194 @@
+"""A block's equations as C, which computes nothing twice and nothing too often."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import casadi
+
+from .block import Block
+from .compiling import c_number
+from .errors import BuildError
+from .graph import CHOICE, CONST, INPUT, Graph, Rank, guards
+from .symbolic import SymbolicBlock
+
+_TEXTS = {
+    casadi.OP_ASSIGN: "{0}",
+    casadi.OP_ADD: "{0} + {1}",
+    casadi.OP_SUB: "{0} - {1}",
+    casadi.OP_MUL: "{0} * {1}",
+    casadi.OP_DIV: "{0} / {1}",
+    casadi.OP_NEG: "-{0}",
+    casadi.OP_SQ: "{0} * {0}",
+    casadi.OP_TWICE: "2.0 * {0}",
+    casadi.OP_INV: "1.0 / {0}",
+    casadi.OP_POW: "pow({0}, {1})",
+    casadi.OP_CONSTPOW: "pow({0}, {1})",
+    casadi.OP_SQRT: "sqrt({0})",
+    casadi.OP_SIN: "sin({0})",
+    casadi.OP_COS: "cos({0})",
+    casadi.OP_TAN: "tan({0})",
+    casadi.OP_ASIN: "asin({0})",
+    casadi.OP_ACOS: "acos({0})",
+    casadi.OP_ATAN: "atan({0})",
+    casadi.OP_ATAN2: "atan2({0}, {1})",
+    casadi.OP_SINH: "sinh({0})",
+    casadi.OP_COSH: "cosh({0})",
+    casadi.OP_TANH: "tanh({0})",
+    casadi.OP_EXP: "exp({0})",
+    casadi.OP_LOG: "log({0})",
+    casadi.OP_FLOOR: "floor({0})",
+    casadi.OP_CEIL: "ceil({0})",
+    casadi.OP_FMOD: "fmod({0}, {1})",
+    casadi.OP_FABS: "fabs({0})",
+    casadi.OP_SIGN: "sign({0})",
+    casadi.OP_COPYSIGN: "copysign({0}, {1})",
+    casadi.OP_FMIN: "minimum({0}, {1})",
+    casadi.OP_FMAX: "maximum({0}, {1})",
+    casadi.OP_LT: "{0} < {1}",
+    casadi.OP_LE: "{0} <= {1}",
+    casadi.OP_EQ: "{0} == {1}",
+    casadi.OP_NE: "{0} != {1}",
+    casadi.OP_NOT: "!{0}",
+    casadi.OP_AND: "{0} && {1}",
+    casadi.OP_OR: "{0} || {1}",
+    CHOICE: "{0} != 0.0 ? {1} : 0.0",
+}
+"""What every operation is in C; comparisons give 0 or 1."""
+
+_DEAR = {
+    getattr(casadi, f"OP_{name}")
+    for name in "DIV INV POW CONSTPOW SQRT SIN COS TAN ASIN ACOS ATAN ATAN2 SINH COSH TANH EXP LOG FMOD".split()
+}
+_BRANCH = 12
+"""So many operations are worth a branch; a dear one counts as many."""
+
+_HELPERS = """\
+/* As fmublock/functions.py has them, bit by bit. */
+static inline double minimum(double x, double y) { return x <= y || y != y ? x : y; }
+static inline double maximum(double x, double y) { return x >= y || y != y ? x : y; }
+static inline double sign(double x) { return x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x; }
+"""
+
+
+def c_equations(block: Block, symbolic: SymbolicBlock) -> str:
+    """C functions of the equations, in text that people can read.
+
+    `fixed_values` computes what parameters decide, `stepwise_values` what is constant while inputs and
+    discrete states are; `derivatives` takes both, all others what is fixed. Raises BuildError for an operation
+    that has no meaning in C.
+    """
+    layout = block.layout()
+    moving = {*layout.references(layout.states)}
+    stepwise = {*layout.references(layout.inputs), *layout.references(layout.discrete_states)}
+    values = [
+        Rank.MOVING if r in moving else Rank.STEPWISE if r in stepwise else Rank.FIXED
+        for r in range(len(layout.scalars))
+    ]
+    return _Equations(symbolic, values, [scalar.name for scalar in layout.scalars]).text()
+
+
+class _Equations:
+    def __init__(self, symbolic: SymbolicBlock, values: Sequence[Rank], names: Sequence[str]) -> None:
+        moves = [Rank.MOVING] * len(values)
+        self._graph, self._names = Graph([[Rank.MOVING], values, [Rank.MOVING], moves]), names
+        equations = {f.name(): f for f in symbolic.functions()}
+        self._results = {name: self._graph.results(f) for name, f in equations.items()}
+        every = [r for results in self._results.values() for r in results]
+        self._fixed = {n: f"fixed[{i}]" for i, n in enumerate(self._graph.frontier(every, Rank.FIXED, {}))}
+        moving = self._graph.frontier(self._results["derivatives"], Rank.STEPWISE, self._fixed)
+        self._stepwise = {n: f"stepwise[{i}]" for i, n in enumerate(moving)}
+
+    def text(self) -> str:
+        """All functions."""
+        lines = [
+            f"#define N_FIXED {len(self._fixed)}",
+            f"#define N_STEPWISE {len(self._stepwise)}",
+            "",
+            _HELPERS,
+            *self._function("fixed_values(const double *v, double *fixed)", self._targets(self._fixed), {}),
+            *self._function(
+                "stepwise_values(const double *v, const double *fixed, double *stepwise)",
+                self._targets(self._stepwise),
+                self._fixed,
+            ),
+        ]
+        given = "double time, const double *v, const double *fixed"
+        for name, results in self._results.items():
+            known, more = self._fixed, ""
+            if name == "derivatives":
+                known, more = self._fixed | self._stepwise, ", const double *stepwise"
+            elif name.endswith("_tangent"):
+                more = ", double d_time, const double *d"
+            targets = [(f"result[{i}]", number) for i, number in enumerate(results)]
+            lines += self._function(f"{name}({given}{more}, double *result)", targets, known)
+        return "\n".join(lines)
+
+    @staticmethod
+    def _targets(known: Mapping[int, str]) -> list[tuple[str, int]]:
+        return [(place, number) for number, place in known.items()]
+
+    def _function(
+        self, signature: str, targets: Sequence[tuple[str, int]], known: Mapping[int, str]
+    ) -> Iterator[str]:
+        """A function that writes these values to their places, where some are known."""
+        wanted = [number for _, number in targets]
+        numbers = self._graph.needed(wanted, known)
+        scopes = self._scopes(wanted, numbers)
+        arguments = [word.split("*")[-1].split(" ")[-1] for word in signature[:-1].split("(")[1].split(", ")]
+        yield f"static void {signature} {{"
+        yield f"    {', '.join(f'(void){a}' for a in arguments)};"
+        yield from self._scope((), numbers, scopes, known, "    ")
+        for place, number in targets:
+            yield f"    {place} = {self._operand(number, known)};"
+        yield "}"
+        yield ""
+
+    def _scopes(self, wanted: Sequence[int], numbers: Sequence[int]) -> dict[int, tuple[int, ...]]:
+        """Where each operation is computed: within the choices that are worth a branch."""
+        found = guards(self._graph, wanted, numbers)
+        costs = dict.fromkeys((c for inside in found.values() for c in inside), 0)
+        for number in numbers:
+            for choice in found[number]:
+                costs[choice] += _BRANCH if self._graph.operations[number].code in _DEAR else 1
+        return {n: tuple(c for c in found[n] if costs[c] >= _BRANCH) for n in numbers}
+
+    def _scope(
+        self,
+        scope: tuple[int, ...],
+        numbers: Sequence[int],
+        scopes: Mapping[int, tuple[int, ...]],
+        known: Mapping[int, str],
+        indent: str,
+    ) -> Iterator[str]:
+        """The operations of a scope, and of those within it."""
+        branches = {inside[-1] for inside in scopes.values() if inside}
+        depth = len(scope)
+        mine = [n for n in numbers if scopes[n][:depth] == scope]
+        for number in mine:
+            if scopes[number] != scope:
+                continue
+            if number not in branches:
+                yield f"{indent}const double a{number} = {self._expression(number, known)};"
+                continue
+            condition, value = self._graph.operations[number].operands
+            yield f"{indent}double a{number} = 0.0;"
+            yield f"{indent}if ({self._operand(condition, known)} != 0.0) {{"
+            yield from self._scope((*scope, number), mine, scopes, known, indent + "    ")
+            yield f"{indent}    a{number} = {self._operand(value, known)};"
+            yield f"{indent}}}"
+
+    def _expression(self, number: int, known: Mapping[int, str]) -> str:
+        operation = self._graph.operations[number]
+        text = _TEXTS.get(operation.code)
+        if text is None:
+            raise BuildError(f"the operation {operation.code} of CasADi has no meaning in C.")
+        return text.format(*(self._operand(i, known) for i in operation.operands))
+
+    def _operand(self, number: int, known: Mapping[int, str]) -> str:
+        operation = self._graph.operations[number]
+        if operation.code == CONST:
+            text = c_number(operation.value)
+            return f"({text})" if text.startswith("-") else text
+        if operation.code == INPUT:
+            argument, position = operation.operands
+            return ("time", f"v[{position}]", "d_time", f"d[{position}]")[argument]
+        return known.get(number, f"a{number}")

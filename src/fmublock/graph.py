@@ -1,0 +1,137 @@
+"""The operations of a block's equations, each once, and what they depend on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import NamedTuple
+
+import casadi
+
+CONST, INPUT = casadi.OP_CONST, casadi.OP_INPUT
+CHOICE = casadi.OP_IF_ELSE_ZERO
+"""The second argument where the first is true, else zero."""
+
+
+class Rank(IntEnum):
+    """What a value depends on, which is how often it has to be computed."""
+
+    FIXED = 0
+    """Parameters alone: once per run."""
+    STEPWISE = 1
+    """Inputs and discrete states, too: once per step, unless inputs move in it."""
+    MOVING = 2
+    """Time and continuous states: whenever it is asked for."""
+
+
+class Operation(NamedTuple):
+    """A function of values that came before, by their numbers.
+
+    An input's operands are the argument and the position in it; a constant has its `value`.
+    """
+
+    code: int
+    operands: tuple[int, ...]
+    value: float = 0.0
+
+
+@dataclass
+class Graph:
+    """Operations in an order in which each follows its operands; equal ones are one.
+
+    `ranks` are those of the operations. Nothing is rearranged, so that all values keep their bits.
+    """
+
+    leaf_ranks: Sequence[Sequence[Rank]]
+    """Of the elements of every argument."""
+    operations: list[Operation] = field(default_factory=list)
+    ranks: list[Rank] = field(default_factory=list)
+    _known: dict[tuple, int] = field(default_factory=dict, repr=False)
+
+    def results(self, function: casadi.Function) -> list[int]:
+        """Take the operations of a function of these arguments; the numbers of its results."""
+        results = [0] * function.nnz_out(0)
+        places: dict[int, int] = {}
+        for k in range(function.n_instructions()):
+            code, operands = function.instruction_id(k), function.instruction_input(k)
+            target = function.instruction_output(k)
+            if code == casadi.OP_OUTPUT:
+                results[target[1]] = places[operands[0]]
+            elif code == CONST:
+                places[target[0]] = self._number(Operation(code, (), function.instruction_constant(k)))
+            elif code == INPUT:
+                places[target[0]] = self._number(Operation(code, tuple(operands)))
+            else:
+                places[target[0]] = self._number(Operation(code, tuple(places[i] for i in operands)))
+        zero = self._number(Operation(CONST, (), 0.0))
+        dense = [zero] * function.numel_out(0)  # what is zero by structure is no result of an operation
+        for place, number in zip(function.sparsity_out(0).find(), results, strict=True):
+            dense[place] = number
+        return dense
+
+    def _number(self, operation: Operation) -> int:
+        key = (operation.code, operation.operands, operation.value.hex())  # 0.0 and -0.0 are two
+        if key not in self._known:
+            self._known[key] = len(self.operations)
+            self.operations.append(operation)
+            self.ranks.append(self._rank(operation))
+        return self._known[key]
+
+    def _rank(self, operation: Operation) -> Rank:
+        if operation.code == CONST:
+            return Rank.FIXED
+        if operation.code == INPUT:
+            argument, position = operation.operands
+            return self.leaf_ranks[argument][position]
+        return max(self.ranks[i] for i in operation.operands)
+
+    def is_leaf(self, number: int) -> bool:
+        """Whether a value is a constant or an argument's element, which needs no computing."""
+        return self.operations[number].code in (CONST, INPUT)
+
+    def needed(self, results: Sequence[int], known: Mapping[int, object]) -> list[int]:
+        """The operations that these results take, in order, where the values of some are known."""
+        found, waiting = set[int](), [r for r in results if r not in known]
+        while waiting:
+            number = waiting.pop()
+            if number in found or self.is_leaf(number):
+                continue
+            found.add(number)
+            waiting += [i for i in self.operations[number].operands if i not in known]
+        return sorted(found)
+
+    def frontier(self, results: Sequence[int], rank: Rank, known: Mapping[int, object]) -> list[int]:
+        """The values of this rank, and no leaves, that results or operations of higher rank use directly."""
+        used = set(results)
+        for number in self.needed(results, known):
+            if self.ranks[number] > rank:
+                used |= set(self.operations[number].operands)
+        wanted = (i for i in used if self.ranks[i] == rank and not self.is_leaf(i) and i not in known)
+        return sorted(wanted)
+
+
+def guards(graph: Graph, results: Sequence[int], numbers: Sequence[int]) -> dict[int, tuple[int, ...]]:
+    """The choices that each of these operations is only needed for, from the outermost to the innermost.
+
+    An operation is needed within a choice if all that use it are, or are the choice itself.
+    """
+    inside = set(numbers)
+    found: dict[int, tuple[int, ...]] = {i: () for i in results}
+    for number in reversed(numbers):
+        code, operands = graph.operations[number].code, graph.operations[number].operands
+        own = found.setdefault(number, ())
+        for k, operand in enumerate(operands):
+            if operand not in inside:
+                continue
+            use = (*own, number) if code == CHOICE and k == 1 else own
+            found[operand] = _common(found[operand], use) if operand in found else use
+    return found
+
+
+def _common(a: tuple[int, ...], b: tuple[int, ...]) -> tuple[int, ...]:
+    """What both begin with."""
+    count = 0
+    for x, y in zip(a, b, strict=False):
+        if x != y:
+            break
+        count += 1
+    return a[:count]
