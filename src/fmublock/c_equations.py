@@ -1,13 +1,14 @@
 """A block's equations as C, which computes nothing twice and nothing too often."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from heapq import heappop, heappush
 
 import casadi
 
 from .block import Block
 from .compiling import c_number
 from .errors import BuildError
-from .graph import CHOICE, CONST, INPUT, Graph, Rank, guards
+from .graph import CHOICE, CONST, INPUT, Graph, Rank, conditions
 from .symbolic import SymbolicBlock
 
 _TEXTS = {
@@ -56,7 +57,10 @@ _TEXTS = {
 
 _DEAR = {
     getattr(casadi, f"OP_{name}")
-    for name in "DIV INV POW CONSTPOW SQRT SIN COS TAN ASIN ACOS ATAN ATAN2 SINH COSH TANH EXP LOG FMOD".split()
+    for name in (
+        *("DIV", "INV", "FMOD", "SQRT", "POW", "CONSTPOW", "EXP", "LOG", "SINH", "COSH", "TANH"),
+        *("SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "ATAN2"),
+    )
 }
 _BRANCH = 12
 """So many operations are worth a branch; a dear one counts as many."""
@@ -73,8 +77,9 @@ def c_equations(block: Block, symbolic: SymbolicBlock) -> str:
     """C functions of the equations, in text that people can read.
 
     `fixed_values` computes what parameters decide, `stepwise_values` what is constant while inputs and
-    discrete states are; `derivatives` takes both, all others what is fixed. Raises BuildError for an operation
-    that has no meaning in C.
+    discrete states are; `derivatives` takes both, all others what is fixed. `update_and_outputs` ends a step:
+    outputs are those of the discrete states that it gives. Raises BuildError for an operation that has no
+    meaning in C.
     """
     layout = block.layout()
     moving = {*layout.references(layout.states)}
@@ -83,15 +88,17 @@ def c_equations(block: Block, symbolic: SymbolicBlock) -> str:
         Rank.MOVING if r in moving else Rank.STEPWISE if r in stepwise else Rank.FIXED
         for r in range(len(layout.scalars))
     ]
-    return _Equations(symbolic, values, [scalar.name for scalar in layout.scalars]).text()
+    return _Equations(symbolic, values, layout.references(layout.discrete_states)).text()
 
 
 class _Equations:
-    def __init__(self, symbolic: SymbolicBlock, values: Sequence[Rank], names: Sequence[str]) -> None:
-        moves = [Rank.MOVING] * len(values)
-        self._graph, self._names = Graph([[Rank.MOVING], values, [Rank.MOVING], moves]), names
-        equations = {f.name(): f for f in symbolic.functions()}
-        self._results = {name: self._graph.results(f) for name, f in equations.items()}
+    def __init__(self, symbolic: SymbolicBlock, values: Sequence[Rank], discrete: Sequence[int]) -> None:
+        self._graph = Graph([[Rank.MOVING], values, [Rank.MOVING], [Rank.MOVING] * len(values)])
+        self._results = {f.name(): self._graph.results(f) for f in symbolic.functions()}
+        updated = {(1, r): number for r, number in zip(discrete, self._results["update"], strict=True)}
+        outputs = self._graph.results(symbolic.outputs, updated)
+        self._results["update_and_outputs"] = [*self._results.pop("update"), *outputs]
+        self._discrete = len(discrete)
         every = [r for results in self._results.values() for r in results]
         self._fixed = {n: f"fixed[{i}]" for i, n in enumerate(self._graph.frontier(every, Rank.FIXED, {}))}
         moving = self._graph.frontier(self._results["derivatives"], Rank.STEPWISE, self._fixed)
@@ -118,7 +125,11 @@ class _Equations:
                 known, more = self._fixed | self._stepwise, ", const double *stepwise"
             elif name.endswith("_tangent"):
                 more = ", double d_time, const double *d"
-            targets = [(f"result[{i}]", number) for i, number in enumerate(results)]
+            places = [f"result[{i}]" for i in range(len(results))]
+            if name == "update_and_outputs":
+                more, result = ", double *next", places[: len(results) - self._discrete]
+                places = [*(f"next[{i}]" for i in range(self._discrete)), *result]
+            targets = list(zip(places, results, strict=True))
             lines += self._function(f"{name}({given}{more}, double *result)", targets, known)
         return "\n".join(lines)
 
@@ -132,49 +143,72 @@ class _Equations:
         """A function that writes these values to their places, where some are known."""
         wanted = [number for _, number in targets]
         numbers = self._graph.needed(wanted, known)
-        scopes = self._scopes(wanted, numbers)
         arguments = [word.split("*")[-1].split(" ")[-1] for word in signature[:-1].split("(")[1].split(", ")]
         yield f"static void {signature} {{"
         yield f"    {', '.join(f'(void){a}' for a in arguments)};"
-        yield from self._scope((), numbers, scopes, known, "    ")
+        yield from self._blocks(numbers, self._scopes(wanted, numbers), known)
         for place, number in targets:
             yield f"    {place} = {self._operand(number, known)};"
         yield "}"
         yield ""
 
     def _scopes(self, wanted: Sequence[int], numbers: Sequence[int]) -> dict[int, tuple[int, ...]]:
-        """Where each operation is computed: within the choices that are worth a branch."""
-        found = guards(self._graph, wanted, numbers)
-        costs = dict.fromkeys((c for inside in found.values() for c in inside), 0)
+        """The conditions within which each operation is computed: those that are worth a branch."""
+        found = conditions(self._graph, wanted, numbers)
+        saved = dict.fromkeys((c for inside in found.values() for c in inside), 0)
         for number in numbers:
-            for choice in found[number]:
-                costs[choice] += _BRANCH if self._graph.operations[number].code in _DEAR else 1
-        return {n: tuple(c for c in found[n] if costs[c] >= _BRANCH) for n in numbers}
+            for condition in found[number]:
+                saved[condition] += _BRANCH if self._graph.operations[number].code in _DEAR else 1
+        return {n: tuple(sorted(c for c in found[n] if saved[c] >= _BRANCH)) for n in numbers}
 
-    def _scope(
-        self,
-        scope: tuple[int, ...],
-        numbers: Sequence[int],
-        scopes: Mapping[int, tuple[int, ...]],
-        known: Mapping[int, str],
-        indent: str,
+    def _blocks(
+        self, numbers: Sequence[int], scopes: Mapping[int, tuple[int, ...]], known: Mapping[int, str]
     ) -> Iterator[str]:
-        """The operations of a scope, and of those within it."""
-        branches = {inside[-1] for inside in scopes.values() if inside}
-        depth = len(scope)
-        mine = [n for n in numbers if scopes[n][:depth] == scope]
-        for number in mine:
-            if scopes[number] != scope:
+        """All operations, those under the same conditions together as far as what they take allows."""
+        blocks = list(self._ordered(numbers, scopes))
+        block_of = {number: k for k, (_, block) in enumerate(blocks) for number in block}
+        shared = {
+            i
+            for n in numbers
+            for i in (*self._graph.operations[n].operands, *scopes[n])
+            if block_of.get(i, block_of[n]) != block_of[n]
+        }
+        for scope, block in blocks:
+            if not scope:
+                yield from (f"    const double a{n} = {self._expression(n, known)};" for n in block)
                 continue
-            if number not in branches:
-                yield f"{indent}const double a{number} = {self._expression(number, known)};"
-                continue
-            condition, value = self._graph.operations[number].operands
-            yield f"{indent}double a{number} = 0.0;"
-            yield f"{indent}if ({self._operand(condition, known)} != 0.0) {{"
-            yield from self._scope((*scope, number), mine, scopes, known, indent + "    ")
-            yield f"{indent}    a{number} = {self._operand(value, known)};"
-            yield f"{indent}}}"
+            yield from (f"    double a{n} = 0.0;" for n in block if n in shared)
+            holds = " && ".join(f"{self._operand(c, known)} != 0.0" for c in scope)
+            yield f"    if ({holds}) {{"
+            for n in block:
+                declared = "" if n in shared else "const double "
+                yield f"        {declared}a{n} = {self._expression(n, known)};"
+            yield "    }"
+
+    def _ordered(
+        self, numbers: Sequence[int], scopes: Mapping[int, tuple[int, ...]]
+    ) -> Iterator[tuple[tuple[int, ...], list[int]]]:
+        """Blocks of operations under the same conditions, each as large as it can be."""
+        inside, waits, followers = set(numbers), dict[int, int](), dict[int, list[int]]()
+        for number in numbers:
+            before = {*self._graph.operations[number].operands, *scopes[number]} & inside
+            waits[number] = len(before)
+            for i in before:
+                followers.setdefault(i, []).append(number)
+        possible: dict[tuple[int, ...], list[int]] = {}
+        for number in (n for n in numbers if not waits[n]):
+            heappush(possible.setdefault(scopes[number], []), number)
+        while possible:
+            scope = () if () in possible else min(possible, key=lambda s: possible[s][0])
+            block = []
+            while possible.get(scope):
+                block.append(heappop(possible[scope]))
+                for follower in followers.get(block[-1], ()):
+                    waits[follower] -= 1
+                    if not waits[follower]:
+                        heappush(possible.setdefault(scopes[follower], []), follower)
+            del possible[scope]
+            yield scope, block
 
     def _expression(self, number: int, known: Mapping[int, str]) -> str:
         operation = self._graph.operations[number]

@@ -47,8 +47,13 @@ class Graph:
     ranks: list[Rank] = field(default_factory=list)
     _known: dict[tuple, int] = field(default_factory=dict, repr=False)
 
-    def results(self, function: casadi.Function) -> list[int]:
-        """Take the operations of a function of these arguments; the numbers of its results."""
+    def results(
+        self, function: casadi.Function, instead: Mapping[tuple[int, int], int] | None = None
+    ) -> list[int]:
+        """Take the operations of a function of these arguments; the numbers of its results.
+
+        `instead` has the numbers of what takes the place of an argument's elements.
+        """
         results = [0] * function.nnz_out(0)
         places: dict[int, int] = {}
         for k in range(function.n_instructions()):
@@ -58,6 +63,8 @@ class Graph:
                 results[target[1]] = places[operands[0]]
             elif code == CONST:
                 places[target[0]] = self._number(Operation(code, (), function.instruction_constant(k)))
+            elif code == INPUT and instead is not None and tuple(operands) in instead:
+                places[target[0]] = instead[tuple(operands)]
             elif code == INPUT:
                 places[target[0]] = self._number(Operation(code, tuple(operands)))
             else:
@@ -109,29 +116,17 @@ class Graph:
         return sorted(wanted)
 
 
-def guards(graph: Graph, results: Sequence[int], numbers: Sequence[int]) -> dict[int, tuple[int, ...]]:
-    """The choices that each of these operations is only needed for, from the outermost to the innermost.
+def conditions(graph: Graph, results: Sequence[int], numbers: Sequence[int]) -> dict[int, frozenset[int]]:
+    """The conditions without which nobody needs each of these operations, by their numbers.
 
-    An operation is needed within a choice if all that use it are, or are the choice itself.
+    A choice needs its second operand only where the first one, its condition, holds.
     """
     inside = set(numbers)
-    found: dict[int, tuple[int, ...]] = {i: () for i in results}
+    found = dict.fromkeys(results, frozenset[int]())
     for number in reversed(numbers):
         code, operands = graph.operations[number].code, graph.operations[number].operands
-        own = found.setdefault(number, ())
         for k, operand in enumerate(operands):
-            if operand not in inside:
-                continue
-            use = (*own, number) if code == CHOICE and k == 1 else own
-            found[operand] = _common(found[operand], use) if operand in found else use
+            use = found[number] | {operands[0]} if code == CHOICE and k == 1 else found[number]
+            if operand in inside:
+                found[operand] = found[operand] & use if operand in found else use
     return found
-
-
-def _common(a: tuple[int, ...], b: tuple[int, ...]) -> tuple[int, ...]:
-    """What both begin with."""
-    count = 0
-    for x, y in zip(a, b, strict=False):
-        if x != y:
-            break
-        count += 1
-    return a[:count]

@@ -27,10 +27,12 @@ static void evaluate_outputs(State *now) {
     outputs(now->time, now->values, FIXED(now), now->values + FIRST_OUTPUT);
 }
 
-static void update_discrete_states(State *now) {
-    double next[ROOM(N_DISCRETE_STATES)];
-    update(now->time, now->values, FIXED(now), next);
+/* What a communication step ends with: discrete states, and the outputs that belong to them. */
+static void end_communication_step(State *now) {
+    double next[ROOM(N_DISCRETE_STATES)], result[ROOM(N_OUTPUTS)];
+    update_and_outputs(now->time, now->values, FIXED(now), next, result);
     memcpy(now->values + FIRST_DISCRETE_STATE, next, N_DISCRETE_STATES * sizeof(double));
+    memcpy(now->values + FIRST_OUTPUT, result, N_OUTPUTS * sizeof(double));
 }
 
 /* ---- inputs within a step -------------------------------------------------------------- */

@@ -78,8 +78,7 @@ static void advance(State *now, const double *u0) {
     if (now->inputs_move) move_inputs(now, u0, step);
     clock->count += 1.0;
     now->time = clock->origin + clock->count * step;
-    update_discrete_states(now);
-    evaluate_outputs(now);
+    end_communication_step(now);
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
