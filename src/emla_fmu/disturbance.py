@@ -1,6 +1,7 @@
 """What acts on a joint from outside: load force, disturbances of torque and voltage."""
 
 import math
+from collections.abc import Callable
 from enum import IntEnum
 from typing import Any
 
@@ -192,12 +193,12 @@ class Disturbance(Block):
         as_force = where(v.reading == DisturbanceReading.FORCE, 1.0, 0.0)
         d_3 = 0.0
         for i in range(2):
-            d_3 += v.amplitude_3[i] * cos(v.omega_3[i] * v.time + v.phase_3[i])
+            d_3 += wave(v.amplitude_3[i], cos, v.omega_3[i] * v.time + v.phase_3[i])
         return {
             "F_L": self.load(v) - as_force * d_2,
             "d_2": (1.0 - as_force) * d_2,
             "d_3": d_3,
-            "d_4": v.amplitude_4 * cos(v.omega_4 * v.time + v.phase_4),
+            "d_4": wave(v.amplitude_4, cos, v.omega_4 * v.time + v.phase_4),
             "sag": self.sag_of_supply(v),
         }
 
@@ -207,7 +208,7 @@ class Disturbance(Block):
         for i in range(1, LEVELS):
             risen = clamp((v.time - v.level_start[i]) / v.ramp, 0.0, 1.0)
             force += (v.level[i] - v.level[i - 1]) * risen
-        return force + 0.5 * v.ripple * sin(v.ripple_omega * v.time)
+        return force + wave(0.5 * v.ripple, sin, v.ripple_omega * v.time)
 
     def sag_of_supply(self, v: Any) -> Any:
         """Missing part of the supply's voltage: a rectangle in time."""
@@ -216,7 +217,13 @@ class Disturbance(Block):
 
     def acceleration_disturbance(self, v: Any) -> Any:
         """(82) in m/s2, or in N if read as a force."""
-        d_2 = v.arctan_2 * arctan(v.v_L) * exp(-v.decay_2 * v.time)
+        decaying = v.arctan_2 * arctan(v.v_L) * exp(-v.decay_2 * v.time)
+        d_2 = where(v.arctan_2 == 0.0, 0.0, decaying)
         for i in range(2):
-            d_2 += v.amplitude_2[i] * sin(v.omega_2[i] * v.time + v.phase_2[i])
+            d_2 += wave(v.amplitude_2[i], sin, v.omega_2[i] * v.time + v.phase_2[i])
         return d_2 + v.low_2 + (v.high_2 - v.low_2) * uniform(v.random)
+
+
+def wave(amplitude: Any, shape: Callable[[Any], Any], angle: Any) -> Any:
+    """A sine or a cosine of an angle in rad, of which nothing is computed where it has no amplitude."""
+    return where(amplitude == 0.0, 0.0, amplitude * shape(angle))

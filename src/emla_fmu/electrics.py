@@ -4,11 +4,10 @@ It needs of the mechanical half position and speed of the screw, `v.x_L` and `v.
 Quantities are amplitude-invariant d-q quantities.
 """
 
-import math
 from enum import IntEnum
 from typing import Any
 
-from fmublock import cos, sin, where
+from fmublock import where
 
 from . import inverter, motion_law, sensors, thermal
 
@@ -47,7 +46,7 @@ def outputs(v: Any) -> dict[str, Any]:
     """Sensors, torque, voltages after the inverter, electrical power, and phase currents."""
     u_q, u_d, saturated = terminal_voltage(v)
     i_q_measured, i_d_measured = sensors.measured_currents(v)
-    i_a, i_b, i_c = phase_currents(v)
+    i_a, i_b, i_c = inverter.phase_currents(v)
     return {
         "x_measured": sensors.measured_position(v),
         "i_q_measured": i_q_measured,
@@ -85,13 +84,3 @@ def magnet_torque(v: Any) -> Any:
 def reluctance_torque(v: Any) -> Any:
     """Part of tau_m in N m that comes of L_d and L_q being different."""
     return 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)
-
-
-def phase_currents(v: Any) -> tuple[Any, Any, Any]:
-    """i_a, i_b, i_c in A: (1) backwards, without zero sequence."""
-    angle = v.N_p * motion_law.alpha_RL(v) * v.x_L
-    a, b, c = (
-        v.i_d * cos(angle + shift) - v.i_q * sin(angle + shift)
-        for shift in (0.0, -2.0 * math.pi / 3.0, 2.0 * math.pi / 3.0)
-    )
-    return a, b, c

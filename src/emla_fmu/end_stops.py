@@ -9,7 +9,9 @@ def stop_force(v: Any) -> Any:
     """Force of both end stops on the screw in N, positive where it pushes the actuator out."""
     inward = maximum(v.q_LB - v.x_L, 0.0)
     outward = maximum(v.x_L - v.q_UB, 0.0)
-    return _contact(v, inward, -v.v_L) - _contact(v, outward, v.v_L)
+    return where(inward > 0.0, _contact(v, inward, -v.v_L), 0.0) - where(
+        outward > 0.0, _contact(v, outward, v.v_L), 0.0
+    )
 
 
 def _contact(v: Any, depth: Any, approach: Any) -> Any:

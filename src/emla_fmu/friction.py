@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from fmublock import sqrt, where
+from fmublock import logical_or, sqrt, where
 
 from . import motion_law
 
@@ -19,7 +19,8 @@ def friction_force(v: Any) -> Any:
     falls to zero like that of a damper.
     """
     ratio = v.v_L / v.v_S
-    return (v.F_C + (v.F_S - v.F_C) / (1.0 + ratio * ratio)) * direction(v)
+    force = (v.F_C + (v.F_S - v.F_C) / (1.0 + ratio * ratio)) * direction(v)
+    return where(logical_or(v.F_C > 0.0, v.F_S > 0.0), force, 0.0)
 
 
 def load_torque(v: Any) -> Any:

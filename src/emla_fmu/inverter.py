@@ -38,19 +38,25 @@ def dead_time_error(v: Any) -> tuple[Any, Any]:
     u_max = U_dc / sqrt(3).
     """
     size = v.dead_time * v.f_PWM * _ROOT_3 * available_voltage(v)
-    # without dead time the angle is of no use, and that of 0 costs nothing
-    theta = where(v.dead_time > 0.0, v.N_p * motion_law.alpha_RL(v) * v.x_L, 0.0)
-    c, s = cos(theta), sin(theta)
-    # cosine and sine of theta -+ 2 pi / 3
-    c_b, s_b = -0.5 * c + 0.5 * _ROOT_3 * s, -0.5 * s - 0.5 * _ROOT_3 * c
-    c_c, s_c = -0.5 * c - 0.5 * _ROOT_3 * s, -0.5 * s + 0.5 * _ROOT_3 * c
-    e_a, e_b, e_c = (
-        -size * _saturated(v.i_d * cosine - v.i_q * sine, v.i_0)
-        for cosine, sine in ((c, s), (c_b, s_b), (c_c, s_c))
-    )
+    axes = phase_axes(v)
+    e_a, e_b, e_c = (-size * _saturated(i, v.i_0) for i in phase_currents(v))
+    (c, s), (c_b, s_b), (c_c, s_c) = axes
     e_d = 2.0 / 3.0 * (c * e_a + c_b * e_b + c_c * e_c)
     e_q = -2.0 / 3.0 * (s * e_a + s_b * e_b + s_c * e_c)
-    return e_q, e_d
+    return where(v.dead_time > 0.0, e_q, 0.0), where(v.dead_time > 0.0, e_d, 0.0)
+
+
+def phase_axes(v: Any) -> tuple[tuple[Any, Any], ...]:
+    """Cosine and sine of theta, theta - 2 pi / 3 and theta + 2 pi / 3, theta the electrical angle."""
+    theta = v.N_p * motion_law.alpha_RL(v) * v.x_L
+    c, s = cos(theta), sin(theta)
+    b = -0.5 * c + 0.5 * _ROOT_3 * s, -0.5 * s - 0.5 * _ROOT_3 * c
+    return (c, s), b, (-0.5 * c - 0.5 * _ROOT_3 * s, -0.5 * s + 0.5 * _ROOT_3 * c)
+
+
+def phase_currents(v: Any) -> tuple[Any, ...]:
+    """i_a, i_b, i_c in A: (1) backwards, without zero sequence."""
+    return tuple(v.i_d * cosine - v.i_q * sine for cosine, sine in phase_axes(v))
 
 
 def _saturated(i: Any, i_0: Any) -> Any:
@@ -72,15 +78,15 @@ def delayed(v: Any) -> dict[str, Any]:
     return {
         "delay_clock": v.time,
         "delay_steps": where(wanted <= LONGEST_DELAY, wanted, math.inf),
-        "u_q_late": _chosen(chosen, v.u_q, v.u_q_line),
-        "u_d_late": _chosen(chosen, v.u_d, v.u_d_line),
+        "u_q_late": where(v.delay > 0.0, _chosen(chosen, v.u_q, v.u_q_line), 0.0),
+        "u_d_late": where(v.delay > 0.0, _chosen(chosen, v.u_d, v.u_d_line), 0.0),
         "u_q_line": [v.u_q, *v.u_q_line[: _OLDER - 1]],
         "u_d_line": [v.u_d, *v.u_d_line[: _OLDER - 1]],
     }
 
 
 def _chosen(steps: Any, newest: Any, line: Any) -> Any:
-    """What was demanded so many steps ago, counted from 1; zero for none."""
+    """What was demanded so many steps ago, counted from 1."""
     total = (steps == 1.0) * newest
     for i in range(_OLDER):
         total = total + (steps == i + 2.0) * line[i]

@@ -170,8 +170,11 @@ class EmlaObserver(Block):
     def moving(self, v: Any, held: Any, before: Any) -> Any:
         """A held input on its way from the value that it had when the step began."""
         part = clamp((v.time - v.t_before) / maximum(v.h_before, 1e-12), 0.0, 1.0)
-        moves = logical_and(v.interpolate, v.h_before > 0.0)
-        return where(moves, before + part * (held - before), held)
+        return where(self.moves(v), before + part * (held - before), held)
+
+    def moves(self, v: Any) -> Any:
+        """Whether held inputs are on their way."""
+        return logical_and(v.interpolate, v.h_before > 0.0)
 
     def robust_term(self, v: Any, y: Any) -> Any:
         """Robust term f of (21): bounded by eta_hat H, linear in the innovation where that is small."""
@@ -180,7 +183,11 @@ class EmlaObserver(Block):
         return bound * bound * y_bar / (bound * abs(y_bar) + self.m(v))
 
     def H(self, v: Any, y: Any) -> Any:
-        """Bound of the uncertainty by (86)."""
+        """Bound of the uncertainty by (86); that of the held position once per step."""
+        return where(self.moves(v), self.bound(v, y), self.bound(v, v.y))
+
+    def bound(self, v: Any, y: Any) -> Any:
+        """H(y) of (86)."""
         c, s = cos(y), sin(y)
         return v.H_0 * (c * c * c * c + s * s * s * s)
 

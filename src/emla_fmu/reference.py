@@ -50,11 +50,11 @@ class Reference(Block):
         t = where(v.period > 0.0, v.time - period * floor(v.time / period), v.time)
         x_d, v_d, a_d = v.x[0], 0.0, 0.0
         for i in range(MOVES):
-            d, T = v.x[i + 1] - v.x[i], v.duration[i]
+            d, T, begun = v.x[i + 1] - v.x[i], v.duration[i], t > v.start[i]
             r = clamp((t - v.start[i]) / T, 0.0, 1.0)
-            x_d += d * r * r * r * (10.0 - 15.0 * r + 6.0 * r * r)
-            v_d += d / T * 30.0 * r * r * (1.0 - r) * (1.0 - r)
-            a_d += d / (T * T) * 60.0 * r * (1.0 - r) * (1.0 - 2.0 * r)
+            x_d += where(begun, d * r * r * r * (10.0 - 15.0 * r + 6.0 * r * r), 0.0)
+            v_d += where(begun, d / T * 30.0 * r * r * (1.0 - r) * (1.0 - r), 0.0)
+            a_d += where(begun, d / (T * T) * 60.0 * r * (1.0 - r) * (1.0 - 2.0 * r), 0.0)
         return {"x_d": x_d, "v_d": v_d, "a_d": a_d}
 
 

@@ -10,7 +10,8 @@ from fmublock.noise import lehmer, normal, uniform
 def drawn(v: Any) -> dict[str, Any]:
     """The noise of the next communication step: one draw for the position, one for each current.
 
-    The currents have a generator of their own, so that the position's draws do not depend on them.
+    The currents have a generator of their own, so that the position's draws do not depend on them. Nothing
+    is drawn for sensors without noise.
     """
     first = lehmer(v.random)
     second = lehmer(first)
@@ -18,12 +19,13 @@ def drawn(v: Any) -> dict[str, Any]:
     fourth = lehmer(third)
     # both values of one transformation: cosine for q, sine for d
     radius, angle = sqrt(-2.0 * log(uniform(third))), 2.0 * math.pi * uniform(fourth)
+    noisy, noisy_i = v.sigma > 0.0, v.sigma_i > 0.0
     return {
-        "random": second,
-        "noise": normal(first, second),
-        "random_i": fourth,
-        "noise_q": radius * cos(angle),
-        "noise_d": radius * sin(angle),
+        "random": where(noisy, second, v.random),
+        "noise": where(noisy, normal(first, second), 0.0),
+        "random_i": where(noisy_i, fourth, v.random_i),
+        "noise_q": where(noisy_i, radius * cos(angle), 0.0),
+        "noise_d": where(noisy_i, radius * sin(angle), 0.0),
     }
 
 

@@ -7,15 +7,20 @@ x <- 16807 x mod (2^31 - 1) stays below 2^46, so it is exact in doubles on every
 import math
 from typing import Any
 
-from .functions import cos, log, mod, sqrt
+from .functions import cos, floor, log, sqrt
 
 MULTIPLIER = 16807.0
 MODULUS = 2147483647.0
 
 
 def lehmer(x: Any) -> Any:
-    """The generator's next state, a whole number between 1 and 2^31 - 2."""
-    return mod(MULTIPLIER * x, MODULUS)
+    """The generator's next state, a whole number between 1 and 2^31 - 2.
+
+    Its product is no multiple of the modulus, which is prime, so that the quotient is farther from a whole
+    number (4.7e-10) than rounding brings it (1.8e-12): the remainder by `floor` is that of `mod`, and cheaper.
+    """
+    product = MULTIPLIER * x
+    return product - MODULUS * floor(product / MODULUS)
 
 
 def uniform(x: Any) -> Any:
