@@ -18,9 +18,6 @@ _TEXTS = {
     casadi.OP_MUL: "{0} * {1}",
     casadi.OP_DIV: "{0} / {1}",
     casadi.OP_NEG: "-{0}",
-    casadi.OP_SQ: "{0} * {0}",
-    casadi.OP_TWICE: "2.0 * {0}",
-    casadi.OP_INV: "1.0 / {0}",
     casadi.OP_POW: "pow({0}, {1})",
     casadi.OP_CONSTPOW: "pow({0}, {1})",
     casadi.OP_SQRT: "sqrt({0})",
@@ -58,7 +55,7 @@ _TEXTS = {
 _DEAR = {
     getattr(casadi, f"OP_{name}")
     for name in (
-        *("DIV", "INV", "FMOD", "SQRT", "POW", "CONSTPOW", "EXP", "LOG", "SINH", "COSH", "TANH"),
+        *("DIV", "FMOD", "SQRT", "POW", "CONSTPOW", "EXP", "LOG", "SINH", "COSH", "TANH"),
         *("SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "ATAN2"),
     )
 }

@@ -62,18 +62,31 @@ class Graph:
             if code == casadi.OP_OUTPUT:
                 results[target[1]] = places[operands[0]]
             elif code == CONST:
-                places[target[0]] = self._number(Operation(code, (), function.instruction_constant(k)))
-            elif code == INPUT and instead is not None and tuple(operands) in instead:
-                places[target[0]] = instead[tuple(operands)]
+                places[target[0]] = self._constant(function.instruction_constant(k))
             elif code == INPUT:
-                places[target[0]] = self._number(Operation(code, tuple(operands)))
+                element = operands[0], operands[1]
+                known = None if instead is None else instead.get(element)
+                places[target[0]] = self._number(Operation(code, element)) if known is None else known
             else:
-                places[target[0]] = self._number(Operation(code, tuple(places[i] for i in operands)))
-        zero = self._number(Operation(CONST, (), 0.0))
+                places[target[0]] = self._number(self._plain(code, [places[i] for i in operands]))
+        zero = self._constant(0.0)
         dense = [zero] * function.numel_out(0)  # what is zero by structure is no result of an operation
         for place, number in zip(function.sparsity_out(0).find(), results, strict=True):
             dense[place] = number
         return dense
+
+    def _plain(self, code: int, operands: Sequence[int]) -> Operation:
+        """An operation without CasADi's abbreviations, which compute the same bits as what they stand for."""
+        if code == casadi.OP_SQ:
+            return Operation(casadi.OP_MUL, (operands[0], operands[0]))
+        if code == casadi.OP_TWICE:
+            return Operation(casadi.OP_MUL, (self._constant(2.0), operands[0]))
+        if code == casadi.OP_INV:
+            return Operation(casadi.OP_DIV, (self._constant(1.0), operands[0]))
+        return Operation(code, tuple(operands))
+
+    def _constant(self, value: float) -> int:
+        return self._number(Operation(CONST, (), value))
 
     def _number(self, operation: Operation) -> int:
         key = (operation.code, operation.operands, operation.value.hex())  # 0.0 and -0.0 are two

@@ -16,8 +16,8 @@ MODULUS = 2147483647.0
 def lehmer(x: Any) -> Any:
     """The generator's next state, a whole number between 1 and 2^31 - 2.
 
-    Its product is no multiple of the modulus, which is prime, so that the quotient is farther from a whole
-    number (4.7e-10) than rounding brings it (1.8e-12): the remainder by `floor` is that of `mod`, and cheaper.
+    The product is no multiple of the modulus, a prime, so that its quotient is farther from a whole number
+    (4.7e-10) than rounding brings it (1.8e-12): the remainder by `floor` is that of `mod`, and cheaper.
     """
     product = MULTIPLIER * x
     return product - MODULUS * floor(product / MODULUS)

@@ -49,7 +49,8 @@ def test_the_published_p_follows_from_the_published_alpha_and_Q() -> None:
 def test_the_robust_term_keeps_its_bound(y_bar: float, eta_hat: float, y: float, time: float) -> None:
     """(25): |f| <= eta_hat H, and f has the innovation's sign."""
     gains = observer_gains.ROBUST["lift"]
-    values = SimpleNamespace(**vars(gains) | {"y": y, "x_hat": y - y_bar, "eta_hat": eta_hat, "time": time})
+    point = {"y": y, "x_hat": y - y_bar, "eta_hat": eta_hat, "time": time, "h_before": 0.0}
+    values = SimpleNamespace(**vars(gains) | point)
     f = EmlaObserver().robust_term(values, y)
     assert abs(f) <= eta_hat * EmlaObserver().H(values, y) * (1 + 1e-12)
     assert f * (values.y - values.x_hat) >= 0.0

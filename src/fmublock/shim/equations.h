@@ -29,10 +29,9 @@ static void evaluate_outputs(State *now) {
 
 /* What a communication step ends with: discrete states, and the outputs that belong to them. */
 static void end_communication_step(State *now) {
-    double next[ROOM(N_DISCRETE_STATES)], result[ROOM(N_OUTPUTS)];
-    update_and_outputs(now->time, now->values, FIXED(now), next, result);
+    double next[ROOM(N_DISCRETE_STATES)];
+    update_and_outputs(now->time, now->values, FIXED(now), next, now->values + FIRST_OUTPUT);
     memcpy(now->values + FIRST_DISCRETE_STATE, next, N_DISCRETE_STATES * sizeof(double));
-    memcpy(now->values + FIRST_OUTPUT, result, N_OUTPUTS * sizeof(double));
 }
 
 /* ---- inputs within a step -------------------------------------------------------------- */

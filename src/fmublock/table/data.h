@@ -125,4 +125,4 @@ static void outputs_tangent(double time, const double *v, const double *data, do
 #define stepwise_values(...)
 #define derivatives(...)
 #define derivatives_tangent(...)
-#define update_and_outputs(time, v, data, next, result) outputs(time, v, data, result)
+#define update_and_outputs(time, v, data, next, result) ((void)next, outputs(time, v, data, result))
