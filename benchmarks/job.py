@@ -1,8 +1,9 @@
 """What every tool is told to run. Needs the standard library only, so that any environment can read it."""
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,8 @@ class Component:
 class Job:
     """One run: `steps` communication steps of `step` s, all signals recorded at each `every`th of them.
 
-    `scratch` is a folder for files of the run, `initial` the signals after initialization.
+    `scratch` is a folder for files of the run, `initial` the signals after initialization. `options` are
+    those of our own master.
     """
 
     components: tuple[Component, ...]
@@ -60,6 +62,7 @@ class Job:
     every: int
     scratch: str
     initial: tuple[float, ...] = ()
+    options: dict[str, Any] = field(default_factory=dict)
 
     @property
     def stop(self) -> float:

@@ -51,7 +51,7 @@ def measured(
                 continue
             tool = result.tool
             count = max(round(tool.share * steps / job.every), 1) * job.every
-            found = _run(job.with_steps(count), tool)
+            found = run_once(job.with_steps(count), tool)
             if "problem" in found:
                 result.problem = found["problem"]
                 result.step_times.clear()
@@ -74,7 +74,7 @@ def check_signals(title: str, job: Job, found: Sequence[float], expected: Sequen
             )
 
 
-def _run(job: Job, tool: Tool) -> dict[str, Any]:
+def run_once(job: Job, tool: Tool) -> dict[str, Any]:
     """The content of the tool's result file; a problem where there is none."""
     paths = [Path(job.scratch, name) for name in ("job.json", "result.json")]
     job.save(paths[0])

@@ -1,5 +1,6 @@
 """The job that all tools run: the scenario `study` with native FMUs."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from emla_cosim.fmu.file import FmuFile, open_fmu
@@ -16,9 +17,13 @@ EVERY = 10
 """Steps per recorded row."""
 
 
-def study_job(fmus: Path, scratch: Path) -> Job:
-    """Build the FMUs to `fmus`, unpack them to `scratch` and describe what to run; `steps` are still 0."""
-    system = load(SCENARIO).system
+def study_job(fmus: Path, scratch: Path, values: Mapping[str, float] | None = None) -> Job:
+    """Build the FMUs to `fmus`, unpack them to `scratch` and describe what to run; `steps` are still 0.
+
+    `values` are start values beside those of the scenario; names may be patterns.
+    """
+    with load(SCENARIO, fmus=fmus, set=dict(values or {})).prepare() as prepared:
+        system = prepared.system
     models = dict.fromkeys(c.model for c in system.components)
     files = {m: open_fmu(build(m, "native", [], fmus), scratch / m) for m in models}
     outputs = {m: _outputs(file) for m, file in files.items()}

@@ -18,14 +18,16 @@ def measure(job: Job, to_disk: bool = False) -> Measurement:
     Like every run, this one computes metrics of every step, which is part of what is measured.
     """
     files = {c.name: Path(c.fmu) for c in job.components}
+    values = {c.name: {v.name: v.value for v in c.start_values} for c in job.components}
     study = load(SCENARIO).system
-    system = replace(study, components=tuple(replace(c, fmu=files[c.name]) for c in study.components))
+    parts = (replace(c, fmu=files[c.name], parameters=values[c.name]) for c in study.components)
+    system = replace(study, components=tuple(parts))
     scenario = load(
         system,
-        algorithm="jacobi",
         stop_time=job.steps * job.step,
         step_size=job.step,
         output_interval=job.every * job.step,
+        **{"algorithm": "jacobi", **job.options},
     )
     table = CsvFile(Path(job.scratch, "results.csv")) if to_disk else TimeSeries()
     with scenario.prepare() as simulation:
