@@ -276,6 +276,34 @@ def test_heavy_steps_are_shared_where_that_is_faster(
     assert 0.0 < report["handover_us"] < report["step_us"]
 
 
+def test_threads_that_nobody_asked_for_may_be_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "cores", lambda: 2)
+
+    def refused(thread: Any) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("threading.Thread.start", refused)
+    times = timing(60.0, 1.0)
+    stepping = FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=None)
+    recorded(stepping)
+    assert stepping.steps == 60
+    assert stepping.report()["threads"] == 1
+    assert "can't start new thread" in stepping.report()["refused"]
+
+
+def test_measuring_does_as_many_steps_as_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who looks at the clock between two calls would otherwise ask for more and more."""
+    monkeypatch.setattr(sharing, "cores", lambda: 2)
+    times = timing(100.0, 1.0)
+    stepping = FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=None)
+    table = Table(3, room=200)
+    for count in (1, 2, 4, 40):
+        before = stepping.steps
+        stepping.advance(table, count)
+        assert stepping.steps == before + count
+    stepping.close()
+
+
 def test_steps_that_only_wait_for_each_other_stay_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     """A chain: nobody can begin before the one in front is through."""
     monkeypatch.setattr(sharing, "cores", lambda: 2)

@@ -65,11 +65,11 @@ class FixedSteps(Stepping):
         last = min(self.algorithm.steps + most, self._last(until))
         if self._kernel is None:
             self._advance_here(rows, last)
-        elif self._sharing is not None and self._sharing.observing:
-            with self._sharing.observed():
-                self._advance_here(rows, min(last, self.algorithm.steps + 1))
-        else:
+        elif self._sharing is None:
             self._advance_compiled(self._kernel, rows, last)
+        else:
+            while self.algorithm.steps < last:
+                self._advance_measured(self._kernel, self._sharing, rows, last)
 
     def reached(self, until: float) -> bool:
         """Whether no step is left before a time in s."""
@@ -110,15 +110,21 @@ class FixedSteps(Stepping):
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
         count = min(last, fitting) - first
-        if self._sharing is not None:
-            count = self._sharing.next(count)
-        began = time.perf_counter()
         recorded, failure = kernel.run(first, count, times.clock, every, block)
-        if self._sharing is not None:
-            self._sharing.did(self.algorithm.steps - first, time.perf_counter() - began)
         if recorded:
             rows.commit(recorded)
         if failure is not None:
             raise failure
         if self.algorithm.steps < first + count:  # a step that compiled code leaves to Python
             self._advance_here(rows, self.algorithm.steps + 1)
+
+    def _advance_measured(self, kernel: "Kernel", sharing: Sharing, rows: Rows, last: int) -> None:
+        """As many steps as are measured at once."""
+        first = self.algorithm.steps
+        if sharing.observing:
+            with sharing.observed():
+                self._advance_here(rows, first + 1)
+            return
+        began = time.perf_counter()
+        self._advance_compiled(kernel, rows, first + sharing.next(last - first))
+        sharing.did(self.algorithm.steps - first, time.perf_counter() - began)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...black_box import THREADS
+from ...errors import RunError
 from ...processes import cores
 from ..algorithms.sampling import Sampling
 from ..algorithms.tasks import Task
@@ -119,7 +120,11 @@ class Sharing:
         if best is None or alone * (1.0 - best.length / costs) < WORTH:
             return
         self._share(work, best)
-        handover = self._kernel.handover()
+        try:
+            handover = self._kernel.handover()
+        except RunError as error:  # there is one thread, which nobody asked to be more
+            self._kernel.together, self._report["refused"] = False, str(error)
+            return
         self._report["handover_us"] = _us(handover)
         if alone * (1.0 - best.length / costs) < handover:
             self._kernel.together = False
