@@ -72,20 +72,29 @@ class Kernel:
         """From now on let each lane be run by a thread of its own, the first by that which calls `run`.
 
         Lanes have the places of the tasks of a step, each once, so that no lane waits for what comes later in
-        it. With one lane nothing is shared. Compiles what threads run, or loads it; see `__init__`.
+        it. With one lane nothing is shared. Raises RunError where what threads run cannot be compiled.
         """
+        if len(lanes) > 1:
+            try:
+                self._advance_lane = _advance_lane()
+            except (ImportError, OSError) as error:
+                raise RunError(
+                    f"threads cannot share steps, since that cannot be compiled: {error}."
+                ) from error
         self._lane_records = lane_records(lanes, self._keep)
         self._task_records = task_records(work, lanes, self._keep)
         loop = self._loop
         loop["lanes"], loop["lane_count"] = self._lane_records.ctypes.data, len(lanes)
         loop["tasks"] = self._task_records.ctypes.data
+        self._end_threads()
+        self.together = len(lanes) > 1
+        if self.together:
+            self._threads = ThreadPoolExecutor(len(lanes) - 1, "lane")
+
+    def _end_threads(self) -> None:
         if self._threads is not None:
             self._threads.shutdown()
             self._threads = None
-        self.together = len(lanes) > 1
-        if self.together:
-            self._advance_lane = _advance_lane()
-            self._threads = ThreadPoolExecutor(len(lanes) - 1, "lane")
 
     @property
     def threads(self) -> int:
@@ -175,8 +184,7 @@ class Kernel:
             if state:
                 slave.forget(ctypes.c_void_p(int(state)))
         self._states[:] = 0
-        if self._threads is not None:
-            self._threads.shutdown()
+        self._end_threads()
 
     def _keep(self, values: Any) -> Any:
         self._held.append(values)

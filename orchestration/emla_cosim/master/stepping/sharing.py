@@ -119,8 +119,8 @@ class Sharing:
         best = self._fewest(work)
         if best is None or alone * (1.0 - best.length / costs) < WORTH:
             return
-        self._share(work, best)
         try:
+            self._share(work, best)
             handover = self._kernel.handover()
         except RunError as error:  # there is one thread, which nobody asked to be more
             self._kernel.together, self._report["refused"] = False, str(error)
@@ -141,7 +141,7 @@ class Sharing:
                 self._size = 1
                 measured[way].append((yield _PROBE))
             together, alone = min(measured[True]), min(measured[False])
-            self._report |= {"step_us": _us(together), "step_in_one_thread_us": _us(alone)}
+            self._report |= {"step_in_threads_us": _us(together), "step_in_one_thread_us": _us(alone)}
             kernel.together = together < alone * (1.0 if kernel.together else BETTER)
             yield pause
             pause = min(2.0 * pause, _LATE)
