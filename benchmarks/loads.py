@@ -27,9 +27,9 @@ HEAVY = 2e-7
 """Internal step in s: 500 of them in a communication step."""
 
 LOADS: dict[str, tuple[Sequence[str], int]] = {
-    "light": ((), 100_000),
-    "mix": (("lift.*.solver.internal_step",), 3_000),
-    "heavy": (("*.solver.internal_step",), 1_500),
+    "light": ((), 300_000),
+    "mix": (("lift.*.solver.internal_step",), 10_000),
+    "heavy": (("*.solver.internal_step",), 5_000),
 }
 """What is made heavy, and how many steps are measured."""
 

@@ -79,7 +79,7 @@ class Kernel:
                 self._advance_lane = _advance_lane()
             except (ImportError, OSError) as error:
                 raise RunError(
-                    f"threads cannot share steps, since that cannot be compiled: {error}."
+                    f"threads cannot share steps, since they cannot be compiled: {error}."
                 ) from error
         self._lane_records = lane_records(lanes, self._keep)
         self._task_records = task_records(work, lanes, self._keep)

@@ -28,7 +28,7 @@ BETTER = 0.97
 _PROBE = 0.005
 """Seconds for which a way is measured."""
 
-_SOON, _LATE = 0.5, 30.0
+_SOON, _LATE = 1.0, 30.0
 """Seconds until the ways are compared again, at first and at last: a machine may become busy, or free."""
 
 _OBSERVED, _OBSERVED_AT_MOST = 4, 64
