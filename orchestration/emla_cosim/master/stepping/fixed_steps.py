@@ -68,8 +68,8 @@ class FixedSteps(Stepping):
         elif self._sharing is None:
             self._advance_compiled(self._kernel, rows, last)
         else:
-            while self.algorithm.steps < last:
-                self._advance_measured(self._kernel, self._sharing, rows, last)
+            while self._advance_measured(self._kernel, self._sharing, rows, last):
+                pass
 
     def reached(self, until: float) -> bool:
         """Whether no step is left before a time in s."""
@@ -118,13 +118,14 @@ class FixedSteps(Stepping):
         if self.algorithm.steps < first + count:  # a step that compiled code leaves to Python
             self._advance_here(rows, self.algorithm.steps + 1)
 
-    def _advance_measured(self, kernel: "Kernel", sharing: Sharing, rows: Rows, last: int) -> None:
-        """As many steps as are measured at once."""
+    def _advance_measured(self, kernel: "Kernel", sharing: Sharing, rows: Rows, last: int) -> bool:
+        """As many steps as are measured at once; whether there are more to do, and room for their rows."""
         first = self.algorithm.steps
         if sharing.observing:
             with sharing.observed():
                 self._advance_here(rows, first + 1)
-            return
-        began = time.perf_counter()
-        self._advance_compiled(kernel, rows, first + sharing.next(last - first))
+            return first + 1 < last
+        began, count = time.perf_counter(), sharing.next(last - first)
+        self._advance_compiled(kernel, rows, first + count)
         sharing.did(self.algorithm.steps - first, time.perf_counter() - began)
+        return first + count == self.algorithm.steps < last
