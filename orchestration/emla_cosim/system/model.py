@@ -1,6 +1,6 @@
 """A system of components that are FMUs, and the connections between them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -191,16 +191,16 @@ class System:
 
     @cached_property
     def _into(self) -> dict[str, list[Connection]]:
-        found: dict[str, list[Connection]] = {}
-        for x in self.connections:
-            found.setdefault(x.target, []).append(x)
-        return found
+        return self._connections_by(lambda x: x.target)
 
     @cached_property
     def _out_of(self) -> dict[str, list[Connection]]:
+        return self._connections_by(lambda x: x.source)
+
+    def _connections_by(self, component: Callable[[Connection], str]) -> dict[str, list[Connection]]:
         found: dict[str, list[Connection]] = {}
         for x in self.connections:
-            found.setdefault(x.source, []).append(x)
+            found.setdefault(component(x), []).append(x)
         return found
 
     def _connection(self, text: str) -> Connection:

@@ -7,7 +7,7 @@ from heapq import heapify, heappop, heappush
 from ...arrays import Indices
 from .algorithm import Span
 from .extrapolation import Exchange
-from .tasks import Call, Operation, tasks
+from .tasks import Call, Operation, perform, tasks
 
 
 class Apart:
@@ -60,14 +60,8 @@ class Apart:
         if reached % multiple:
             return False
         begin, length = (time, step) if multiple == 1 else span(multiple)
-        if operation.call == Call.SET:
-            self._exchange.pass_inputs(i, begin, length)
-        elif operation.call == Call.GET:
-            self._exchange.shift(i, time + step)
-            slave.get_outputs()
-        elif slave.steps_apart:
+        if operation.call == Call.STEP and slave.steps_apart:
             slave.begin_step(begin, length)
             return True
-        else:
-            slave.do_step(begin, length)
+        perform(self._exchange, operation.call, i, begin, length, time + step)
         return False

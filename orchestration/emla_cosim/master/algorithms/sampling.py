@@ -10,13 +10,10 @@ from ...option import option
 from ..network import Network
 from .algorithm import Algorithm, Span
 from .apart import Apart
-from .tasks import Call, Operation, Task, tasks
+from .tasks import Call, Operation, Task, perform, tasks
 
 MOST = 2**31
 """The largest step multiple."""
-
-
-_SET, _STEP, _GET = (int(call) for call in Call)  # comparing numbers is cheaper in the loop
 
 
 @dataclass(eq=False)
@@ -68,15 +65,8 @@ class Sampling(Algorithm):
         if self._apart is not None:
             self._apart.operate(time, step, span, self.steps + 1)
             return
-        exchange, slaves, reached = self.exchange, self.network.slaves, self.steps + 1
+        reached = self.steps + 1
         for call, i, multiple in self._calls:
-            if reached % multiple:
-                continue
-            begin, length = (time, step) if multiple == 1 else span(multiple)
-            if call == _SET:
-                exchange.pass_inputs(i, begin, length)
-            elif call == _STEP:
-                slaves[i].do_step(begin, length)
-            else:
-                exchange.shift(i, time + step)
-                slaves[i].get_outputs()
+            if reached % multiple == 0:
+                begin, length = (time, step) if multiple == 1 else span(multiple)
+                perform(self.exchange, call, i, begin, length, time + step)

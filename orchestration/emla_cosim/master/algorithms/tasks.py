@@ -15,12 +15,26 @@ class Call(IntEnum):
     GET = 2
 
 
+_SET, _STEP = int(Call.SET), int(Call.STEP)  # comparing numbers is cheaper in the loop
+
+
 @dataclass(frozen=True)
 class Operation:
     """One call on the slave at this position."""
 
     call: Call
     slave: int
+
+
+def perform(exchange: Exchange, call: int, i: int, begin: float, length: float, end: float) -> None:
+    """Make a call of slave i: its step is from `begin` of this length, its outputs are of `end`, all in s."""
+    if call == _SET:
+        exchange.pass_inputs(i, begin, length)
+    elif call == _STEP:
+        exchange.network.slaves[i].do_step(begin, length)
+    else:
+        exchange.shift(i, end)
+        exchange.network.slaves[i].get_outputs()
 
 
 @dataclass(frozen=True)

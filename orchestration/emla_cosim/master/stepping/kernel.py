@@ -76,7 +76,7 @@ class Kernel:
         """
         if len(lanes) > 1:
             try:
-                self._advance_lane = _advance_lane()
+                self._advance_lane, self._loop["give_way"] = _advance_lane(), _give_way()
             except (ImportError, OSError) as error:
                 raise RunError(
                     f"threads cannot share steps, since they cannot be compiled: {error}."
@@ -211,7 +211,6 @@ class Kernel:
         loop["slaves"] = slaves.ctypes.data
         loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
         loop["read"], loop["read_count"] = network.read.ctypes.data, len(network.read)
-        loop["give_way"] = _give_way()
         return loop
 
     def _error(self, failure: Failure, reached: int, clock: Clock) -> RunError | None:

@@ -49,12 +49,11 @@ class Sharing:
 
     def __init__(self, kernel: "Kernel", algorithm: Sampling, threads: int | None) -> None:
         self._kernel, self._algorithm = kernel, algorithm
-        self._asked = threads is not None
         self._most = min(threads or cores(), THREADS, len(algorithm.network.slaves))
         self._report: dict[str, Any] = {}
         self._observed: list[list[float]] = []
         self._costs: list[float] = []
-        self._course: _Course | None = self._decided() if self._asked else self._tried()
+        self._course = self._tried() if threads is None else self._decided()
         self._asks = next(self._course, None) if self._most > 1 else None
         self._steps, self._seconds, self._size = 0, 0.0, 1
 
@@ -95,7 +94,6 @@ class Sharing:
             self._answer(0.0)
 
     def _answer(self, per_step: float) -> None:
-        assert self._course is not None
         self._steps, self._seconds = 0, 0.0
         try:
             self._asks = self._course.send(per_step)
