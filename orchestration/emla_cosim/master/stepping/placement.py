@@ -28,7 +28,7 @@ class Placement:
 def placed(
     tasks: Sequence[Task], costs: Sequence[float], count: int, first_only: Collection[int] = ()
 ) -> Placement:
-    """Share tasks among so many lanes, all calls of a slave in one.
+    """Share tasks among so many lanes, or fewer where there is nothing for more; all calls of a slave in one.
 
     `costs` are those of the slaves' steps, by slave; all else costs nothing. Slaves that are
     `first_only` are left to the first lane, one after the other.
@@ -115,4 +115,4 @@ def _simulated(
     # what costs nothing comes first, so that who waits for it need not wait for more
     for place in sorted(range(len(tasks)), key=lambda p: (begun[p], cost[p] > 0.0, p)):
         lanes[lane_of.get(tasks[place].slaves[0], 0)].append(place)
-    return Placement(lanes, now)
+    return Placement([lane for lane in lanes if lane], now)  # a thread without work would only wait
