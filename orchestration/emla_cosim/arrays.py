@@ -8,3 +8,6 @@ Vector = NDArray[np.float64]
 
 Indices = NDArray[np.intp]
 """Positions in a vector."""
+
+Mask = NDArray[np.bool_]
+"""Truths in one or two dimensions."""

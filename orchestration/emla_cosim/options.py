@@ -226,6 +226,14 @@ class Options:
         commands=(RUN, SWEEP),
         identity="roles",
     )
+    criteria: Mapping[str, float | str] = _output(
+        {},
+        help="What a joint is judged by, such as 'lift.position_window=0.5 mm', or * for all joints: "
+        "docs/metrics.md (repeatable).",
+        flag="--criterion",
+        metavar="JOINT.CRITERION=VALUE",
+        identity="criteria",
+    )
     require: Sequence[str] = _output(
         [],
         help="Fail unless this holds, such as 'lift.position_error_m < 2e-5' (repeatable).",

@@ -3,7 +3,7 @@
 import math
 import operator
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,9 @@ _COMPARISONS = {
 }
 _SIGN = re.compile(f"({'|'.join(_COMPARISONS)})")
 _WORDS = {"true": True, "false": False}
+
+RENAMED: dict[str, str] = {}
+"""Names of figures that older versions had, and what has taken their places; filled by who has figures."""
 
 Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """The content of metrics.json but for the run: by kind, by what they are of, and by name."""
@@ -73,12 +76,18 @@ def check_requirements(requirements: Sequence[Requirement], figures: Figures, ru
         if name not in known:
             if not complete:
                 continue
-            raise CommandError(
-                f"there is no figure '{name}' to require; {near_or_some(name, known)}", name=name
-            )
+            raise CommandError(f"there is no figure '{name}' to require; {instead(name, known)}", name=name)
         if isinstance(known[name], bool) != isinstance(required.value, bool):
             right = "true or false" if isinstance(known[name], bool) else "a number"
             raise CommandError(f"the requirement '{required}' does not fit: {name} is {right}.", name=name)
+
+
+def instead(name: str, known: Collection[str]) -> str:
+    """Return what a message says after that there is no such figure: its new name, similar ones, or some."""
+    of, _, figure = name.rpartition(".")
+    if figure in RENAMED:
+        return f"'{figure}' is called '{of}{'.' if of else ''}{RENAMED[figure]}' now: docs/metrics.md."
+    return near_or_some(name, known)
 
 
 def unmet(requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]) -> str | None:

@@ -217,7 +217,16 @@ class Simulation:
             if stored is not None:
                 _check_comparable(stored, [assembly.network.names[i] for i in recorded], taking)
             units, parameters = list(self.units.values()), assembly.parameters()
-            outline = Outline(assembly.network.names, units, times, recorded, every, parameters, chosen.roles)
+            outline = Outline(
+                assembly.network.names,
+                units,
+                times,
+                recorded,
+                every,
+                parameters,
+                chosen.roles,
+                chosen.criteria,
+            )
             if required:
                 check_requirements(required, MetricsRecorder.before(outline), run_figures())
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
@@ -414,6 +423,8 @@ class Simulation:
 
     def _result(self, going: "_Going") -> Result:
         run, stepping = going.run, going.run.stepping
+        if run.problem is not None:
+            going.metrics.ended_early(run.problem)
         report, units = stepping.report(), self.units
         record = run_record(
             self.name,

@@ -45,6 +45,9 @@ class Metrics(ABC):
         """Sentences that a person should read before the figures."""
         return ()
 
+    def ended_early(self, problem: str) -> None:  # noqa: B027
+        """Take the sentence that says why the run ended before its stop time."""
+
     @abstractmethod
     def memory(self) -> Any:
         """Plain data from which another one can go on."""
@@ -103,6 +106,11 @@ class MetricsRecorder(Recorder):
         recorder = cls()
         recorder.begin(outline)
         return {**recorder.figures(), SIGNALS: recorder.signals()}
+
+    def ended_early(self, problem: str) -> None:
+        """Tell all of them that the run ended before its stop time, and why."""
+        for metrics in self.kinds.values():
+            metrics.ended_early(problem)
 
     def remarks(self) -> list[str]:
         """Sentences that a person should read before the figures."""

@@ -22,7 +22,8 @@ class Outline:
     Rows have the time in s and then the signals of `names`, in the units of `units`. `recorded` are
     the positions of those signals that the user wants to keep, and every `every`-th row is to be kept.
     `parameters` has the values of the components' parameters that are numbers, by full name. `roles` says
-    which of all these plays a role, by what it is of and the role: `lift.x_L`.
+    which of all these plays a role, by what it is of and the role: `lift.x_L`. `criteria` are those that a
+    user set for the judgement of joints.
     """
 
     names: Sequence[str]
@@ -32,6 +33,7 @@ class Outline:
     every: int = 1
     parameters: Mapping[str, float] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
+    criteria: Mapping[str, float | str] = field(default_factory=dict)
 
 
 class Pause(Protocol):

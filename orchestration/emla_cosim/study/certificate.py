@@ -18,7 +18,7 @@ from ..errors import CommandError
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
 from ..simulation import Simulation
-from .metrics import SETTLED_AFTER
+from .metrics import EVALUATED_AFTER
 from .roles import variable
 
 _SUBSYSTEMS = (1, 2, 3, 4)
@@ -100,7 +100,7 @@ def _certified(
     joint: str, columns: Mapping[str, Vector], parameters: Mapping[str, float]
 ) -> JointCertificate:
     time = columns["time"]
-    late = time - time[0] >= min(SETTLED_AFTER, 0.5 * (time[-1] - time[0]))
+    late = time - time[0] >= min(EVALUATED_AFTER, 0.5 * (time[-1] - time[0]))
 
     def signal(name: str) -> Vector:
         return columns[f"{joint}.{name}"]

@@ -1,44 +1,86 @@
-"""The ranges of a joint's plant, and the first time that each joint leaves one of its own."""
+"""The limits of a joint's plant: where it touches one, and where it goes so far beyond that a drive trips."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Mask, Vector
+from .criteria import Criteria
 from .roles import Named, variable
 
 
 class Range(NamedTuple):
-    """The role of a signal and of what bounds it; without a lower bound, plus and minus the upper."""
+    """The role of a signal and of what bounds it; without a lower bound, plus and minus the upper.
+
+    `threshold` is the criterion that says how far beyond is a trip: a fraction of the limit, or where
+    `is_distance` a distance in the signal's unit.
+    """
 
     role: str
     what: str
     unit: str
     low: str | None
     high: str
+    threshold: str
+    is_distance: bool = False
 
 
 RANGES = (
-    Range("x_L", "stroke", "m", "q_LB", "q_UB"),
-    Range("v_L", "speed", "m/s", None, "v_max"),
-    Range("i_q", "current", "A", None, "i_max"),
-    Range("i_d", "current", "A", None, "i_max"),
-    Range("temperature_rise", "winding temperature", "K", None, "permitted_rise"),
+    Range("x_L", "stroke", "m", "q_LB", "q_UB", "over_travel", is_distance=True),
+    Range("v_L", "speed", "m/s", None, "v_max", "over_speed"),
+    Range("i_q", "current", "A", None, "i_max", "over_current"),
+    Range("i_d", "current", "A", None, "i_max", "over_current"),
+    Range("temperature_rise", "winding temperature", "K", None, "permitted_rise", "over_temperature"),
 )
 """What a joint should stay within; a plant without these parameters has no ranges."""
 
 
 @dataclass(frozen=True)
-class LeftLimits:
-    """Where a joint first was outside a range: the signal by its full name, and the range in its unit."""
+class Trip:
+    """The first value beyond the threshold of a limit.
+
+    `signal` has its full name, `value`, `limit` and `threshold` are in its `unit`; `what` says what it is.
+    """
 
     signal: str
     time_s: float
     value: float
-    minimum: float
-    maximum: float
+    limit: float
+    threshold: float
+    unit: str
+    what: str
+
+    def sentence(self, joint: str) -> str:
+        """Say when the joint tripped, and why."""
+        value, threshold = _told_apart(self.value, self.threshold)
+        limit = "" if self.limit == self.threshold else f" (limit {self.limit:.6g} {self.unit})"
+        return (
+            f"{joint} tripped on its {self.what} at t = {self.time_s:.6g} s: {self.signal} = "
+            f"{value} {self.unit}, beyond {threshold} {self.unit}{limit}."
+        )
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A limit that was exceeded by less than its threshold: when first, and by the largest value."""
+
+    signal: str
+    time_s: float
+    value: float
+    limit: float
+    threshold: float
+    unit: str
+    what: str
+
+    def sentence(self, joint: str) -> str:
+        """Say which limit the joint touched."""
+        value, limit = _told_apart(self.value, self.limit)
+        return (
+            f"{joint} touched its {self.what} limit, first at t = {self.time_s:.6g} s: {self.signal} reached "
+            f"{value} {self.unit}, the limit is {limit} {self.unit}, and it trips at {self.threshold:.6g}."
+        )
 
 
 class _Watched(NamedTuple):
@@ -48,77 +90,95 @@ class _Watched(NamedTuple):
     column: int
     minimum: float
     maximum: float
+    lowest: float
+    highest: float
 
 
 class LimitWatch:
-    """Looks at every row for the first value outside a range, for each joint."""
+    """Looks at every row for values beyond a limit, for each joint until it has tripped."""
 
     def __init__(
         self,
-        joints: Iterable[str],
+        criteria: Mapping[str, Criteria],
         columns: Mapping[str, int],
         parameters: Mapping[str, float],
         roles: Mapping[str, str],
     ) -> None:
-        """Take the columns of signals and the values of parameters, both by full name, and given roles."""
+        """Take the criteria by joint, the columns of signals and the values of parameters by full name."""
         columns, parameters = Named(columns), Named(parameters)
         self._watched = [
             watched
-            for joint in joints
+            for joint, criteria_of_it in criteria.items()
             for range_ in RANGES
-            if (watched := _watched(joint, range_, columns, parameters, roles)) is not None
+            if (watched := _watched(joint, range_, criteria_of_it, columns, parameters, roles)) is not None
         ]
-        self._ranges = {watched.signal: watched.range for watched in self._watched}
-        self._left: dict[str, LeftLimits] = {}
+        self._trips: dict[str, Trip] = {}
+        self._touches: dict[str, dict[str, Touch]] = {joint: {} for joint in criteria}
         self._prepare()
 
-    def left(self, joint: str) -> LeftLimits | None:
-        """Where a joint first was outside; None while it never was."""
-        return self._left.get(joint)
+    def trip(self, joint: str) -> Trip | None:
+        """Where a joint tripped first; None while it did not."""
+        return self._trips.get(joint)
 
-    def sentence(self, joint: str) -> str | None:
-        """The same in words."""
-        left = self._left.get(joint)
-        if left is None:
-            return None
-        range_ = self._ranges[left.signal]
-        value = _told_apart(left.value, left.minimum if left.value < left.minimum else left.maximum)
-        return (
-            f"{joint} left its {range_.what} range at t = {left.time_s:.6g} s: {left.signal} = {value} "
-            f"{range_.unit}, not within {left.minimum:.6g} to {left.maximum:.6g} {range_.unit}."
-        )
+    def touches(self, joint: str) -> list[Touch]:
+        """The limits that a joint touched, in the order of `RANGES`."""
+        return list(self._touches[joint].values())
 
-    def write(self, rows: Vector) -> None:
-        """Take the next rows (time first)."""
+    def write(self, rows: Vector, others: Mapping[str, tuple[int, Trip]]) -> None:
+        """Take the next rows (time first), and by joint the row and the trip of another kind, if any."""
+        trips = {joint: (row, -1, trip) for joint, (row, trip) in others.items() if joint not in self._trips}
         values = rows[:, self._columns]
-        outside = ~((self._minima <= values) & (values <= self._maxima))  # NaN is outside
-        places = np.flatnonzero(outside.any(axis=0))
-        first = outside[:, places].argmax(axis=0)
-        for row, place in sorted(zip(first.tolist(), places.tolist(), strict=True)):
-            joint, _, signal, _, low, high = self._watched[place]
-            time, value = float(rows[row, 0]), float(values[row, place])
-            self._left.setdefault(joint, LeftLimits(signal, time, value, low, high))
-        self._prepare()
+        beyond = ~((self._minima <= values) & (values <= self._maxima))  # NaN is beyond
+        places = [int(place) for place in np.flatnonzero(beyond.any(axis=0))]
+        for place in places:
+            watched, column = self._watched[place], values[:, place]
+            tripping = np.flatnonzero(~((watched.lowest <= column) & (column <= watched.highest)))
+            if len(tripping) and (row := int(tripping[0])) < trips.get(watched.joint, (len(rows),))[0]:
+                trip = Trip(*_found(watched, float(rows[row, 0]), float(column[row])))
+                trips[watched.joint] = (row, place, trip)
+        for place in places:
+            watched = self._watched[place]
+            end = trips.get(watched.joint, (len(rows),))[0]
+            self._look(watched, rows[:end, 0], values[:end, place], beyond[:end, place])
+        for joint, (_, _, trip) in trips.items():
+            self._trips[joint] = trip
+        if trips:
+            self._prepare()
+
+    def _look(self, watched: _Watched, time: Vector, values: Vector, beyond: Mask) -> None:
+        """Remember the first time beyond a limit, and the largest value there."""
+        if not beyond.any():
+            return
+        excess = np.maximum(values - watched.maximum, watched.minimum - values)
+        largest = float(values[excess.argmax()])
+        before = self._touches[watched.joint].get(watched.signal)
+        if before is None:
+            touch = Touch(*_found(watched, float(time[beyond.argmax()]), largest))
+        elif excess.max() > max(before.value - watched.maximum, watched.minimum - before.value):
+            touch = Touch(*_found(watched, before.time_s, largest))
+        else:
+            return
+        self._touches[watched.joint][watched.signal] = touch
 
     def memory(self) -> dict[str, Any]:
-        """What was found so far, as plain data by joint."""
-        return {joint: asdict(left) for joint, left in self._left.items()}
+        """Return what was found so far, as plain data."""
+        trips = {joint: asdict(trip) for joint, trip in self._trips.items()}
+        touches = {joint: [asdict(t) for t in found.values()] for joint, found in self._touches.items()}
+        return {"trips": trips, "touches": touches}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
-        """Go on from what `memory` gave."""
-        self._left = {joint: self._remembered(left) for joint, left in memory.items()}
+        """Go on from what `memory` gave, which may come from a damaged file; KeyError, ValueError if so."""
+        known = {watched.signal for watched in self._watched}
+        self._trips = {joint: _read(Trip, trip, known) for joint, trip in memory["trips"].items()}
+        self._touches = {
+            joint: {t["signal"]: _read(Touch, t, known) for t in memory["touches"][joint]}
+            for joint in self._touches
+        }
         self._prepare()
 
-    def _remembered(self, left: Mapping[str, Any]) -> LeftLimits:
-        """What a memory holds, which may come from a file that somebody made; KeyError, ValueError if so."""
-        signal = left["signal"]
-        if signal not in self._ranges:
-            raise KeyError(signal)
-        return LeftLimits(signal, *(float(left[n]) for n in ("time_s", "value", "minimum", "maximum")))
-
     def _prepare(self) -> None:
-        """Leave out the joints that were outside already: only the first time counts."""
-        self._watched = [w for w in self._watched if w.joint not in self._left]
+        """Leave out the joints that have tripped: only the first time counts."""
+        self._watched = [w for w in self._watched if w.joint not in self._trips]
         self._columns = np.array([w.column for w in self._watched], dtype=int)
         self._minima = np.array([w.minimum for w in self._watched])
         self._maxima = np.array([w.maximum for w in self._watched])
@@ -127,6 +187,7 @@ class LimitWatch:
 def _watched(
     joint: str,
     range_: Range,
+    criteria: Criteria,
     columns: Mapping[str, int],
     parameters: Mapping[str, float],
     roles: Mapping[str, str],
@@ -138,10 +199,26 @@ def _watched(
     high = parameters[highest]
     lowest = None if range_.low is None else variable(joint, range_.low, parameters, roles)
     low = -high if range_.low is None else -np.inf if lowest is None else parameters[lowest]
-    return _Watched(joint, range_, signal, columns[signal], low, high)
+    margin = getattr(criteria, range_.threshold) * (1.0 if range_.is_distance else abs(high))
+    return _Watched(joint, range_, signal, columns[signal], low, high, low - margin, high + margin)
 
 
-def _told_apart(value: float, limit: float) -> str:
-    """A value with as many digits as it takes to see that it is not its limit, but no fewer than 4."""
+def _found(watched: _Watched, time: float, value: float) -> tuple[str, float, float, float, float, str, str]:
+    """What a trip or a touch has of a value beyond a limit."""
+    below = value < watched.minimum
+    limit, threshold = (watched.minimum, watched.lowest) if below else (watched.maximum, watched.highest)
+    return watched.signal, time, value, limit, threshold, watched.range.unit, watched.range.what
+
+
+def _read(kind: Any, found: Mapping[str, Any], known: set[str]) -> Any:
+    """A trip or a touch from a memory."""
+    if found["signal"] not in known:
+        raise KeyError(found["signal"])
+    read = {f.name: (float if f.type in (float, "float") else str)(found[f.name]) for f in fields(kind)}
+    return kind(**read)
+
+
+def _told_apart(value: float, limit: float) -> tuple[str, str]:
+    """Two values with as many digits as it takes to see that they differ, but no fewer than 4."""
     texts: Sequence[tuple[str, str]] = [(f"{value:.{n}g}", f"{limit:.{n}g}") for n in range(4, 18)]
-    return next((text for text, other in texts if text != other), repr(value))
+    return next(((a, b) for a, b in texts if a != b), (repr(value), repr(limit)))

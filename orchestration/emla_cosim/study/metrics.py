@@ -1,22 +1,30 @@
-"""Tracking metrics of a joint, from the plant's true states at every communication point."""
+"""Figures and the verdict of a joint, from the plant's true states at every communication point.
 
+docs/metrics.md has their definitions and sources.
+"""
+
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Mask, Vector
 from ..recorders.metrics import Figures, Metrics, Shown
 from ..recorders.recorder import Outline
-from .limits import LimitWatch
-from .roles import Named, all_joints, check_roles, given_joints, variable
+from .criteria import criteria_of
+from .limits import LimitWatch, Trip
+from .oscillation import OscillationWatch
+from .roles import INERTIA, Named, all_joints, check_roles, given_joints, variable
+from .settling import Settling
+from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
 
-SETTLED_AFTER = 0.3
-"""Errors and torque count from this time on in s, or from convergence if that is later."""
+EVALUATED_AFTER = 0.3
+"""Errors and torque count from this time after the start on in s, or from settling if that is later."""
 
 CONVERGED_WITHIN = 0.05
-"""Convergence is reached when the position error stays within this fraction of its initial value."""
+"""The paper's convergence time is when the position error stays within this fraction of its first value."""
 
 STARTS_CONVERGED = 1e-6
 """An initial position error in m below this counts as none."""
@@ -24,81 +32,139 @@ STARTS_CONVERGED = 1e-6
 
 @dataclass
 class JointFigures:
-    """One joint's part of metrics.json.
+    """One joint's part of metrics.json; docs/metrics.md defines each figure.
 
-    `converged`: the last |x_L - x_d| is at most 5 % of the first, or 1e-6 m, no range was left, and the
-    run went past 0.3 s. `left_limits` has the first value outside a range, if there was one.
-    `convergence_time_s` is the last time at which |x_L - x_d| exceeds 5 % of its initial value; NaN where
-    it does so in the end. Errors and `torque_effort_N_m` are the largest absolute values at or after that
-    and 0.3 s; `torque_peak_N_m` is over the whole run. `saturated_fraction` is the part of all points at
-    which controller or inverter is at a limit, `saturated_after_convergence` that of the points at or after
-    convergence and 0.3 s. NaN where a run ended before.
+    `held` is the verdict: finite, settled, not tripped, quiet; `reason` says why not. `trip`,
+    `limits_touched`, `excursions` and `oscillation` are what was found of these, or None. NaN stands for a
+    figure that does not exist.
     """
 
-    converged: bool = False
-    left_limits: Mapping[str, Any] | None = None
-    position_error_m: float = 0.0
-    velocity_error_m_s: float = 0.0
-    torque_effort_N_m: float = 0.0
-    torque_peak_N_m: float = 0.0
-    convergence_time_s: float = 0.0
-    observer_position_error_m: float = 0.0
-    saturated_fraction: float = 0.0
-    saturated_after_convergence: float = 0.0
+    held: bool
+    reason: str | None
+    settling_time_s: float
+    evaluated_from_s: float
+    position_error_m: float
+    velocity_error_m_s: float
+    following_error_m: float
+    following_error_rms_m: float
+    standstill_error_m: float
+    standstill_error_rms_m: float
+    torque_effort_N_m: float
+    torque_peak_N_m: float
+    observer_position_error_m: float
+    saturated_fraction: float
+    saturated_after_settling: float
+    convergence_time_s: float
+    excursions: Mapping[str, Any] | None
+    trip: Mapping[str, Any] | None
+    limits_touched: Sequence[Mapping[str, Any]]
+    oscillation: Mapping[str, Any] | None
 
 
 _TRACKED = ("x_L", "x_d")
 _NEEDED = (*_TRACKED, "v_L", "tau_m", "v_d")
-_OPTIONAL = ("x_hat", "limited_control", "limited_inverter")
+_ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter")
+"""Roles of the signals that are looked at, in the order of the gathered rows."""
 
+_HELD = Shown("held", "held")
 _SHOWN = (
     Shown("position_error_m", "position error", 1e6, "µm", "m"),
     Shown("velocity_error_m_s", "speed error", 1e3, "mm/s", "m/s"),
+    Shown("following_error_rms_m", "following error, rms", 1e6, "µm", "m"),
+    Shown("standstill_error_m", "standstill error", 1e6, "µm", "m"),
+    Shown("settling_time_s", "settling time", 1e3, "ms"),
     Shown("torque_effort_N_m", "torque effort", 1.0, "N m"),
     Shown("torque_peak_N_m", "torque peak", 1.0, "N m"),
-    Shown("convergence_time_s", "convergence time", 1e3, "ms"),
     Shown("observer_position_error_m", "observer position error", 1e6, "µm", "m"),
     Shown("saturated_fraction", "time at a limit", 100.0, "%"),
-    Shown("saturated_after_convergence", "at a limit once converged", 100.0, "%"),
+    Shown("saturated_after_settling", "at a limit once settled", 100.0, "%"),
 )
 
-_CONVERGED = Shown("converged", "converged")
+CONVERGENCE_TIME = Shown("convergence_time_s", "convergence time", 1e3, "ms")
+"""The paper's, for tables beside its own."""
 
-_TOO_SHORT = f"Too short to judge convergence: that takes more than {SETTLED_AFTER:g} s."
+TOO_SHORT = f"too short to judge: that takes more than {EVALUATED_AFTER:g} s"
+
+RENAMED = {
+    "converged": "held",
+    "left_limits": "trip",
+    "saturated_after_convergence": "saturated_after_settling",
+}
+"""Figures that older versions had, and what has taken their places."""
 
 
 def joint_metrics(outline: Outline) -> "JointMetrics | None":
-    """The metrics of all joints of a run; None where it has none. CommandError for wrong roles."""
+    """Return the metrics of all joints of a run; None where it has none.
+
+    Raises:
+        CommandError: For wrong roles or criteria.
+    """
     check_roles(outline.roles, outline.names, outline.parameters)
-    metrics = JointMetrics(outline.names, outline.parameters, outline.roles)
+    metrics = JointMetrics(outline.names, outline.parameters, outline.roles, outline.criteria)
     return metrics if metrics.joints else None
 
 
 class JointMetrics(Metrics):
-    """Tracking metrics by joint: what stands before the first dot of a signal's name.
+    """Figures by joint: what stands before the first dot of a signal's name.
 
     Joints without position, speed, torque and reference have no metrics, but those that are named in
-    `roles` need no speed and no torque. `parameters` has the limits of the plants' ranges, by full name.
+    `roles` need no speed and no torque. `parameters` has the limits of the plants' ranges, by full name,
+    `criteria` what joints are judged by; see `criteria_of`.
     """
 
-    shown = (_CONVERGED, *_SHOWN)
+    shown = (_HELD, *_SHOWN)
 
     def __init__(
         self,
         names: Sequence[str],
         parameters: Mapping[str, float] | None = None,
         roles: Mapping[str, str] | None = None,
+        criteria: Mapping[str, float | str] | None = None,
     ) -> None:
         column = Named((name, i + 1) for i, name in enumerate(names))
-        self._joints: dict[str, _JointAccumulator] = {}
-        given = roles or {}
+        known, given = Named(parameters or {}), roles or {}
         told = given_joints(given)
-        for joint in all_joints(names, given):
-            found = {role: variable(joint, role, column, given) for role in (*_NEEDED, *_OPTIONAL)}
-            if all(found[role] is not None for role in (_TRACKED if joint in told else _NEEDED)):
-                channels = {role: -1 if name is None else column[name] for role, name in found.items()}
-                self._joints[joint] = _JointAccumulator(channels)
-        self._limits = LimitWatch(self._joints, column, parameters or {}, given)
+        found = {
+            joint: {role: variable(joint, role, column, given) for role in _ROLES}
+            for joint in all_joints(names, given)
+        }
+        signals = {
+            joint: of
+            for joint, of in found.items()
+            if all(of[role] is not None for role in (_TRACKED if joint in told else _NEEDED))
+        }
+        self._joints = list(signals)
+        self._criteria = criteria_of(self._joints, criteria or {})
+        each = [self._criteria[joint] for joint in self._joints]
+        self._errors = [f"{of['x_L']} - {of['x_d']}" for of in signals.values()]
+        # what a joint does not have is read from a column of NaN beside the rows
+        self._columns = np.array(
+            [[column.get(of[role] or "", -1) for of in signals.values()] for role in _ROLES], dtype=int
+        ).reshape(len(_ROLES), len(signals))
+        self._missing = self._columns < 0
+        self._has_speed = ~(self._missing[_ROLES.index("v_d")])
+        self._limits = LimitWatch(self._criteria, column, known, given)
+        self._settling = Settling(each)
+        self._tracking = Tracking(np.array([one.position_window for one in each]))
+        self._oscillation = OscillationWatch(
+            [_inertia(joint, known, given) for joint in self._joints],
+            [_torque_limit(joint, known, given) for joint in self._joints],
+            [one.torque_ripple for one in each],
+        )
+        count = len(self._joints)
+        self._start = self._last = np.nan
+        self._rows = 0
+        self._first, self._final = np.full((2, count), np.nan)
+        """First and last position error in m."""
+        self._last_outside = np.full(count, np.nan)
+        """When the position error last was beyond 5 % of the first one, in s."""
+        self._last_reference = np.full(count, np.nan)
+        self._evaluated_from = np.full(count, np.nan)
+        self._limited = np.zeros(count)
+        self._not_finite = np.full(count, np.nan)
+        """When the position error first was no finite number, in s."""
+        self._peak = np.where(self._missing[_ROLES.index("tau_m")], np.nan, 0.0)
+        self._ended: str | None = None
 
     @property
     def joints(self) -> list[str]:
@@ -107,141 +173,240 @@ class JointMetrics(Metrics):
 
     @property
     def _is_short(self) -> bool:
-        """Whether nobody can tell yet which joints converge."""
-        return any(accumulator.is_short for accumulator in self._joints.values())
+        """Whether it is too early to judge."""
+        return not self._last - self._start > EVALUATED_AFTER
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
-        self._limits.write(rows)
-        for accumulator in self._joints.values():
-            accumulator.add(rows)
-        self.shown = _SHOWN if self._is_short else (_CONVERGED, *_SHOWN)
+        time = rows[:, 0]
+        gathered = np.ascontiguousarray(rows.T[self._columns])
+        gathered[self._missing] = np.nan
+        x, x_d, v, torque, v_d, x_hat, control, inverter = gathered
+        if not self._rows:
+            self._start = float(time[0])
+        steps = np.diff(time, prepend=self._last if self._rows else time[0])
+        with np.errstate(invalid="ignore", over="ignore"):
+            error = x - x_d
+            distance = np.abs(error)
+            speed_error, torques = v - v_d, np.abs(torque)
+            values = np.stack([distance, np.abs(speed_error), torques, np.abs(x - x_hat)])
+            limited = (control > 0.0) | (inverter > 0.0)
+            moving = self._moving(x_d, v_d, steps)
+        if not self._rows:
+            self._first, self._last_outside = distance[:, 0].copy(), np.full(len(x), self._start)
+        self._settling.write(time, distance)
+        trips: dict[str, tuple[int, Trip]] = {}
+        for joint in range(len(self._joints)):
+            self._evaluate(joint, time, steps, values[:, joint], moving[joint], limited[joint], trips)
+        self._limits.write(rows, trips)
+        since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
+        self._oscillation.write(time, torque, speed_error, error, since)
+        self._converge(time, distance)
+        if not np.isfinite(distance).all():
+            for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(distance).all(axis=1)):
+                self._not_finite[joint] = float(time[(~np.isfinite(distance[joint])).argmax()])
+        self._peak = np.fmax(self._peak, torques.max(axis=1))
+        self._limited += limited.sum(axis=1)
+        self._rows += len(rows)
+        self._last, self._final = float(time[-1]), distance[:, -1].copy()
+        self.shown = _SHOWN if self._is_short else (_HELD, *_SHOWN)
+
+    def _moving(self, x_d: Vector, v_d: Vector, steps: Vector) -> Mask:
+        """Whether the references move, by their speeds, or where these are not there by their positions."""
+        if self._has_speed.all():
+            return np.abs(v_d) > AT_REST
+        changes = np.diff(x_d, prepend=self._last_reference[:, np.newaxis], axis=1)
+        self._last_reference = x_d[:, -1].copy()
+        return np.where(
+            self._has_speed[:, np.newaxis], np.abs(v_d) > AT_REST, np.abs(changes) > AT_REST * steps
+        )
+
+    def _evaluate(
+        self,
+        joint: int,
+        time: Vector,
+        steps: Vector,
+        values: Vector,
+        moving: Mask,
+        limited: Mask,
+        trips: dict[str, tuple[int, Trip]],
+    ) -> None:
+        """Count what a joint does from when it is evaluated on, and see whether it trips on its error.
+
+        Before a joint has settled it counts from 0.3 s on, and anew once it has.
+        """
+        earliest = self._start + EVALUATED_AFTER
+        settled = self._settling.settled_at(joint)
+        since = earliest if math.isnan(settled) else max(earliest, settled)
+        first = int(np.searchsorted(time, since - 1e-9))
+        if math.isnan(self._evaluated_from[joint]) and not math.isnan(settled):
+            self._evaluated_from[joint] = since
+            self._tracking.restart(joint)
+        if first == len(time):
+            return
+        part = slice(first, None)
+        self._tracking.write(joint, time[part], steps[part], values[:, part], moving[part], limited[part])
+        limit = self._criteria[self._joints[joint]].following_error_limit
+        if not math.isnan(settled) and (far := values[0, part] > limit).any():
+            row = first + int(far.argmax())
+            value = float(values[0, row])
+            trip = Trip(self._errors[joint], float(time[row]), value, limit, limit, "m", "following error")
+            trips[self._joints[joint]] = (row, trip)
+
+    def _converge(self, time: Vector, distance: Vector) -> None:
+        """Follow the paper's convergence time."""
+        for joint in np.flatnonzero(self._first > STARTS_CONVERGED):
+            outside = np.flatnonzero(distance[joint] > CONVERGED_WITHIN * self._first[joint])
+            if len(outside):
+                self._last_outside[joint] = float(time[outside[-1]])
+
+    def ended_early(self, problem: str) -> None:
+        """The run ended before its stop time: no joint is held."""
+        self._ended = problem
 
     def memory(self) -> Any:
-        """All that was computed so far, as plain numbers by joint."""
-        joints = {joint: accumulator.memory() for joint, accumulator in self._joints.items()}
-        return {"joints": joints, "left_limits": self._limits.memory()}
+        """Return all that was computed so far, as plain data."""
+        own = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
+        return {"own": own, **{name: getattr(self, f"_{name}").memory() for name in _PARTS}}
 
     def remember(self, memory: Any) -> None:
         """Go on from what was computed before."""
-        for joint, accumulator in self._joints.items():
-            accumulator.remember(memory["joints"][joint])
-        self._limits.remember(memory["left_limits"])
+        for name in _STATE:
+            value = np.array(memory["own"][name], dtype=float)
+            if value.shape != np.shape(getattr(self, name)):
+                raise ValueError(f"'{name}' is that of other joints")
+            setattr(self, name, value if value.ndim else float(value))
+        self._rows = int(self._rows)
+        for name in _PARTS:
+            getattr(self, f"_{name}").remember(memory[name])
 
     def remarks(self) -> Sequence[str]:
-        """Which joints left their ranges, or did not converge, as far as the run was long enough to tell."""
-        left = [sentence for joint in self._joints if (sentence := self._limits.sentence(joint))]
-        late = [
-            f"{joint} did not converge: its position error was {_length(a.first_error)} at the start and is "
-            f"{_length(a.last_error)} at the end."
-            for joint, a in self._joints.items()
-            if not (a.is_short or a.is_within)
-        ]
-        return [*left, *late, *([_TOO_SHORT] if self._is_short else [])]
+        """Return which joints are not held and why, and what else a person should know of them."""
+        found = list[str]()
+        for number, joint in enumerate(self._joints):
+            reasons = self._reasons(number)
+            found += reasons
+            if reasons and self._limits.trip(joint) is not None:
+                continue
+            found += [touch.sentence(joint) for touch in self._limits.touches(joint)]
+            if (excursion := self._excursion(number)) is not None:
+                found.append(excursion)
+        if self._is_short:
+            found.append(f"{TOO_SHORT[:1].upper()}{TOO_SHORT[1:]}.")
+        return found
+
+    def _reasons(self, number: int) -> list[str]:
+        """Sentences on why a joint is not held, but for that it is too early to tell."""
+        joint = self._joints[number]
+        found = list[str]()
+        if not math.isnan(at := self._not_finite[number]):
+            found.append(f"{joint} has no finite position error from t = {at:.6g} s on.")
+        if (trip := self._limits.trip(joint)) is not None:
+            found.append(trip.sentence(joint))
+        if not self._is_short and not self._settling.is_settled(number):
+            window = _length(self._criteria[joint].position_window)
+            found.append(
+                f"{joint} has not settled: its position error was {_length(self._first[number])} at the "
+                f"start and is {_length(self._final[number])} at the end; its window is {window}."
+            )
+        if (oscillation := self._oscillation.oscillation(number)) is not None:
+            found.append(oscillation.sentence(joint))
+        return found
+
+    def _excursion(self, number: int) -> str | None:
+        found = self._excursions(number)
+        if found is None:
+            return None
+        joint = self._joints[number]
+        times = "once" if found["count"] == 1 else f"{found['count']} times"
+        window = self._criteria[joint].position_window
+        return (
+            f"{joint} left its position window of {_length(window)} {times} after it had settled, by most at "
+            f"t = {found['time_s']:.6g} s, with a position error of {_length(found['largest_m'])}."
+        )
+
+    def _excursions(self, number: int) -> dict[str, Any] | None:
+        count, time = self._tracking.excursions[:, number]
+        if not count or not self._settling.is_settled(number):
+            return None
+        largest = float(self._tracking.largest[POSITION, number])
+        return {"count": int(count), "largest_m": largest, "time_s": float(time)}
 
     def figures(self) -> Figures:
-        """Metrics by joint, of what was recorded so far."""
-        return {joint: self._figures(joint) for joint in self._joints}
+        """Return the figures by joint, of what was recorded so far."""
+        return {joint: asdict(self._figures(i, joint)) for i, joint in enumerate(self._joints)}
 
-    def _figures(self, joint: str) -> dict[str, Any]:
-        accumulator, left = self._joints[joint], self._limits.left(joint)
-        converged = accumulator.is_within and not accumulator.is_short and left is None
-        found = accumulator.metrics()
-        return asdict(replace(found, converged=converged, left_limits=None if left is None else asdict(left)))
-
-
-class _JointAccumulator:
-    """Largest values since convergence: an error beyond the 5 % band starts them anew.
-
-    `first_error` and `last_error` are the position error in m of the first and of the last row so far.
-    """
-
-    def __init__(self, channels: Mapping[str, int]) -> None:
-        self._channels = channels
-        self.first_error = self.last_error = np.nan
-        self._start = self._last_outside = 0.0
-        self._last = np.nan
-        self._largest = np.full(4, np.nan)
-        self._peak = 0.0 if channels["tau_m"] >= 0 else np.nan
-        self._rows = self._limited = 0
-        self._settled = self._settled_limited = 0
-
-    def add(self, rows: Vector) -> None:
-        """Take the next rows (time first)."""
-        t = rows[:, 0]
-        self._last = float(t[-1])
-        c = {name: rows[:, i] if i >= 0 else np.full(len(rows), np.nan) for name, i in self._channels.items()}
-        error = np.abs(c["x_L"] - c["x_d"])
-        self.last_error = float(error[-1])
-        if self._rows == 0:
-            self.first_error = float(error[0])
-            self._start = self._last_outside = float(t[0])
-        torque = np.abs(c["tau_m"])
-        counted = np.stack([error, np.abs(c["v_L"] - c["v_d"]), torque, np.abs(c["x_L"] - c["x_hat"])])
-        settled = t >= self._start + SETTLED_AFTER
-        if self.first_error > STARTS_CONVERGED:
-            outside = np.flatnonzero(error > CONVERGED_WITHIN * self.first_error)
-            if len(outside):
-                self._last_outside = float(t[outside[-1]])
-                settled[: outside[-1]] = False
-                self._largest[:] = np.nan
-                self._settled = self._settled_limited = 0
-        if settled.any():
-            self._largest = np.fmax(self._largest, counted[:, settled].max(axis=1))
-        self._peak = float(np.fmax(self._peak, torque.max()))
-        self._rows += len(rows)
-        limited = (c["limited_control"] > 0) | (c["limited_inverter"] > 0)
-        self._limited += int(limited.sum())
-        self._settled += int(settled.sum())
-        self._settled_limited += int((limited & settled).sum())
-
-    @property
-    def is_within(self) -> bool:
-        """Whether the last error is small enough for having converged."""
-        return bool(self.last_error <= max(CONVERGED_WITHIN * self.first_error, STARTS_CONVERGED))
-
-    @property
-    def is_short(self) -> bool:
-        """Whether nobody can tell yet if this converges."""
-        return not self._last - self._start > SETTLED_AFTER
-
-    def memory(self) -> list[float]:
-        """All that changes, as plain numbers."""
-        largest = [float(x) for x in self._largest]
-        return [
-            self.first_error,
-            self.last_error,
-            self._start,
-            self._last,
-            self._last_outside,
-            self._peak,
-            float(self._rows),
-            float(self._limited),
-            float(self._settled),
-            float(self._settled_limited),
-            *largest,
-        ]
-
-    def remember(self, memory: Sequence[float]) -> None:
-        """Go on from what `memory` gave."""
-        self.first_error, self.last_error, self._start, self._last, *others = map(float, memory)
-        self._last_outside, self._peak, *counts = others[:6]
-        self._rows, self._limited, self._settled, self._settled_limited = map(int, counts)
-        self._largest[:] = others[6:]
-
-    def metrics(self) -> JointFigures:
-        """The metrics of all rows so far."""
-        position, velocity, torque, observer = (float(x) for x in self._largest)
+    def _figures(self, number: int, joint: str) -> JointFigures:
+        largest = self._tracking.largest[:, number]
+        rms_moving, rms_resting = self._tracking.rms(number)
+        oscillation = self._oscillation.oscillation(number)
+        trip = self._limits.trip(joint)
+        counted, limited = self._tracking.counts[:, number]
+        reason = next(iter(self._reasons(number)), None)
+        if reason is None and self._is_short:
+            reason = f"{TOO_SHORT}."
+        if reason is None and self._ended is not None:
+            reason = self._ended
+        within = self._final[number] <= max(CONVERGED_WITHIN * self._first[number], STARTS_CONVERGED)
+        settled = self._settling.is_settled(number)
         return JointFigures(
-            position_error_m=position,
-            velocity_error_m_s=velocity,
-            torque_effort_N_m=torque,
-            torque_peak_N_m=self._peak,
-            convergence_time_s=self._last_outside - self._start if self.is_within else np.nan,
-            observer_position_error_m=observer,
-            saturated_fraction=self._limited / max(self._rows, 1),
-            saturated_after_convergence=self._settled_limited / self._settled if self._settled else np.nan,
+            held=reason is None,
+            reason=reason,
+            settling_time_s=self._settling.entered(number) - self._start if settled else np.nan,
+            evaluated_from_s=float(self._evaluated_from[number]),
+            position_error_m=float(largest[POSITION]),
+            velocity_error_m_s=float(largest[SPEED]),
+            following_error_m=float(largest[FOLLOWING]),
+            following_error_rms_m=rms_moving,
+            standstill_error_m=float(largest[STANDSTILL]),
+            standstill_error_rms_m=rms_resting,
+            torque_effort_N_m=float(largest[TORQUE]),
+            torque_peak_N_m=float(self._peak[number]),
+            observer_position_error_m=float(largest[OBSERVER]),
+            saturated_fraction=float(self._limited[number]) / max(self._rows, 1),
+            saturated_after_settling=limited / counted if counted and settled else np.nan,
+            convergence_time_s=float(self._last_outside[number]) - self._start if within else np.nan,
+            excursions=self._excursions(number),
+            trip=None if trip is None else asdict(trip),
+            limits_touched=[asdict(touch) for touch in self._limits.touches(joint)],
+            oscillation=None if oscillation is None else asdict(oscillation),
         )
+
+
+_PARTS = ("limits", "settling", "tracking", "oscillation")
+_STATE = (
+    "_start",
+    "_last",
+    "_rows",
+    "_first",
+    "_final",
+    "_last_outside",
+    "_last_reference",
+    "_evaluated_from",
+    "_limited",
+    "_not_finite",
+    "_peak",
+)
+
+
+def _inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
+    """Torque per acceleration of the screw, A_eq in N m / (m/s^2); NaN where it is not known."""
+    named = {role: variable(joint, role, parameters, roles) for role in INERTIA}
+    if any(name is None for name in named.values()):
+        return np.nan
+    J_m, J_c, J_GB, M_BS, rho, lead = (parameters[str(named[role])] for role in INERTIA)
+    alpha = 2.0 * math.pi / (rho * lead)
+    return alpha * (J_m + J_c + J_GB + M_BS / alpha**2)
+
+
+def _torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
+    """Torque in N m at the smaller of the motor's and the controller's current limit; NaN if not known."""
+    values = []
+    for role in ("N_p", "Phi_PM", "i_max", "i_limit"):
+        name = variable(joint, role, parameters, roles)
+        values.append(np.nan if name is None else parameters[name])
+    poles, flux, *currents = values
+    return 1.5 * poles * flux * float(np.fmin(*currents))
 
 
 def _length(value: float) -> str:

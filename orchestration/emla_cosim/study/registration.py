@@ -5,6 +5,7 @@ from functools import partial
 from importlib.resources import files
 
 from ..recorders.metrics import METRICS, TRACKED
+from ..requirements import RENAMED
 from ..results.animation import ANIMATIONS
 from ..results.by_unit import BY_UNIT
 from ..results.plotting import FIGURES
@@ -13,6 +14,7 @@ from . import experiments, machine, systems
 from .actuator.actuator import Actuator
 from .actuator.remarks import remarks
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
+from .metrics import RENAMED as RENAMED_FIGURES
 from .metrics import joint_metrics
 from .roles import tracked
 from .sketch.film import ManipulatorAnimation
@@ -38,6 +40,7 @@ def register() -> None:
     TUNINGS.update(tuning_plans())
     METRICS[JOINTS] = joint_metrics
     TRACKED[JOINTS] = tracked
+    RENAMED.update(RENAMED_FIGURES)
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
     FIGURES["manipulator"] = ManipulatorPicture()
     FIGURES.update(BY_UNIT)

@@ -47,13 +47,38 @@ _PLACES: dict[str, tuple[str, ...]] = {
             "permitted_rise": "motor.permitted_rise",
         }.items()
     },
+    **{
+        role: (f"{{joint}}.plant.{name}", f"{{joint}}.motor.{name}", f"machine.plant.{name}[{{element}}]")
+        for role, name in {
+            "J_m": "motor.J_m",
+            "J_c": "coupling.J_c",
+            "J_GB": "gearbox.J_GB",
+            "M_BS": "screw.M_BS",
+            "rho": "gearbox.rho",
+            "lead": "screw.lead",
+        }.items()
+    },
     "q_LB": ("{joint}.plant.screw.q_LB", "machine.plant.screw.q_LB[{element}]"),
     "q_UB": ("{joint}.plant.screw.q_UB", "machine.plant.screw.q_UB[{element}]"),
     "v_max": ("{joint}.plant.screw.v_max", "machine.plant.screw.v_max[{element}]"),
 }
 """Where the variable of a role may be, the first that there is."""
 
-_BOUNDS = ("N_p", "Phi_PM", "i_limit", "i_max", "permitted_rise", "q_LB", "q_UB", "u_max", "v_max")
+INERTIA = ("J_m", "J_c", "J_GB", "M_BS", "rho", "lead")
+"""The roles of what makes the inertia of a joint."""
+
+_PARAMETERS = (
+    "N_p",
+    "Phi_PM",
+    "i_limit",
+    "i_max",
+    "permitted_rise",
+    "q_LB",
+    "q_UB",
+    "u_max",
+    "v_max",
+    *INERTIA,
+)
 """The roles of parameters."""
 
 
@@ -104,7 +129,7 @@ def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: 
         if not joint or role not in _PLACES:
             right = f"write JOINT.ROLE, with one of {listed(_PLACES)} as the role"
             raise CommandError(f"there is no role '{place}'; {right}.", role=place)
-        bounds = role in _BOUNDS
+        bounds = role in _PARAMETERS
         if name not in (parameters if bounds else signals):
             kind, there = ("parameter", parameters) if bounds else ("signal", signals)
             meant = near_or_some(name, there)

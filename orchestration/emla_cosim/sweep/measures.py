@@ -11,9 +11,9 @@ from typing import Any
 import polars
 from polars.exceptions import PolarsError
 
-from ..errors import CommandError, listed
+from ..errors import CommandError
 from ..patterns import fits
-from ..requirements import by_name
+from ..requirements import by_name, instead
 from ..results.result import Result
 from .reserved import RESERVED
 
@@ -178,10 +178,10 @@ def _matching(patterns: Sequence[str], figures: Sequence[str], where: str) -> li
     for pattern in patterns:
         matching = [name for name in figures if fits(name, pattern)]
         if not matching:
-            near = difflib.get_close_matches(pattern, figures, n=3, cutoff=0.5)
-            there = f"there are {listed(figures[:12])}." if figures else "there is none; name an expression."
-            meant = f"did you mean {' or '.join(near)}?" if near else there
-            raise CommandError(f"{where} wants the metric '{pattern}'; {meant}", name=pattern, near=near)
+            meant = instead(pattern, figures) if figures else "there is none; name an expression."
+            raise CommandError(
+                f"{where} wants the metric '{pattern}', which does not exist; {meant}", name=pattern
+            )
         found += [name for name in matching if name not in found]
     return found
 

@@ -41,6 +41,6 @@ def _ending(result: Result) -> tuple[str, list[str]]:
     if result.remarks:
         return "warning", list(result.remarks)
     found = [figures for kind in result.metrics.values() for figures in kind.values()]
-    settled = [figures["converged"] for figures in found if "converged" in figures]
-    more = " and converged" if settled and all(settled) else ""
+    held = [figures["held"] for figures in found if "held" in figures]
+    more = "; all joints held" if held and all(held) else ""
     return "passed", [f"Ran to its end{more}."]

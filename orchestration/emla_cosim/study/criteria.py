@@ -1,0 +1,75 @@
+"""What a joint is judged by: windows, times and thresholds, with defaults that drives use."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+from ..errors import CommandError, listed, near_or_some
+from ..quantities import quantity, unit_named
+
+ALL_JOINTS = "*"
+
+
+def _criterion(default: float, unit: str, meaning: str) -> Any:
+    return field(default=default, metadata={"unit": unit, "meaning": meaning})
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """The criteria of one joint.
+
+    A position window with a window time, and a following-error limit, are what CiA 402 (IEC 61800-7-201,
+    objects 6067h, 6068h and 6065h) calls so. Thresholds of trips say how far beyond a limit of the plant
+    a value may go: a fraction of the limit for speed, current and temperature, a distance for the stroke.
+    """
+
+    position_window: float = _criterion(1e-3, "m", "A joint has settled within this position error")
+    window_time: float = _criterion(0.1, "s", "and has to stay within it for this time")
+    following_error_limit: float = _criterion(5e-3, "m", "Once settled, a larger position error is a trip")
+    over_speed: float = _criterion(0.05, "", "Fraction beyond the largest speed that is a trip")
+    over_current: float = _criterion(0.1, "", "Fraction beyond the largest current that is a trip")
+    over_temperature: float = _criterion(0.05, "", "Fraction beyond the permitted rise that is a trip")
+    over_travel: float = _criterion(1e-3, "m", "Distance beyond the stroke that is a trip")
+    torque_ripple: float = _criterion(
+        0.125, "", "Fraction of the torque limit that oscillation may take, rms"
+    )
+
+
+_FIELDS = {f.name: f for f in fields(Criteria)}
+
+
+def criteria_of(joints: Collection[str], given: Mapping[str, float | str]) -> dict[str, Criteria]:
+    """Return the criteria of each joint.
+
+    Args:
+        joints: Names of all joints.
+        given: Values by JOINT.CRITERION, numbers in SI units or texts with a unit such as "0.5 mm"; the
+            joint may be `*`. What names a joint overrides what names all.
+
+    Raises:
+        CommandError: For a joint, a criterion or a value that does not exist or does not fit.
+    """
+    found = dict.fromkeys(joints, Criteria())
+    for place in sorted(given, key=lambda place: not place.startswith(f"{ALL_JOINTS}.")):
+        joint, _, name = place.rpartition(".")
+        if name not in _FIELDS or not joint:
+            right = f"write JOINT.CRITERION, with one of {listed(_FIELDS)}"
+            raise CommandError(f"the criterion '{place}' does not exist; {right}.", criterion=place)
+        if joint != ALL_JOINTS and joint not in found:
+            meant = near_or_some(joint, list(found)) if found else "this system has no joints."
+            raise CommandError(f"the criterion '{place}' is for '{joint}', which is no joint; {meant}")
+        value = _value(place, given[place], _FIELDS[name].metadata["unit"])
+        for one in found if joint == ALL_JOINTS else (joint,):
+            found[one] = replace(found[one], **{name: value})
+    return found
+
+
+def _value(place: str, value: float | str, unit: str) -> float:
+    label = f"the criterion '{place}'"
+    number = value
+    if isinstance(value, str):
+        number = quantity(value, label).in_unit(unit_named(unit, label) if unit else None, label)
+    number = float(number)
+    if not 0.0 < number < float("inf"):
+        raise CommandError(f"{label} is {value}; it must be a positive number.", criterion=place)
+    return number

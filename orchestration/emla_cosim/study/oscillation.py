@@ -1,0 +1,224 @@
+"""Whether joints are quiet: torque that shakes a joint instead of moving its load.
+
+In a limit cycle and in chatter on noise the torque accelerates the joint to and fro, so that the torque is
+in phase with the acceleration of the speed error. A disturbance that is rejected, however large, needs as
+much torque and accelerates nothing; one that comes from outside, such as random forces, accelerates the
+joint without the torque. So both are looked at, in windows of 0.1 s: the part of the torque that is in
+phase with the acceleration, and the torque that this acceleration takes of the inertia.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Vector
+
+WINDOW = 0.1
+"""Length in s of the windows that are looked at; the slowest oscillation that is found has 10 Hz."""
+
+SUSTAINED = 3
+"""Windows in a row that make an oscillation sustained; a reversal or an impact fills one or two."""
+
+_FEWEST = 20
+"""Rows that a window needs."""
+
+_IN_PHASE = 0.9
+"""Correlation of torque and acceleration that is asked for where no inertia is known."""
+
+_STREAK = ("windows", "begin", "crossings", "torque^2", "ripple^2", "torque swing", "position swing")
+_STATE = (
+    "start",
+    "last_time",
+    "window",
+    "last",
+    "largest",
+    "judged",
+    "streaks",
+    "worst",
+    "sums",
+    "highest",
+    "lowest",
+)
+_SUMS = ("rows", "x", "xx", "a", "aa", "xa", "tau", "tau tau", "x tau", "a tau", "crossings")
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """A sustained oscillation of a joint.
+
+    From `time_s` to `until_s` it took `torque_rms_N_m` in phase with the acceleration, a fraction
+    `torque_ripple` of the torque limit; torque and position error swung by `torque_swing_N_m` and
+    `position_swing_m` from peak to peak, at `frequency_Hz`, which is that of the acceleration's sign changes.
+    """
+
+    time_s: float
+    until_s: float
+    frequency_Hz: float
+    torque_ripple: float
+    torque_rms_N_m: float
+    torque_swing_N_m: float
+    position_swing_m: float
+
+    def sentence(self, joint: str) -> str:
+        """Say how the joint oscillates."""
+        return (
+            f"{joint} oscillates from t = {self.time_s:.6g} s on, at about {self.frequency_Hz:.3g} Hz: its "
+            f"torque swings by {self.torque_swing_N_m:.4g} N m, its position by "
+            f"{1e6 * self.position_swing_m:.4g} µm."
+        )
+
+
+class OscillationWatch:
+    """Looks at the windows of all joints, from when each is evaluated on.
+
+    `inertias` are torque per acceleration of the screw in N m / (m/s^2), NaN where unknown; `limits` are
+    torque limits in N m, NaN where unknown, and then the largest torque so far counts. `ripples` are the
+    fractions of these from which on a window is loud.
+    """
+
+    def __init__(self, inertias: Sequence[float], limits: Sequence[float], ripples: Sequence[float]) -> None:
+        joints = len(inertias)
+        self._inertias, self._limits, self._ripples = map(np.array, (inertias, limits, ripples))
+        self._start = self._last_time = np.nan
+        self._window = 0
+        self._last = np.full((2, joints), np.nan)
+        """Speed error in m/s, and acceleration in m/s^2, of the last row."""
+        self._largest = np.zeros(joints)
+        self._judged = np.zeros(joints)
+        """Complete windows that were judged."""
+        self._streaks, self._worst = np.zeros((2, len(_STREAK), joints))
+        """The loud windows in a row up to now, and the loudest sustained ones."""
+        self._clear()
+
+    def _clear(self) -> None:
+        joints = len(self._inertias)
+        self._sums = np.zeros((len(_SUMS), joints))
+        self._highest, self._lowest = np.full((2, joints), -np.inf), np.full((2, joints), np.inf)
+
+    def oscillation(self, joint: int) -> Oscillation | None:
+        """Return the loudest sustained oscillation of a joint so far; None where it was quiet.
+
+        Where there were fewer windows than it takes, all of them have to be loud.
+        """
+        found = self._worst[:, joint]
+        if not found[0] and 0 < self._judged[joint] == self._streaks[0, joint]:
+            found = self._streaks[:, joint]
+        count, begin, crossings, squares, ripple_squares, torque, position = (float(x) for x in found)
+        if not count:
+            return None
+        return Oscillation(
+            time_s=begin,
+            until_s=begin + count * WINDOW,
+            frequency_Hz=crossings / (2.0 * count * WINDOW),
+            torque_ripple=math.sqrt(ripple_squares / count),
+            torque_rms_N_m=math.sqrt(squares / count),
+            torque_swing_N_m=torque,
+            position_swing_m=position,
+        )
+
+    def write(self, time: Vector, torque: Vector, speed_error: Vector, error: Vector, since: Vector) -> None:
+        """Take the next rows.
+
+        Args:
+            time: Times in s, shape (rows,).
+            torque: Motor torque in N m, shape (joints, rows), as the next two.
+            speed_error: v_L - v_d in m/s.
+            error: x_L - x_d in m.
+            since: Time in s from which on each joint is evaluated, infinite while that is not known.
+        """
+        is_first = math.isnan(self._start)
+        if is_first:
+            self._start = float(time[0])
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            changes = np.diff(speed_error, prepend=self._last[0][:, np.newaxis], axis=1)
+            acceleration = changes / np.diff(time, prepend=self._last_time)
+            was_positive = np.column_stack([self._last[1], acceleration[:, :-1]]) > 0.0
+            crossings = (acceleration > 0.0) != was_positive
+            # window k has what is beyond its first instant, its last one included
+            windows = np.ceil((time - self._start) / WINDOW - 1e-6).astype(int) - 1
+            rows = (acceleration, torque, error, crossings)
+            ends = np.flatnonzero(np.diff(windows)) + 1
+            for first, end in zip([0, *ends], [*ends, len(time)], strict=True):
+                if first == 0 and is_first:
+                    continue  # the first row of a run has no acceleration; it has window -1 alone
+                if windows[first] != self._window:
+                    self._judge(since)
+                    self._window = int(windows[first])
+                x = time[first:end] - (self._start + WINDOW * self._window)
+                self._add(x, *(row[:, first:end] for row in rows))
+        self._last_time = float(time[-1])
+        self._last = np.stack([speed_error[:, -1], acceleration[:, -1]])
+
+    def _add(self, x: Vector, a: Vector, tau: Vector, error: Vector, crossings: Vector) -> None:
+        """Add rows to the present window, at times x in s from its beginning."""
+        joints = len(a)
+        self._sums += np.stack(
+            [
+                np.full(joints, float(len(x))),
+                np.full(joints, x.sum()),
+                np.full(joints, x @ x),
+                a.sum(axis=1),
+                np.einsum("ij,ij->i", a, a),
+                a @ x,
+                tau.sum(axis=1),
+                np.einsum("ij,ij->i", tau, tau),
+                tau @ x,
+                np.einsum("ij,ij->i", a, tau),
+                crossings.sum(axis=1),
+            ]
+        )
+        self._highest = np.maximum(self._highest, [tau.max(axis=1), error.max(axis=1)])
+        self._lowest = np.minimum(self._lowest, [tau.min(axis=1), error.min(axis=1)])
+
+    def _judge(self, since: Vector) -> None:
+        """Judge the present window, which is complete, and begin the next one."""
+        rows, x, xx, a, aa, xa, tau, tau_tau, x_tau, a_tau, crossings = self._sums
+        n = np.maximum(rows, 1.0)
+        # all without their straight lines: what is slower than the window is no oscillation
+        spread = np.maximum(xx / n - (x / n) ** 2, 1e-30)
+        with_a, with_tau = xa / n - x * a / n**2, x_tau / n - x * tau / n**2
+        rms_a = np.sqrt(np.maximum(aa / n - (a / n) ** 2 - with_a**2 / spread, 0.0))
+        rms_tau = np.sqrt(np.maximum(tau_tau / n - (tau / n) ** 2 - with_tau**2 / spread, 0.0))
+        covariance = a_tau / n - a * tau / n**2 - with_a * with_tau / spread
+        in_phase = np.where(rms_a > 0.0, covariance / rms_a, 0.0)
+        taken = np.where(
+            np.isnan(self._inertias),
+            np.where(in_phase >= _IN_PHASE * rms_tau, np.inf, 0.0),
+            self._inertias * rms_a,
+        )
+        shaking = np.minimum(in_phase, taken)
+        self._largest = np.fmax(self._largest, np.maximum(self._highest[0], -self._lowest[0]))
+        limit = np.where(np.isnan(self._limits), self._largest, self._limits)
+        ripple = np.where(limit > 0.0, shaking / limit, 0.0)
+        begin = self._start + WINDOW * self._window
+        judged = (rows >= _FEWEST) & (begin >= since - 1e-9)
+        loud = judged & (ripple > self._ripples)
+        ones = np.ones(len(n))
+        added = np.stack([ones, 0.0 * ones, crossings, shaking**2, ripple**2])
+        swings = self._highest - self._lowest
+        grown = np.concatenate([self._streaks[:5] + added, np.maximum(self._streaks[5:], swings)])
+        grown[1] = np.where(self._streaks[0] > 0.0, self._streaks[1], begin)
+        self._streaks = np.where(loud, grown, 0.0)
+        self._judged += judged
+        mean, worst = (s[4] / np.maximum(s[0], 1.0) for s in (self._streaks, self._worst))
+        is_worst = (self._streaks[0] >= SUSTAINED) & (
+            (mean > worst) | (self._streaks[1] == self._worst[1])  # or the same one, which goes on
+        )
+        self._worst = np.where(is_worst, self._streaks, self._worst)
+        self._clear()
+
+    def memory(self) -> dict[str, Any]:
+        """Return all that changes, as plain data."""
+        return {name: np.asarray(getattr(self, f"_{name}")).tolist() for name in _STATE}
+
+    def remember(self, memory: Mapping[str, Any]) -> None:
+        """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
+        for name in _STATE:
+            before = getattr(self, f"_{name}")
+            value = np.array(memory[name], dtype=float)
+            if value.shape != np.shape(before):
+                raise ValueError(f"'{name}' has another shape")
+            setattr(self, f"_{name}", value if np.ndim(before) else type(before)(value))

@@ -1,0 +1,68 @@
+"""When joints have settled: within their position window, and there for their window time."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Vector
+from .criteria import Criteria
+
+_ROUNDING = 1e-9
+"""Fraction by which errors, and s by which times, may differ from what they are compared with."""
+
+
+class Settling:
+    """Follows the position errors of all joints until each has settled.
+
+    A joint settles when its position error has entered the position window and has stayed within it for
+    the window time, as the target reached bit of CiA 402 (IEC 61800-7-201, objects 6067h and 6068h). Its
+    settling time is when it entered; it is known, and the joint `is_settled`, once the window time is over.
+    """
+
+    def __init__(self, criteria: Sequence[Criteria]) -> None:
+        self._windows = [(1.0 + _ROUNDING) * one.position_window for one in criteria]
+        self._times = [one.window_time for one in criteria]
+        self._entered = [np.nan] * len(criteria)
+        self._settled = [False] * len(criteria)
+
+    def is_settled(self, joint: int) -> bool:
+        """Whether a joint has settled."""
+        return self._settled[joint]
+
+    def entered(self, joint: int) -> float:
+        """Return the time in s at which a joint entered its window for the stay it is in; NaN outside."""
+        return self._entered[joint]
+
+    def settled_at(self, joint: int) -> float:
+        """Return the time in s from which a joint counts as settled; NaN while it does not."""
+        return self._entered[joint] + self._times[joint] if self._settled[joint] else np.nan
+
+    def write(self, time: Vector, errors: Vector) -> None:
+        """Take the next rows: times in s, and the absolute position error in m of each joint in a row."""
+        for joint, settled in enumerate(self._settled):
+            if not settled:
+                self._look(joint, time, errors[joint])
+
+    def _look(self, joint: int, time: Vector, error: Vector) -> None:
+        inside = error <= self._windows[joint]
+        outside = np.where(inside, -1, np.arange(len(time)))
+        last_outside = np.maximum.accumulate(outside)
+        entries = np.append(time, np.nan)[last_outside + 1]
+        before = self._entered[joint]
+        entries[last_outside < 0] = time[0] if np.isnan(before) else before
+        done = inside & (time - entries >= self._times[joint] - _ROUNDING)
+        if done.any():
+            self._settled[joint] = True
+            self._entered[joint] = float(entries[done.argmax()])
+        else:
+            self._entered[joint] = float(entries[-1]) if inside[-1] else np.nan
+
+    def memory(self) -> dict[str, Any]:
+        """Return all that changes, as plain data."""
+        return {"entered": self._entered, "settled": self._settled}
+
+    def remember(self, memory: Mapping[str, Any]) -> None:
+        """Go on from what `memory` gave."""
+        self._entered = [float(x) for x in memory["entered"]]
+        self._settled = [bool(x) for x in memory["settled"]]
