@@ -496,7 +496,7 @@ def test_the_actuator_of_a_scenario_file_converges_as_well_as_from_python(
     assert tmp_path / "my.toml" in chosen.options.files_read()
     result = run_scenario(chosen, tmp_path / "out")
     figures = result.metrics["joints"]["prototype"]
-    assert figures["converged"] and figures["left_limits"] is None
+    assert figures["held"] and figures["trip"] is None
     assert 0.0 < figures["position_error_m"] < 2e-5
     # 20 kN at 2 mm a turn of the motor with 0.8075, and what viscous friction adds
     assert figures["torque_effort_N_m"] == pytest.approx(20e3 * 2e-3 / (2 * math.pi) / 0.8075, rel=0.02)
@@ -535,7 +535,7 @@ def test_actuator_measured_load_and_measured_reference_run_with_one_command(
     )
     assert result.exit_code == 0, result.output
     figures = json.loads((tmp_path / "out/metrics.json").read_text(encoding="utf-8"))["joints"]["prototype"]
-    assert figures["converged"] and figures["left_limits"] is None
+    assert figures["held"] and figures["trip"] is None
     assert 0.0 < figures["position_error_m"] < 1e-4
     most = 12e3 * 2e-3 / (2 * math.pi) / 0.8075
     assert figures["torque_effort_N_m"] == pytest.approx(most, rel=0.1)

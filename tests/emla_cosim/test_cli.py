@@ -41,10 +41,12 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
     metrics = json.loads((folder / "metrics.json").read_text())
     assert set(metrics) == {"joints", "signals", "run"}
     assert set(metrics["joints"]["lift"]) == {
-        "converged", "left_limits",
-        "position_error_m", "velocity_error_m_s", "torque_effort_N_m", "torque_peak_N_m",
-        "convergence_time_s", "observer_position_error_m", "saturated_fraction",
-        "saturated_after_convergence",
+        "held", "reason", "trip", "limits_touched", "excursions", "oscillation",
+        "settling_time_s", "evaluated_from_s", "convergence_time_s",
+        "position_error_m", "following_error_m", "following_error_rms_m",
+        "standstill_error_m", "standstill_error_rms_m",
+        "velocity_error_m_s", "torque_effort_N_m", "torque_peak_N_m",
+        "observer_position_error_m", "saturated_fraction", "saturated_after_settling",
     }  # fmt: skip
     assert metrics["run"]["steps"] == 4000
     record = json.loads((folder / "run.json").read_text())
@@ -56,10 +58,10 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
     assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
 
 
-def test_a_run_too_short_to_converge_says_so(emla: Emla) -> None:
+def test_a_run_too_short_to_judge_says_so(emla: Emla) -> None:
     short = emla("run", "lift", "--stop-time", "0.3", "--no-plots").stdout
-    assert short.startswith("Too short to judge convergence: that takes more than 0.3 s.\n")
-    assert "converged   " not in short and "did not" not in short
+    assert short.startswith("Too short to judge: that takes more than 0.3 s.\n")
+    assert "held   " not in short and "not settled" not in short
     longer = emla("run", "lift", "--stop-time", "0.31", "--no-plots").stdout
     assert "Too short" not in longer and longer.startswith("lift, 0.31 s simulated")
 

@@ -64,7 +64,7 @@ def test_table_viii_is_beaten_with_observer_and_controller_at_1_khz(
     loads = {"prototype.disturbance.load.level[1]": 70e3}
     result = run_scenario(ec.load(name), tmp_path, fmus=fmu_folder, stop_time=8.0, set=loads)
     found = result.metrics["joints"]["prototype"]
-    assert found["converged"]
+    assert found["held"]
     keys = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
     assert all(0.0 < found[key] < printed for key, printed in zip(keys, TABLE_VIII[name], strict=True))
 

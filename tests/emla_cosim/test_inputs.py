@@ -92,7 +92,7 @@ def test_a_role_is_played_by_the_data_that_are_read(fmu_folder: Path) -> None:
     peak = result.metrics["joints"]["lift"]["convergence_time_s"]
     assert np.isnan(peak) or peak >= 0.0
     assert np.abs(x - x_d)[0] > 0.05  # far from it, unlike from the reference of the scenario
-    assert not result.metrics["joints"]["lift"]["converged"]
+    assert not result.metrics["joints"]["lift"]["held"]
 
 
 @pytest.mark.parametrize(

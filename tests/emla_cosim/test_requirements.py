@@ -37,7 +37,7 @@ def requiring(*texts: str) -> list[str]:
 
 
 def test_a_run_that_is_as_required_ends_with_0(emla: Emla) -> None:
-    wanted = ("lift.position_error_m < 2e-5", "lift.converged==true", "run.steps >= 4000", "run.wall_s > 0")
+    wanted = ("lift.position_error_m < 2e-5", "lift.held==true", "run.steps >= 4000", "run.wall_s > 0")
     result = emla(*RUN, *requiring(*wanted))
     assert result.exit_code == 0, result.output
     record = json.loads(Path("o/run.json").read_text())
@@ -45,12 +45,12 @@ def test_a_run_that_is_as_required_ends_with_0(emla: Emla) -> None:
 
 
 def test_a_run_that_is_not_as_required_names_all_that_fails_and_keeps_its_results(emla: Emla) -> None:
-    wanted = ("lift.position_error_m < 1e-9", "lift.torque_peak_N_m < 190", "lift.converged == false")
+    wanted = ("lift.position_error_m < 1e-9", "lift.torque_peak_N_m < 190", "lift.held == false")
     text = sentence(emla(*RUN, *requiring(*wanted)), 1)
     joint = json.loads(Path("o/metrics.json").read_text())["joints"]["lift"]
     assert text == (
         "Error: not as required: lift.position_error_m < 1e-09, but it is "
-        f"{joint['position_error_m']:.6g}; lift.converged == false, but it is true. "
+        f"{joint['position_error_m']:.6g}; lift.held == false, but it is true. "
         "What was computed is in o."
     )
     assert "torque_peak" not in text
@@ -67,7 +67,7 @@ def test_a_missing_figure_fails(emla: Emla) -> None:
     ("text", "said"),
     [
         ("", "must be FIGURE"),
-        ("lift.converged", "must be FIGURE"),
+        ("lift.held", "must be FIGURE"),
         ("lift.position_error_m <", "must be FIGURE"),
         ("< 3", "must be FIGURE"),
         ("lift.position_error_m = 3", "must be FIGURE"),
@@ -75,13 +75,16 @@ def test_a_missing_figure_fails(emla: Emla) -> None:
         ("lift.position_error_m < 20 µm", "must be FIGURE"),
         ("lift.position_error_m < nan", "must be FIGURE"),
         ("lift.position_error_m < 1e999", "must be FIGURE"),
-        ("lift.converged < true", "true and false take == or !="),
-        ("lift.converged == 1", "lift.converged is true or false"),
+        ("lift.held < true", "true and false take == or !="),
+        ("lift.held == 1", "lift.held is true or false"),
         ("lift.position_error_m != false", "lift.position_error_m is a number"),
         ("lift.position_eror_m < 1", "did you mean lift.position_error_m"),
         ("tilt.position_error_m < 1", "there is no figure 'tilt.position_error_m'"),
-        ("lift.left_limits == false", "there is no figure 'lift.left_limits'"),
-        ("lift." + "x" * 200 + " < 1", "there are lift.converged,"),
+        ("lift.trip == false", "there is no figure 'lift.trip'"),
+        ("lift.converged == true", "'converged' is called 'lift.held' now: docs/metrics.md."),
+        ("lift.left_limits == false", "'left_limits' is called 'lift.trip' now"),
+        ("lift.saturated_after_convergence < 1", "is called 'lift.saturated_after_settling' now"),
+        ("lift." + "x" * 200 + " < 1", "there are lift.held,"),
     ],
 )
 def test_what_can_be_no_requirement_is_told_before_the_run(emla: Emla, text: str, said: str) -> None:
@@ -101,19 +104,17 @@ def test_a_scenario_file_can_require_and_the_command_overrides(emla: Emla) -> No
 
 
 def test_in_python_a_run_raises_and_an_attempt_tells(lift: ec.Simulation) -> None:
-    with pytest.raises(
-        ec.RunError, match=r"^not as required: lift\.converged == false, but it is true\.$"
-    ) as e:
-        lift.run(require=["lift.converged == false"])
+    with pytest.raises(ec.RunError, match=r"^not as required: lift\.held == false, but it is true\.$") as e:
+        lift.run(require=["lift.held == false"])
     result = e.value.fields["result"]
-    assert result.metrics["joints"]["lift"]["converged"] is True and len(result.time) == 401
+    assert result.metrics["joints"]["lift"]["held"] is True and len(result.time) == 401
     assert lift.attempt(require=["run.steps != 4000"]).problem == (
         "not as required: run.steps != 4000, but it is 4000."
     )
     assert lift.attempt(require=["run.steps == 4000"]).problem is None
-    lift.start(require=["lift.converged == true"])
+    lift.start(require=["lift.held == true"])
     lift.advance(0.1)
-    with pytest.raises(ec.RunError, match=r"lift\.converged == true, but it is false"):
+    with pytest.raises(ec.RunError, match=r"lift\.held == true, but it is false"):
         lift.finish()
     with pytest.raises(CommandError, match="there is no figure"):
         lift.run(require=["lift.speed < 1"])
@@ -135,9 +136,7 @@ def test_an_interrupted_run_is_not_as_required(lift: ec.Simulation) -> None:
 
 def test_a_failure_is_told_rather_than_what_it_leaves_open(emla: Emla) -> None:
     """As printed, steps of 0.1 ms end in overflow."""
-    result = emla(
-        "run", "published", "--step-size", "1e-4", "--no-plots", *requiring("tilt.converged == true")
-    )
+    result = emla("run", "published", "--step-size", "1e-4", "--no-plots", *requiring("tilt.held == true"))
     assert "the run ended at t = " in sentence(result, 1)
 
 

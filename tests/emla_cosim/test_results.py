@@ -12,18 +12,7 @@ from emla_cosim.loading import load
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.recorders.csv_file import CsvFile, read_csv
 from emla_cosim.recorders.recorder import BLOCK_ROWS, BLOCK_SIZE, Outline, Recorder, RecordingError, RowBuffer
-from emla_cosim.study.metrics import JointMetrics
 from tests.support.scenario_runs import run_scenario
-
-NAMES = [
-    "j.plant.x_L",
-    "j.plant.v_L",
-    "j.plant.tau_m",
-    "j.reference.x_d",
-    "j.reference.v_d",
-    "j.observer.x_hat",
-]
-NAMES += ["j.controller.saturated"]
 
 
 def outline(names: list[str], every: int = 1) -> Outline:
@@ -103,67 +92,6 @@ def test_rows_wait_in_so_much_memory_however_wide_they_are(width: int) -> None:
     rows = RowBuffer(width, []).room(2 * BLOCK_ROWS)
     assert len(rows) == 1 or rows.nbytes <= BLOCK_SIZE
     assert len(rows) == BLOCK_ROWS or rows.nbytes + 8 * width > BLOCK_SIZE
-
-
-def metrics_by_definition(rows: np.ndarray) -> dict[str, float]:
-    """The definitions, applied to the whole run at once."""
-    t, x_L, v_L, tau, x_d, v_d, x_hat, saturated = rows.T
-    error = np.abs(x_L - x_d)
-    outside = t[error > 0.05 * error[0]] if error[0] > 1e-6 else np.array([])
-    convergence = outside[-1] - t[0] if len(outside) else 0.0
-    within = error[-1] <= max(0.05 * error[0], 1e-6)
-    counted = t >= t[0] + max(convergence, 0.3)
-    largest = {
-        "position_error_m": error,
-        "velocity_error_m_s": np.abs(v_L - v_d),
-        "torque_effort_N_m": np.abs(tau),
-        "observer_position_error_m": np.abs(x_L - x_hat),
-    }
-    return {
-        "converged": bool(within and t[-1] - t[0] > 0.3),
-        **{name: float(x[counted].max()) if counted.any() else np.nan for name, x in largest.items()},
-        "torque_peak_N_m": float(np.abs(tau).max()),
-        "convergence_time_s": float(convergence) if within else np.nan,
-        "saturated_fraction": float(np.mean(saturated > 0)),
-        "saturated_after_convergence": float(np.mean(saturated[counted] > 0)) if counted.any() else np.nan,
-    }
-
-
-@given(
-    seed=st.integers(0, 10_000),
-    offset=st.sampled_from([0.0, 1e-7, 0.01, -0.3]),
-    decay=st.floats(0.5, 30.0),
-    count=st.integers(2, 120),
-    sizes=st.lists(st.integers(1, 40), min_size=1, max_size=4),
-)
-def test_metrics_are_those_of_the_definition_however_rows_come(
-    seed: int, offset: float, decay: float, count: int, sizes: list[int]
-) -> None:
-    random = np.random.default_rng(seed)
-    t = np.arange(count) * 0.01
-    rows = np.column_stack([t, random.normal(size=(count, 7)) * 1e-3])
-    rows[:, 1] = rows[:, 4] + offset * np.exp(-decay * t) + rows[:, 1] * abs(offset)
-    rows[0, 1] = rows[0, 4] + offset
-    rows[:, 7] = random.integers(0, 2, size=count)
-    metrics = JointMetrics([*NAMES, "elsewhere.plant.x_L"])
-    for block in in_blocks(np.column_stack([rows, t]), sizes):
-        metrics.write(block)
-    (found,) = (dict(figures) for figures in metrics.figures().values())
-    assert found.pop("left_limits") is None  # nobody gave any
-    expected = metrics_by_definition(rows)
-    assert found == pytest.approx(expected, rel=1e-12, abs=1e-15, nan_ok=True)
-
-
-def test_metrics_of_a_known_decay() -> None:
-    """An error of exp(-10 t) mm leaves its 5 % band for the last time just before ln(20)/10 s."""
-    t = np.linspace(0.0, 1.0, 10_001)
-    error = 1e-3 * np.exp(-10 * t)
-    rows = np.column_stack([t, error, np.zeros((len(t), 6))])
-    metrics = JointMetrics(NAMES)
-    metrics.write(rows)
-    found = metrics.figures()["j"]
-    assert found["convergence_time_s"] == pytest.approx(np.log(20) / 10, abs=1e-4)
-    assert found["position_error_m"] == pytest.approx(1e-3 * np.exp(-3.0), rel=1e-3)
 
 
 def test_what_does_not_exist_is_null_in_json(fmu_folder: Path, tmp_path: Path) -> None:

@@ -18,20 +18,21 @@ def _criterion(default: float, unit: str, meaning: str) -> Any:
 class Criteria:
     """The criteria of one joint.
 
-    A position window with a window time, and a following-error limit, are what CiA 402 (IEC 61800-7-201,
-    objects 6067h, 6068h and 6065h) calls so. Thresholds of trips say how far beyond a limit of the plant
-    a value may go: a fraction of the limit for speed, current and temperature, a distance for the stroke.
+    A position window and a window time are what CiA 402 (IEC 61800-7-201, objects 6067h and 6068h) calls
+    so. Thresholds of trips say how far beyond a limit of the plant a value may go: a fraction of the limit
+    for speed, current and temperature, a distance for the stroke.
     """
 
-    position_window: float = _criterion(1e-3, "m", "A joint has settled within this position error")
-    window_time: float = _criterion(0.1, "s", "and has to stay within it for this time")
-    following_error_limit: float = _criterion(5e-3, "m", "Once settled, a larger position error is a trip")
-    over_speed: float = _criterion(0.05, "", "Fraction beyond the largest speed that is a trip")
-    over_current: float = _criterion(0.1, "", "Fraction beyond the largest current that is a trip")
-    over_temperature: float = _criterion(0.05, "", "Fraction beyond the permitted rise that is a trip")
+    position_window: float = _criterion(
+        1e-3, "m", "Position error within which a joint has settled, and is to stay"
+    )
+    window_time: float = _criterion(0.1, "s", "How long it has to be within it to have settled")
+    over_speed: float = _criterion(0.05, "1", "Fraction beyond the largest speed that is a trip")
+    over_current: float = _criterion(0.1, "1", "Fraction beyond the largest current that is a trip")
+    over_temperature: float = _criterion(0.05, "1", "Fraction beyond the permitted rise that is a trip")
     over_travel: float = _criterion(1e-3, "m", "Distance beyond the stroke that is a trip")
     torque_ripple: float = _criterion(
-        0.125, "", "Fraction of the torque limit that oscillation may take, rms"
+        0.125, "1", "Fraction of the torque limit that oscillation may take, rms"
     )
 
 
@@ -68,7 +69,7 @@ def _value(place: str, value: float | str, unit: str) -> float:
     label = f"the criterion '{place}'"
     number = value
     if isinstance(value, str):
-        number = quantity(value, label).in_unit(unit_named(unit, label) if unit else None, label)
+        number = quantity(value, label).in_unit(unit_named(unit, label), label)
     number = float(number)
     if not 0.0 < number < float("inf"):
         raise CommandError(f"{label} is {value}; it must be a positive number.", criterion=place)

@@ -55,10 +55,9 @@ class Trip:
     def sentence(self, joint: str) -> str:
         """Say when the joint tripped, and why."""
         value, threshold = _told_apart(self.value, self.threshold)
-        limit = "" if self.limit == self.threshold else f" (limit {self.limit:.6g} {self.unit})"
         return (
             f"{joint} tripped on its {self.what} at t = {self.time_s:.6g} s: {self.signal} = "
-            f"{value} {self.unit}, beyond {threshold} {self.unit}{limit}."
+            f"{value} {self.unit}, beyond {threshold} {self.unit} (limit {self.limit:.6g} {self.unit})."
         )
 
 
@@ -124,9 +123,9 @@ class LimitWatch:
         """The limits that a joint touched, in the order of `RANGES`."""
         return list(self._touches[joint].values())
 
-    def write(self, rows: Vector, others: Mapping[str, tuple[int, Trip]]) -> None:
-        """Take the next rows (time first), and by joint the row and the trip of another kind, if any."""
-        trips = {joint: (row, -1, trip) for joint, (row, trip) in others.items() if joint not in self._trips}
+    def write(self, rows: Vector) -> None:
+        """Take the next rows (time first)."""
+        trips = dict[str, tuple[int, Trip]]()
         values = rows[:, self._columns]
         beyond = ~((self._minima <= values) & (values <= self._maxima))  # NaN is beyond
         places = [int(place) for place in np.flatnonzero(beyond.any(axis=0))]
@@ -135,12 +134,12 @@ class LimitWatch:
             tripping = np.flatnonzero(~((watched.lowest <= column) & (column <= watched.highest)))
             if len(tripping) and (row := int(tripping[0])) < trips.get(watched.joint, (len(rows),))[0]:
                 trip = Trip(*_found(watched, float(rows[row, 0]), float(column[row])))
-                trips[watched.joint] = (row, place, trip)
+                trips[watched.joint] = (row, trip)
         for place in places:
             watched = self._watched[place]
             end = trips.get(watched.joint, (len(rows),))[0]
             self._look(watched, rows[:end, 0], values[:end, place], beyond[:end, place])
-        for joint, (_, _, trip) in trips.items():
+        for joint, (_, trip) in trips.items():
             self._trips[joint] = trip
         if trips:
             self._prepare()

@@ -14,7 +14,7 @@ from ..arrays import Mask, Vector
 from ..recorders.metrics import Figures, Metrics, Shown
 from ..recorders.recorder import Outline
 from .criteria import criteria_of
-from .limits import LimitWatch, Trip
+from .limits import LimitWatch
 from .oscillation import OscillationWatch
 from .roles import INERTIA, Named, all_joints, check_roles, given_joints, variable
 from .settling import Settling
@@ -34,7 +34,7 @@ STARTS_CONVERGED = 1e-6
 class JointFigures:
     """One joint's part of metrics.json; docs/metrics.md defines each figure.
 
-    `held` is the verdict: finite, settled, not tripped, quiet; `reason` says why not. `trip`,
+    `held` is the verdict: finite, settled and still so, not tripped, quiet; `reason` says why not. `trip`,
     `limits_touched`, `excursions` and `oscillation` are what was found of these, or None. NaN stands for a
     figure that does not exist.
     """
@@ -136,7 +136,6 @@ class JointMetrics(Metrics):
         self._joints = list(signals)
         self._criteria = criteria_of(self._joints, criteria or {})
         each = [self._criteria[joint] for joint in self._joints]
-        self._errors = [f"{of['x_L']} - {of['x_d']}" for of in signals.values()]
         # what a joint does not have is read from a column of NaN beside the rows
         self._columns = np.array(
             [[column.get(of[role] or "", -1) for of in signals.values()] for role in _ROLES], dtype=int
@@ -195,10 +194,9 @@ class JointMetrics(Metrics):
         if not self._rows:
             self._first, self._last_outside = distance[:, 0].copy(), np.full(len(x), self._start)
         self._settling.write(time, distance)
-        trips: dict[str, tuple[int, Trip]] = {}
         for joint in range(len(self._joints)):
-            self._evaluate(joint, time, steps, values[:, joint], moving[joint], limited[joint], trips)
-        self._limits.write(rows, trips)
+            self._evaluate(joint, time, steps, values[:, joint], moving[joint], limited[joint])
+        self._limits.write(rows)
         since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
         self._oscillation.write(time, torque, speed_error, error, since)
         self._converge(time, distance)
@@ -229,9 +227,8 @@ class JointMetrics(Metrics):
         values: Vector,
         moving: Mask,
         limited: Mask,
-        trips: dict[str, tuple[int, Trip]],
     ) -> None:
-        """Count what a joint does from when it is evaluated on, and see whether it trips on its error.
+        """Count what a joint does from when it is evaluated on.
 
         Before a joint has settled it counts from 0.3 s on, and anew once it has.
         """
@@ -246,12 +243,6 @@ class JointMetrics(Metrics):
             return
         part = slice(first, None)
         self._tracking.write(joint, time[part], steps[part], values[:, part], moving[part], limited[part])
-        limit = self._criteria[self._joints[joint]].following_error_limit
-        if not math.isnan(settled) and (far := values[0, part] > limit).any():
-            row = first + int(far.argmax())
-            value = float(values[0, row])
-            trip = Trip(self._errors[joint], float(time[row]), value, limit, limit, "m", "following error")
-            trips[self._joints[joint]] = (row, trip)
 
     def _converge(self, time: Vector, distance: Vector) -> None:
         """Follow the paper's convergence time."""
@@ -281,16 +272,12 @@ class JointMetrics(Metrics):
             getattr(self, f"_{name}").remember(memory[name])
 
     def remarks(self) -> Sequence[str]:
-        """Return which joints are not held and why, and what else a person should know of them."""
+        """Return which joints are not held and why, which limits they touched, and if it is early to tell."""
         found = list[str]()
         for number, joint in enumerate(self._joints):
-            reasons = self._reasons(number)
-            found += reasons
-            if reasons and self._limits.trip(joint) is not None:
-                continue
-            found += [touch.sentence(joint) for touch in self._limits.touches(joint)]
-            if (excursion := self._excursion(number)) is not None:
-                found.append(excursion)
+            found += self._reasons(number)
+            if self._limits.trip(joint) is None:
+                found += [touch.sentence(joint) for touch in self._limits.touches(joint)]
         if self._is_short:
             found.append(f"{TOO_SHORT[:1].upper()}{TOO_SHORT[1:]}.")
         return found
@@ -298,34 +285,29 @@ class JointMetrics(Metrics):
     def _reasons(self, number: int) -> list[str]:
         """Sentences on why a joint is not held, but for that it is too early to tell."""
         joint = self._joints[number]
+        window = _length(self._criteria[joint].position_window)
         found = list[str]()
         if not math.isnan(at := self._not_finite[number]):
             found.append(f"{joint} has no finite position error from t = {at:.6g} s on.")
         if (trip := self._limits.trip(joint)) is not None:
             found.append(trip.sentence(joint))
         if not self._is_short and not self._settling.is_settled(number):
-            window = _length(self._criteria[joint].position_window)
             found.append(
                 f"{joint} has not settled: its position error was {_length(self._first[number])} at the "
                 f"start and is {_length(self._final[number])} at the end; its window is {window}."
+            )
+        if (left := self._excursions(number)) is not None:
+            times = "once" if left["count"] == 1 else f"{left['count']} times"
+            found.append(
+                f"{joint} left its position window of {window} {times} after it had settled; its position "
+                f"error was largest at t = {left['time_s']:.6g} s, {_length(left['largest_m'])}."
             )
         if (oscillation := self._oscillation.oscillation(number)) is not None:
             found.append(oscillation.sentence(joint))
         return found
 
-    def _excursion(self, number: int) -> str | None:
-        found = self._excursions(number)
-        if found is None:
-            return None
-        joint = self._joints[number]
-        times = "once" if found["count"] == 1 else f"{found['count']} times"
-        window = self._criteria[joint].position_window
-        return (
-            f"{joint} left its position window of {_length(window)} {times} after it had settled, by most at "
-            f"t = {found['time_s']:.6g} s, with a position error of {_length(found['largest_m'])}."
-        )
-
     def _excursions(self, number: int) -> dict[str, Any] | None:
+        """How often a joint left its window since it is evaluated, and when it was farthest away."""
         count, time = self._tracking.excursions[:, number]
         if not count or not self._settling.is_settled(number):
             return None
