@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import Mask, Vector
+from ..arrays import Vector
 from .criteria import Criteria
 from .roles import Named, variable
 
@@ -113,7 +113,13 @@ class LimitWatch:
         ]
         self._trips: dict[str, Trip] = {}
         self._touches: dict[str, dict[str, Touch]] = {joint: {} for joint in criteria}
-        self._prepare()
+        self._minima = np.array([w.minimum for w in self._watched])
+        self._maxima = np.array([w.maximum for w in self._watched])
+
+    @property
+    def columns(self) -> list[int]:
+        """The columns of the signals that are looked at."""
+        return [watched.column for watched in self._watched]
 
     def trip(self, joint: str) -> Trip | None:
         """Where a joint tripped first; None while it did not."""
@@ -123,29 +129,31 @@ class LimitWatch:
         """The limits that a joint touched, in the order of `RANGES`."""
         return list(self._touches[joint].values())
 
-    def write(self, rows: Vector) -> None:
-        """Take the next rows (time first)."""
+    def write(self, time: Vector, values: Vector) -> None:
+        """Take the next rows: times in s, and the signals of `columns`, shape (signals, rows)."""
+        highest, lowest = values.max(axis=1), values.min(axis=1)
+        places = np.flatnonzero(~((self._minima <= lowest) & (highest <= self._maxima)))  # NaN is beyond
+        if not len(places):
+            return
         trips = dict[str, tuple[int, Trip]]()
-        values = rows[:, self._columns]
-        beyond = ~((self._minima <= values) & (values <= self._maxima))  # NaN is beyond
-        places = [int(place) for place in np.flatnonzero(beyond.any(axis=0))]
-        for place in places:
-            watched, column = self._watched[place], values[:, place]
-            tripping = np.flatnonzero(~((watched.lowest <= column) & (column <= watched.highest)))
-            if len(tripping) and (row := int(tripping[0])) < trips.get(watched.joint, (len(rows),))[0]:
-                trip = Trip(*_found(watched, float(rows[row, 0]), float(column[row])))
-                trips[watched.joint] = (row, trip)
-        for place in places:
+        for place in places.tolist():
+            watched, of = self._watched[place], values[place]
+            tripping = np.flatnonzero(~((watched.lowest <= of) & (of <= watched.highest)))
+            if watched.joint in self._trips or not len(tripping):
+                continue
+            if (row := int(tripping[0])) < trips.get(watched.joint, (len(time),))[0]:
+                trips[watched.joint] = row, Trip(*_found(watched, float(time[row]), float(of[row])))
+        for place in places.tolist():
             watched = self._watched[place]
-            end = trips.get(watched.joint, (len(rows),))[0]
-            self._look(watched, rows[:end, 0], values[:end, place], beyond[:end, place])
+            if watched.joint not in self._trips:
+                end = trips.get(watched.joint, (len(time),))[0]
+                self._look(watched, time[:end], values[place, :end])
         for joint, (_, trip) in trips.items():
             self._trips[joint] = trip
-        if trips:
-            self._prepare()
 
-    def _look(self, watched: _Watched, time: Vector, values: Vector, beyond: Mask) -> None:
+    def _look(self, watched: _Watched, time: Vector, values: Vector) -> None:
         """Remember the first time beyond a limit, and the largest value there."""
+        beyond = (values < watched.minimum) | (watched.maximum < values)
         if not beyond.any():
             return
         excess = np.maximum(values - watched.maximum, watched.minimum - values)
@@ -173,14 +181,6 @@ class LimitWatch:
             joint: {t["signal"]: _read(Touch, t, known) for t in memory["touches"][joint]}
             for joint in self._touches
         }
-        self._prepare()
-
-    def _prepare(self) -> None:
-        """Leave out the joints that have tripped: only the first time counts."""
-        self._watched = [w for w in self._watched if w.joint not in self._trips]
-        self._columns = np.array([w.column for w in self._watched], dtype=int)
-        self._minima = np.array([w.minimum for w in self._watched])
-        self._maxima = np.array([w.maximum for w in self._watched])
 
 
 def _watched(

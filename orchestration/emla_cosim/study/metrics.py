@@ -143,6 +143,7 @@ class JointMetrics(Metrics):
         self._missing = self._columns < 0
         self._has_speed = ~(self._missing[_ROLES.index("v_d")])
         self._limits = LimitWatch(self._criteria, column, known, given)
+        self._columns = np.array([*self._columns.ravel(), *self._limits.columns], dtype=int)
         self._settling = Settling(each)
         self._tracking = Tracking(np.array([one.position_window for one in each]))
         self._oscillation = OscillationWatch(
@@ -177,34 +178,36 @@ class JointMetrics(Metrics):
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
-        time = rows[:, 0]
-        gathered = np.ascontiguousarray(rows.T[self._columns])
-        gathered[self._missing] = np.nan
-        x, x_d, v, torque, v_d, x_hat, control, inverter = gathered
+        time = rows[:, 0].copy()
+        gathered = rows.T[self._columns]
+        signals = gathered[: len(_ROLES) * len(self._joints)].reshape(len(_ROLES), len(self._joints), -1)
+        signals[self._missing] = np.nan
+        x, x_d, v, torque, v_d, x_hat, control, inverter = signals
+        steps = np.empty(len(time))
         if not self._rows:
-            self._start = float(time[0])
-        steps = np.diff(time, prepend=self._last if self._rows else time[0])
+            self._start = self._last = float(time[0])
+        steps[0] = time[0] - self._last
+        np.subtract(time[1:], time[:-1], out=steps[1:])
         with np.errstate(invalid="ignore", over="ignore"):
-            error = x - x_d
-            distance = np.abs(error)
-            speed_error, torques = v - v_d, np.abs(torque)
-            values = np.stack([distance, np.abs(speed_error), torques, np.abs(x - x_hat)])
+            error, speed_error = x - x_d, v - v_d
+            distance, torques = np.abs(error), np.abs(torque)
+            values = (distance, np.abs(speed_error), torques, np.abs(x - x_hat))
             limited = (control > 0.0) | (inverter > 0.0)
             moving = self._moving(x_d, v_d, steps)
         if not self._rows:
             self._first, self._last_outside = distance[:, 0].copy(), np.full(len(x), self._start)
         self._settling.write(time, distance)
-        for joint in range(len(self._joints)):
-            self._evaluate(joint, time, steps, values[:, joint], moving[joint], limited[joint])
-        self._limits.write(rows)
+        self._evaluate(time, steps, values, moving, limited)
+        if len(gathered) > signals.shape[0] * signals.shape[1]:
+            self._limits.write(time, gathered[signals.shape[0] * signals.shape[1] :])
         since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
-        self._oscillation.write(time, torque, speed_error, error, since)
+        self._oscillation.write(time, steps, torque, speed_error, error, since)
         self._converge(time, distance)
         if not np.isfinite(distance).all():
             for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(distance).all(axis=1)):
                 self._not_finite[joint] = float(time[(~np.isfinite(distance[joint])).argmax()])
         self._peak = np.fmax(self._peak, torques.max(axis=1))
-        self._limited += limited.sum(axis=1)
+        self._limited += np.count_nonzero(limited, axis=1)
         self._rows += len(rows)
         self._last, self._final = float(time[-1]), distance[:, -1].copy()
         self.shown = _SHOWN if self._is_short else (_HELD, *_SHOWN)
@@ -220,29 +223,28 @@ class JointMetrics(Metrics):
         )
 
     def _evaluate(
-        self,
-        joint: int,
-        time: Vector,
-        steps: Vector,
-        values: Vector,
-        moving: Mask,
-        limited: Mask,
+        self, time: Vector, steps: Vector, values: Sequence[Vector], moving: Mask, limited: Mask
     ) -> None:
-        """Count what a joint does from when it is evaluated on.
+        """Count what each joint does from when it is evaluated on.
 
         Before a joint has settled it counts from 0.3 s on, and anew once it has.
         """
         earliest = self._start + EVALUATED_AFTER
-        settled = self._settling.settled_at(joint)
-        since = earliest if math.isnan(settled) else max(earliest, settled)
-        first = int(np.searchsorted(time, since - 1e-9))
-        if math.isnan(self._evaluated_from[joint]) and not math.isnan(settled):
-            self._evaluated_from[joint] = since
-            self._tracking.restart(joint)
-        if first == len(time):
-            return
-        part = slice(first, None)
-        self._tracking.write(joint, time[part], steps[part], values[:, part], moving[part], limited[part])
+        begins = list[int]()
+        for joint in range(len(self._joints)):
+            settled = self._settling.settled_at(joint)
+            since = earliest if math.isnan(settled) else max(earliest, settled)
+            begins.append(int(np.searchsorted(time, since - 1e-9)))
+            if math.isnan(self._evaluated_from[joint]) and not math.isnan(settled):
+                self._evaluated_from[joint] = since
+                self._tracking.restart(joint)
+        alike = len(set(begins)) == 1
+        for first in range(0, len(begins), len(begins) if alike else 1):
+            joints, begin = slice(first, None if alike else first + 1), begins[first]
+            if begin < len(time):
+                part = tuple(value[joints, begin:] for value in values)
+                of = moving[joints, begin:], limited[joints, begin:]
+                self._tracking.write(joints, time[begin:], steps[begin:], part, *of)
 
     def _converge(self, time: Vector, distance: Vector) -> None:
         """Follow the paper's convergence time."""

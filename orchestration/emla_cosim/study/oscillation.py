@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Mask, Vector
 
 WINDOW = 0.1
 """Length in s of the windows that are looked at; the slowest oscillation that is found has 10 Hz."""
@@ -31,7 +31,6 @@ _IN_PHASE = 0.9
 _STREAK = ("windows", "begin", "crossings", "torque^2", "ripple^2", "torque swing", "position swing")
 _STATE = (
     "start",
-    "last_time",
     "window",
     "last",
     "largest",
@@ -42,7 +41,9 @@ _STATE = (
     "highest",
     "lowest",
 )
-_SUMS = ("rows", "x", "xx", "a", "aa", "xa", "tau", "tau tau", "x tau", "a tau", "crossings")
+_SUMS = ("rows", "x", "a", "tau", "x x", "x a", "x tau", "a a", "a tau", "tau tau", "crossings")
+_UPPER = np.triu_indices(4)
+"""Where the first ten of these are in the products of 1, x, a and tau."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class OscillationWatch:
     def __init__(self, inertias: Sequence[float], limits: Sequence[float], ripples: Sequence[float]) -> None:
         joints = len(inertias)
         self._inertias, self._limits, self._ripples = map(np.array, (inertias, limits, ripples))
-        self._start = self._last_time = np.nan
+        self._start = np.nan
         self._window = 0
         self._last = np.full((2, joints), np.nan)
         """Speed error in m/s, and acceleration in m/s^2, of the last row."""
@@ -119,63 +120,75 @@ class OscillationWatch:
             position_swing_m=position,
         )
 
-    def write(self, time: Vector, torque: Vector, speed_error: Vector, error: Vector, since: Vector) -> None:
+    def write(
+        self, time: Vector, steps: Vector, torque: Vector, speed_error: Vector, error: Vector, since: Vector
+    ) -> None:
         """Take the next rows.
 
         Args:
             time: Times in s, shape (rows,).
+            steps: Time in s since the row before, shape (rows,).
             torque: Motor torque in N m, shape (joints, rows), as the next two.
             speed_error: v_L - v_d in m/s.
             error: x_L - x_d in m.
             since: Time in s from which on each joint is evaluated, infinite while that is not known.
         """
-        is_first = math.isnan(self._start)
-        if is_first:
-            self._start = float(time[0])
+        first = 0
+        if math.isnan(self._start):
+            self._start, first = float(time[0]), 1  # the first row of a run has no acceleration
+        joints, rows = torque.shape
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            changes = np.diff(speed_error, prepend=self._last[0][:, np.newaxis], axis=1)
-            acceleration = changes / np.diff(time, prepend=self._last_time)
-            was_positive = np.column_stack([self._last[1], acceleration[:, :-1]]) > 0.0
-            crossings = (acceleration > 0.0) != was_positive
-            # window k has what is beyond its first instant, its last one included
-            windows = np.ceil((time - self._start) / WINDOW - 1e-6).astype(int) - 1
-            rows = (acceleration, torque, error, crossings)
-            ends = np.flatnonzero(np.diff(windows)) + 1
-            for first, end in zip([0, *ends], [*ends, len(time)], strict=True):
-                if first == 0 and is_first:
-                    continue  # the first row of a run has no acceleration; it has window -1 alone
-                if windows[first] != self._window:
+            products = np.empty((joints, 4, rows))
+            products[:, 0], products[:, 1], products[:, 3] = 1.0, time, torque
+            acceleration = products[:, 2]
+            acceleration[:, 0] = speed_error[:, 0] - self._last[0]
+            np.subtract(speed_error[:, 1:], speed_error[:, :-1], out=acceleration[:, 1:])
+            acceleration /= steps
+            positive = np.empty((joints, rows + 1), dtype=bool)
+            positive[:, 0] = self._last[1] > 0.0
+            np.greater(acceleration, 0.0, out=positive[:, 1:])
+            crossings = positive[:, 1:] != positive[:, :-1]
+            while first < rows:
+                # window k has what is beyond its first instant, its last one included
+                end = int(np.searchsorted(time, self._begin + WINDOW * (1.0 + 1e-6), side="right"))
+                if end > first:
+                    part = slice(first, end)
+                    products[:, 1, part] -= self._begin
+                    self._add(products[:, :, part], crossings[:, part], error[:, part])
+                    first = end
+                if end < rows:
                     self._judge(since)
-                    self._window = int(windows[first])
-                x = time[first:end] - (self._start + WINDOW * self._window)
-                self._add(x, *(row[:, first:end] for row in rows))
-        self._last_time = float(time[-1])
+                    self._window = max(
+                        self._window + 1,
+                        math.ceil((float(time[end]) - self._start) / WINDOW - 1e-6) - 1,
+                    )
         self._last = np.stack([speed_error[:, -1], acceleration[:, -1]])
 
-    def _add(self, x: Vector, a: Vector, tau: Vector, error: Vector, crossings: Vector) -> None:
-        """Add rows to the present window, at times x in s from its beginning."""
-        joints = len(a)
-        self._sums += np.stack(
-            [
-                np.full(joints, float(len(x))),
-                np.full(joints, x.sum()),
-                np.full(joints, x @ x),
-                a.sum(axis=1),
-                np.einsum("ij,ij->i", a, a),
-                a @ x,
-                tau.sum(axis=1),
-                np.einsum("ij,ij->i", tau, tau),
-                tau @ x,
-                np.einsum("ij,ij->i", a, tau),
-                crossings.sum(axis=1),
-            ]
-        )
-        self._highest = np.maximum(self._highest, [tau.max(axis=1), error.max(axis=1)])
-        self._lowest = np.minimum(self._lowest, [tau.min(axis=1), error.min(axis=1)])
+    @property
+    def _begin(self) -> float:
+        """When the present window begins, in s."""
+        return self._start + WINDOW * self._window
+
+    def _add(self, products: Vector, crossings: Mask, error: Vector) -> None:
+        """Add rows to the present window: 1, time from its beginning, acceleration and torque by joint."""
+        self._sums[:10] += (products @ products.transpose(0, 2, 1))[:, *_UPPER].T
+        self._sums[10] += np.count_nonzero(crossings, axis=1)
+        torque = products[:, 3]
+        self._highest = np.maximum(self._highest, [torque.max(axis=1), error.max(axis=1)])
+        self._lowest = np.minimum(self._lowest, [torque.min(axis=1), error.min(axis=1)])
 
     def _judge(self, since: Vector) -> None:
         """Judge the present window, which is complete, and begin the next one."""
-        rows, x, xx, a, aa, xa, tau, tau_tau, x_tau, a_tau, crossings = self._sums
+        rows, x, a, tau, xx, xa, x_tau, aa, a_tau, tau_tau, crossings = self._sums
+        self._largest = np.fmax(self._largest, np.maximum(self._highest[0], -self._lowest[0]))
+        limit = np.where(np.isnan(self._limits), self._largest, self._limits)
+        judged = (rows >= _FEWEST) & (self._begin >= since - 1e-9)
+        self._judged += judged
+        swings = self._highest - self._lowest
+        if not (judged & (swings[0] > self._ripples * limit)).any():  # no rms is larger than the swing
+            self._streaks[:] = 0.0
+            self._clear()
+            return
         n = np.maximum(rows, 1.0)
         # all without their straight lines: what is slower than the window is no oscillation
         spread = np.maximum(xx / n - (x / n) ** 2, 1e-30)
@@ -190,19 +203,13 @@ class OscillationWatch:
             self._inertias * rms_a,
         )
         shaking = np.minimum(in_phase, taken)
-        self._largest = np.fmax(self._largest, np.maximum(self._highest[0], -self._lowest[0]))
-        limit = np.where(np.isnan(self._limits), self._largest, self._limits)
         ripple = np.where(limit > 0.0, shaking / limit, 0.0)
-        begin = self._start + WINDOW * self._window
-        judged = (rows >= _FEWEST) & (begin >= since - 1e-9)
         loud = judged & (ripple > self._ripples)
         ones = np.ones(len(n))
         added = np.stack([ones, 0.0 * ones, crossings, shaking**2, ripple**2])
-        swings = self._highest - self._lowest
         grown = np.concatenate([self._streaks[:5] + added, np.maximum(self._streaks[5:], swings)])
-        grown[1] = np.where(self._streaks[0] > 0.0, self._streaks[1], begin)
+        grown[1] = np.where(self._streaks[0] > 0.0, self._streaks[1], self._begin)
         self._streaks = np.where(loud, grown, 0.0)
-        self._judged += judged
         mean, worst = (s[4] / np.maximum(s[0], 1.0) for s in (self._streaks, self._worst))
         is_worst = (self._streaks[0] >= SUSTAINED) & (
             (mean > worst) | (self._streaks[1] == self._worst[1])  # or the same one, which goes on

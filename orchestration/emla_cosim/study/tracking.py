@@ -1,6 +1,6 @@
 """How far joints are from their references once they are evaluated: maxima, means, excursions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,37 +48,53 @@ class Tracking:
         return float(moving), float(resting)
 
     def write(
-        self, joint: int, time: Vector, steps: Vector, values: Vector, moving: Mask, limited: Mask
+        self,
+        joints: slice,
+        time: Vector,
+        steps: Vector,
+        values: Sequence[Vector],
+        moving: Mask,
+        limited: Mask,
     ) -> None:
-        """Take the next rows of a joint that is evaluated.
+        """Take the next rows of joints that are evaluated.
 
         Args:
-            joint: Its number.
-            time: Times in s, shape (rows,), as the last three.
-            steps: Time in s since the row before.
+            joints: Which joints.
+            time: Times in s, shape (rows,).
+            steps: Time in s since the row before, shape (rows,).
             values: Absolute position error in m, speed error in m/s, torque in N m and observer's position
-                error in m, shape (4, rows).
+                error in m, each of shape (joints, rows), as the last two.
             moving: Whether the reference moves.
             limited: Whether the controller or the inverter is at a limit.
         """
         error = values[0]
-        self.largest[:4, joint] = np.fmax(self.largest[:4, joint], values.max(axis=1))
-        squares = error * error * steps
+        highest = [value.max(axis=1) for value in values]
+        self.largest[:4, joints] = np.fmax(self.largest[:4, joints], highest)
+        squares = error * error
         for place, chosen in enumerate((moving, ~moving)):
-            if chosen.any():
-                row = FOLLOWING + place
-                self.largest[row, joint] = np.fmax(self.largest[row, joint], error[chosen].max())
-                self._squares[place, joint] += squares[chosen].sum()
-                self._durations[place, joint] += steps[chosen].sum()
-        self.counts[:, joint] += [len(time), np.count_nonzero(limited)]
-        outside = error > self._windows[joint]
-        if outside.any():
-            entered = outside & ~np.concatenate([[self._was_outside[joint] > 0.0], outside[:-1]])
-            self.excursions[0, joint] += np.count_nonzero(entered)
-            if (most := float(error.max())) > self._farthest[joint]:
-                self._farthest[joint] = most
-                self.excursions[1, joint] = time[error.argmax()]
-        self._was_outside[joint] = float(outside[-1])
+            durations = chosen @ steps
+            if not chosen.any():
+                continue
+            row, most = FOLLOWING + place, np.where(chosen, error, -np.inf).max(axis=1)
+            most[most == -np.inf] = np.nan
+            self.largest[row, joints] = np.fmax(self.largest[row, joints], most)
+            self._squares[place, joints] += np.where(chosen, squares, 0.0) @ steps
+            self._durations[place, joints] += durations
+        self.counts[0, joints] += len(time)
+        self.counts[1, joints] += np.count_nonzero(limited, axis=1)
+        windows = self._windows[joints]
+        if (highest[0] > windows).any():
+            self._leave(joints, time, error, error > windows[:, np.newaxis])
+        self._was_outside[joints] = error[:, -1] > windows
+
+    def _leave(self, joints: slice, time: Vector, error: Vector, outside: Mask) -> None:
+        """Count how often joints left their windows, and when each was farthest away."""
+        before = np.column_stack([self._was_outside[joints] > 0.0, outside[:, :-1]])
+        self.excursions[0, joints] += np.count_nonzero(outside & ~before, axis=1)
+        most, when = error.max(axis=1), time[error.argmax(axis=1)]
+        farther = outside.any(axis=1) & (most > self._farthest[joints])
+        self.excursions[1, joints] = np.where(farther, when, self.excursions[1, joints])
+        self._farthest[joints] = np.where(farther, most, self._farthest[joints])
 
     def memory(self) -> dict[str, Any]:
         """Return all that changes, as plain data."""
