@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask, Vector
+from ..arrays import Mask, Vector, counts
 from ..recorders.metrics import Figures, Metrics, Shown
 from ..recorders.recorder import Outline
 from .criteria import criteria_of
@@ -207,7 +207,7 @@ class JointMetrics(Metrics):
             for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(distance).all(axis=1)):
                 self._not_finite[joint] = float(time[(~np.isfinite(distance[joint])).argmax()])
         self._peak = np.fmax(self._peak, torques.max(axis=1))
-        self._limited += np.count_nonzero(limited, axis=1)
+        self._limited += counts(limited)
         self._rows += len(rows)
         self._last, self._final = float(time[-1]), distance[:, -1].copy()
         self.shown = _SHOWN if self._is_short else (_HELD, *_SHOWN)

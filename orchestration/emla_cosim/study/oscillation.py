@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask, Vector
+from ..arrays import Mask, Vector, counts
 
 WINDOW = 0.1
 """Length in s of the windows that are looked at; the slowest oscillation that is found has 10 Hz."""
@@ -172,7 +172,7 @@ class OscillationWatch:
     def _add(self, products: Vector, crossings: Mask, error: Vector) -> None:
         """Add rows to the present window: 1, time from its beginning, acceleration and torque by joint."""
         self._sums[:10] += (products @ products.transpose(0, 2, 1))[:, *_UPPER].T
-        self._sums[10] += np.count_nonzero(crossings, axis=1)
+        self._sums[10] += counts(crossings)
         torque = products[:, 3]
         self._highest = np.maximum(self._highest, [torque.max(axis=1), error.max(axis=1)])
         self._lowest = np.minimum(self._lowest, [torque.min(axis=1), error.min(axis=1)])

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask, Vector
+from ..arrays import Mask, Vector, counts
 
 AT_REST = 1e-6
 """A reference that is slower than this, in m/s, is at rest."""
@@ -72,16 +72,21 @@ class Tracking:
         self.largest[:4, joints] = np.fmax(self.largest[:4, joints], highest)
         squares = error * error
         for place, chosen in enumerate((moving, ~moving)):
-            durations = chosen @ steps
-            if not chosen.any():
+            row = FOLLOWING + place
+            if chosen.all():  # as most blocks are
+                most = highest[0]
+                self._squares[place, joints] += squares @ steps
+                self._durations[place, joints] += steps.sum()
+            elif chosen.any():
+                most = np.where(chosen, error, -np.inf).max(axis=1)
+                most[most == -np.inf] = np.nan
+                self._squares[place, joints] += np.where(chosen, squares, 0.0) @ steps
+                self._durations[place, joints] += chosen @ steps
+            else:
                 continue
-            row, most = FOLLOWING + place, np.where(chosen, error, -np.inf).max(axis=1)
-            most[most == -np.inf] = np.nan
             self.largest[row, joints] = np.fmax(self.largest[row, joints], most)
-            self._squares[place, joints] += np.where(chosen, squares, 0.0) @ steps
-            self._durations[place, joints] += durations
         self.counts[0, joints] += len(time)
-        self.counts[1, joints] += np.count_nonzero(limited, axis=1)
+        self.counts[1, joints] += counts(limited)
         windows = self._windows[joints]
         if (highest[0] > windows).any():
             self._leave(joints, time, error, error > windows[:, np.newaxis])
@@ -90,7 +95,7 @@ class Tracking:
     def _leave(self, joints: slice, time: Vector, error: Vector, outside: Mask) -> None:
         """Count how often joints left their windows, and when each was farthest away."""
         before = np.column_stack([self._was_outside[joints] > 0.0, outside[:, :-1]])
-        self.excursions[0, joints] += np.count_nonzero(outside & ~before, axis=1)
+        self.excursions[0, joints] += counts(outside & ~before)
         most, when = error.max(axis=1), time[error.argmax(axis=1)]
         farther = outside.any(axis=1) & (most > self._farthest[joints])
         self.excursions[1, joints] = np.where(farther, when, self.excursions[1, joints])
