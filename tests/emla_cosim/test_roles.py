@@ -88,7 +88,7 @@ def test_a_joint_needs_no_more_than_its_position_and_reference(slide: ec.Simulat
     outside = np.flatnonzero(error > 0.05 * error[0])
     assert figures["convergence_time_s"] == pytest.approx(result.time[outside[-1]])
     assert figures["settling_time_s"] == pytest.approx(result.time[np.flatnonzero(error > 1e-3)[-1] + 1])
-    since = max(0.3, figures["settling_time_s"] + 0.1)
+    since = max(0.3, figures["settling_time_s"] + 0.2)
     assert figures["position_error_m"] == error[result.time >= since - 1e-9].max()
     for name in ("torque_peak_N_m", "torque_effort_N_m", "velocity_error_m_s"):
         assert np.isnan(figures[name]), name

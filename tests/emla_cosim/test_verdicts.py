@@ -146,7 +146,7 @@ def test_figures_are_those_of_the_definition_however_rows_come(
     rows[:, 7] = random.integers(0, 2, size=count)
     criteria = {"j.position_window": window}
     found = judged(rows, sizes, again, criteria=criteria)
-    expected = by_definition(rows, window * (1 + 1e-9), 0.1)
+    expected = by_definition(rows, window * (1 + 1e-9), 0.2)
     is_settled = expected.pop("is_settled")
     assert found.pop("excursions") == pytest.approx(expected.pop("excursions"))
     assert {name: found[name] for name in expected} == pytest.approx(
@@ -199,7 +199,7 @@ def test_a_stay_that_is_too_short_is_none() -> None:
     assert stay["position_error_m"] == pytest.approx(4e-3, rel=1e-3)
 
 
-@pytest.mark.parametrize("omega", [0.5, 3.0])
+@pytest.mark.parametrize("omega", [0.5, 2.0])
 def test_who_wanders_slowly_through_the_window_is_not_held(omega: float) -> None:
     """An error of 4 mm that takes longer than the window time to cross the window of 1 mm."""
     t = np.arange(0.0, 10.0, 1e-3)
@@ -386,3 +386,48 @@ def test_no_figure_depends_on_the_output_interval_or_a_checkpoint(
             found = {name: other[name] for name in numbers}
             assert found == pytest.approx(numbers, rel=1e-12, nan_ok=True)
             assert other["reason"] == figures["reason"]
+
+
+def test_errors_of_a_joint_that_comes_and_goes_are_those_of_its_table(fmu_folder: Path) -> None:
+    """FOC on a tilt of half the flux: once it seemed to have converged at 9.4 s, with 201 µm of 6 mm."""
+    flux = {"tilt.plant.motor.Phi_PM": 0.065}
+    with ec.load("study-drive", controller="foc", gains="tuned", fmus=fmu_folder).prepare() as foc:
+        for stop in (2.0, 10.0):
+            result = foc.run(stop_time=stop, set=flux, output_interval=1e-4)
+            figures = result.metrics["joints"]["tilt"]
+            error = np.abs(result["tilt.plant.x_L"] - result["tilt.reference.x_d"])
+            since = result.time >= figures["evaluated_from_s"] - 1e-9
+            assert figures["position_error_m"] == error[since].max() > 6e-3
+            assert figures["excursions"]["count"] == np.count_nonzero(
+                np.diff((error > 1e-3)[since].astype(int)) > 0
+            )
+            assert figures["held"] is False
+            # the reference runs at the speed limit; 2 µm/s beyond are no trip
+            telescope = result.metrics["joints"]["telescope"]
+            assert telescope["held"] is True and telescope["trip"] is None
+            (touched,) = telescope["limits_touched"]
+            assert 0.0 < abs(touched["value"]) - 0.21 < 1e-5
+            assert any(remark.startswith("telescope touched its speed limit") for remark in result.remarks)
+        assert figures["excursions"]["count"] == 7
+
+
+SHEET = Path(__file__).parents[2] / "docs" / "actuator.toml"
+
+
+@pytest.mark.parametrize("start_error", [-4e-3, -54e-3, 54e-3])
+def test_the_position_error_of_a_far_start_is_that_of_the_motion(
+    start_error: float, fmu_folder: Path, tmp_path: Path
+) -> None:
+    """An approach that takes longer than 0.3 s: 5 % of the first error were said of 2 µm."""
+    sheet = tmp_path / "sheet.toml"
+    sheet.write_text(SHEET.read_text().replace("efficiency = 0.85", "efficiency = 0.98"))
+    way = {f"prototype.reference.waypoint[{i}]": 0.1 + 0.05 * min(i, 2) for i in range(1, 10)}
+    start = dict.fromkeys(("prototype.plant.start.x_L", "prototype.observer.start.x_hat"), 0.15 + start_error)
+    how = {"actuator": {"prototype": sheet}, "controller": "rsba", "gains": "compensated", "fmus": fmu_folder}
+    with ec.load("prototype", **how).prepare() as simulation:
+        result = simulation.run(set={**way, **start}, output_interval=1e-4)
+    figures = result.metrics["joints"]["prototype"]
+    error = np.abs(result["prototype.plant.x_L"] - result["prototype.reference.x_d"])
+    assert figures["held"] is True, figures["reason"]
+    assert figures["position_error_m"] == pytest.approx(error[result.time >= 1.0].max(), abs=1e-6)
+    assert figures["position_error_m"] < 5e-6

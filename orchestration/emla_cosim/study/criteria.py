@@ -26,7 +26,7 @@ class Criteria:
     position_window: float = _criterion(
         1e-3, "m", "Position error within which a joint has settled, and is to stay"
     )
-    window_time: float = _criterion(0.1, "s", "How long it has to be within it to have settled")
+    window_time: float = _criterion(0.2, "s", "How long it has to be within it to have settled")
     over_speed: float = _criterion(0.05, "1", "Fraction beyond the largest speed that is a trip")
     over_current: float = _criterion(0.1, "1", "Fraction beyond the largest current that is a trip")
     over_temperature: float = _criterion(0.05, "1", "Fraction beyond the permitted rise that is a trip")

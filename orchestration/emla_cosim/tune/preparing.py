@@ -41,7 +41,7 @@ class Task:
 def prepared_task(plan: TuningPlan, preparation: Preparation, described: Description) -> Task:
     """Resolve a plan; CommandError for names that are not there, and whatever does not go together."""
     objective = expression(plan.objective, f"'objective' of {plan.where}")
-    required = [_conditions(plan, case) for case in plan.cases]
+    required = [_conditions(plan, case, objective, described) for case in plan.cases]
     measures = _measures(plan, objective, required, described)
     found = space(plan, preparation.system, preparation.interfaces)
     times = run_times(preparation.options, plan.name)
@@ -57,8 +57,15 @@ def prepared_task(plan: TuningPlan, preparation: Preparation, described: Descrip
     )
 
 
-def _conditions(plan: TuningPlan, case: Case) -> list[Requirement]:
-    return [requirement(text) for text in (plan.require if case.require is None else case.require)]
+def _conditions(
+    plan: TuningPlan, case: Case, objective: Expression, described: Description
+) -> list[Requirement]:
+    """What a case requires, and that every joint of the objective is held: its figures mean nothing else."""
+    found = [requirement(text) for text in (plan.require if case.require is None else case.require)]
+    named = {one.figure for one in found}
+    of_objective = dict.fromkeys(f"{name.rpartition('.')[0]}.{HELD}" for name in sorted(objective.names))
+    held = [name for name in of_objective if name in described.figures and name not in named]
+    return [*found, *(Requirement(name, "==", True) for name in held)]
 
 
 def _measures(
