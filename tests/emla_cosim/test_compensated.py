@@ -77,7 +77,6 @@ BORNE: dict[str, Mapping[str, float]] = {
     "friction +50 %": scaled("B_m", "plant.motor.B_m", 1.5),
     "u_max -30 %": scaled("u_max", "plant.inverter.u_max", 0.7),
     "0.3 ms late": of_all("plant.inverter.delay", 3e-4),
-    "noise of 1 µm": of_all("plant.sensor.sigma", 1e-6),
     "load from -F to F": stepping(),
 }
 
@@ -90,12 +89,28 @@ def test_every_joint_holds(name: str, study: ec.Simulation) -> None:
         assert figures[joint]["held"]
 
 
+def test_noise_of_1_µm_is_too_much_for_lift_and_tilt(study: ec.Simulation) -> None:
+    """Errors stay small, but torque chatters: 12 and 13 % of the time at a limit."""
+    set_ = {**SLOWER, **of_all("plant.sensor.sigma", 1e-6)}
+    figures: Any = study.run(stop_time=2.0, set=set_, recorders=[]).metrics["joints"]
+    for joint in JOINTS:
+        assert figures[joint]["trip"] is None and figures[joint]["position_error_m"] < 1e-5
+    assert [figures[joint]["held"] for joint in JOINTS] == [False, False, True]
+    for joint in ("lift", "tilt"):
+        assert figures[joint]["oscillation"] is not None
+        assert 0.05 < figures[joint]["saturated_after_settling"] < 0.2
+
+
 def test_what_physics_forbids_is_said_to_be_lost(study: ec.Simulation) -> None:
-    """With half the flux tilt's motor makes 64 N m, where its disturbance alone takes 124."""
+    """With half the flux tilt's motor makes 64 N m, where its disturbance alone takes 124.
+
+    The lift's is enough, but its loop is a limit cycle at full torque.
+    """
     result = study.run(stop_time=2.0, set=scaled("Phi_PM", "plant.motor.Phi_PM", 0.5), recorders=[])
     figures = result.metrics["joints"]
-    assert [figures[joint]["held"] for joint in JOINTS] == [True, False, True]
+    assert [figures[joint]["held"] for joint in JOINTS] == [False, False, True]
     assert figures["tilt"]["trip"]["signal"] == "tilt.plant.v_L"
+    assert figures["lift"]["trip"] is None and figures["lift"]["oscillation"]["torque_swing_N_m"] > 180.0
     assert any(remark.startswith("tilt tripped on its speed at t = ") for remark in result.remarks)
 
 

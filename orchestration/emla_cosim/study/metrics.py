@@ -348,7 +348,7 @@ class JointMetrics(Metrics):
             torque_peak_N_m=float(self._peak[number]),
             observer_position_error_m=float(largest[OBSERVER]),
             saturated_fraction=float(self._limited[number]) / max(self._rows, 1),
-            saturated_after_settling=limited / counted if counted and settled else np.nan,
+            saturated_after_settling=float(limited / counted) if counted and settled else np.nan,
             convergence_time_s=float(self._last_outside[number]) - self._start if within else np.nan,
             excursions=self._excursions(number),
             trip=None if trip is None else asdict(trip),
