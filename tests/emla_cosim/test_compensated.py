@@ -89,15 +89,15 @@ def test_every_joint_holds(name: str, study: ec.Simulation) -> None:
         assert figures[joint]["held"]
 
 
-def test_noise_of_1_µm_is_too_much_for_lift_and_tilt(study: ec.Simulation) -> None:
-    """Errors stay small, but torque chatters: 12 and 13 % of the time at a limit."""
+def test_noise_of_1_µm_makes_lift_and_tilt_chatter(study: ec.Simulation) -> None:
+    """Errors stay small, but torque is a tenth of the time at a limit. Tilt's is just below what is loud."""
     set_ = {**SLOWER, **of_all("plant.sensor.sigma", 1e-6)}
     figures: Any = study.run(stop_time=2.0, set=set_, recorders=[]).metrics["joints"]
     for joint in JOINTS:
         assert figures[joint]["trip"] is None and figures[joint]["position_error_m"] < 1e-5
-    assert [figures[joint]["held"] for joint in JOINTS] == [False, False, True]
+    assert figures["lift"]["held"] is False and figures["telescope"]["held"] is True
+    assert 0.2 < figures["lift"]["oscillation"]["torque_ripple"] < 0.4
     for joint in ("lift", "tilt"):
-        assert figures[joint]["oscillation"] is not None
         assert 0.05 < figures[joint]["saturated_after_settling"] < 0.2
 
 
