@@ -10,6 +10,7 @@ import polars
 from ..arrays import Indices, Vector
 from ..errors import CommandError, listed
 from ..recorders.metrics import Shown
+from .measures import HELD, is_verdict
 from .result import DONE, STATUS, VARIANT
 
 if TYPE_CHECKING:
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 LARGEST = 1e150
 """Numbers beyond this count as none: their squares are none."""
 
-NOT_CONVERGED = "not converged"
-"""What became of a variant that is done, but whose loop did not converge."""
+NOT_HELD = "not held"
+"""What became of a variant that ran to its end, but of which a verdict `held` is not true."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,15 +111,24 @@ def is_done(result: "SweepResult") -> np.ndarray:
     return _statuses(result) == DONE
 
 
-def outcomes(result: "SweepResult") -> np.ndarray:
-    """What became of each variant: its status, or `NOT_CONVERGED`.
+def verdicts(result: "SweepResult") -> list[str]:
+    """Return the figures that are verdicts: truths called `held`, such as `lift.held`."""
+    return [figure for figure in result.figures if is_verdict(figure) and is_truth(result, figure)]
 
-    That is a variant that is done, but with a figure `converged` or `*.converged` that is not true.
+
+def good_outcome(result: "SweepResult") -> str:
+    """Return what people call variants without fault: held, or only done where no figure is a verdict."""
+    return HELD if verdicts(result) else DONE
+
+
+def outcomes(result: "SweepResult") -> np.ndarray:
+    """Return what became of each variant: its status, or `NOT_HELD`.
+
+    A variant that is done is not held where one of its verdicts is false or missing.
     """
     told = _statuses(result)
-    for figure in result.figures:
-        if is_truth(result, figure) and figure.rpartition(".")[2] == "converged":
-            told[is_done(result) & (figure_values(result, figure) != 1.0)] = NOT_CONVERGED
+    for figure in verdicts(result):
+        told[is_done(result) & (figure_values(result, figure) != 1.0)] = NOT_HELD
     return told
 
 

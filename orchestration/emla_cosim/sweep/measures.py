@@ -20,6 +20,9 @@ from .reserved import RESERVED
 Metric = str | Callable[[Result], Any]
 """A name or pattern of registered figures, an expression over signals, or a function of a result."""
 
+HELD = "held"
+"""The last part of the name of a figure that is a verdict, as in `lift.held`."""
+
 _NAMED = re.compile(r"\s*([^=<>!()]+?)\s*=(?!=)\s*(.+)", re.DOTALL)
 _TIME = "time"
 
@@ -54,7 +57,7 @@ class Asked:
     def identity(self, signals: Sequence[str]) -> list[Any]:
         """What decides which figures come out, as plain data."""
         functions = [(name, _source(function)) for name, function in self.functions.items()]
-        return [list(self.figures), list(self.expressions.items()), functions, list(signals)]
+        return [list(self.figures), list(self.expressions.items()), functions, list(signals), HELD]
 
 
 def _source(function: Callable[..., Any]) -> str:
@@ -88,9 +91,20 @@ def _named(metrics: Sequence[Metric] | Mapping[str, Metric], where: str) -> list
     return found
 
 
+def is_verdict(figure: str) -> bool:
+    """Return whether a figure is the verdict of a joint, or of whatever else a registered metric judges."""
+    return figure.rpartition(".")[2] == HELD
+
+
 def _check_name(name: str, taken: Sequence[str], where: str) -> None:
     if name in taken or name in RESERVED:
         raise CommandError(f"{where} has two columns '{name}'; give the metric another name.", name=name)
+    if is_verdict(name):
+        raise CommandError(
+            f"{where} has a metric '{name}', but '{HELD}' is the verdict of registered metrics; give the metric "
+            "another name.",
+            name=name,
+        )
 
 
 @dataclass(frozen=True)
@@ -171,6 +185,28 @@ def resolved(
     tried = _tried(measures, asked.expressions, signals, where)
     truths = [name for name in chosen if figures[name]]
     return replace(measures, truths=[*truths, *(n for n, value in tried.items() if isinstance(value, bool))])
+
+
+def with_verdicts(measures: Measures, figures: Mapping[str, bool]) -> Measures:
+    """Return measures that keep every verdict, named or not: a map cannot say `held` without it.
+
+    `figures` are as in `resolved`.
+    """
+    missing = [n for n, truth in figures.items() if truth and is_verdict(n) and n not in measures.figures]
+    return replace(
+        measures, figures=[*measures.figures, *missing], truths=[*measures.truths, *missing]
+    )
+
+
+def reason_not_held(result: Result) -> str | None:
+    """Return why a run is not held, a sentence for each verdict that is false; None where none is."""
+    found = [
+        f"{of} is not held: {str(figures.get('reason') or 'no reason is known').rstrip('.')}."
+        for kind in result.metrics.values()
+        for of, figures in kind.items()
+        if figures.get(HELD) is False
+    ]
+    return " ".join(found) or None
 
 
 def _matching(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:

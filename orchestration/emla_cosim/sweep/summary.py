@@ -13,7 +13,7 @@ from ..recorders.metrics import Shown
 from ..terminal import cell
 from ..wording import counted
 from .columns import (
-    NOT_CONVERGED,
+    NOT_HELD,
     check_figure,
     figure_values,
     is_done,
@@ -21,6 +21,7 @@ from .columns import (
     main_figure,
     outcomes,
     shown_as,
+    verdicts,
 )
 from .result import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT, SweepResult
 from .sensitivity import ONE_AT_A_TIME, SALTELLI, local_sensitivities, sobol_indices
@@ -54,20 +55,24 @@ def status_line(result: SweepResult) -> Text:
     statuses = [str(status) for status in result.variants[STATUS].to_list()]
     names = dict.fromkeys([DONE, DIVERGED, REFUSED, FAILED, DIED, *statuses])
     told = {name: f"{statuses.count(name):,} {name}" for name in names if name in statuses}
-    if wrong := int((outcomes(result) == NOT_CONVERGED).sum()):
-        told[DONE] += f" ({wrong:,} of them {NOT_CONVERGED})"
+    if wrong := int((outcomes(result) == NOT_HELD).sum()):
+        told[DONE] += f" ({wrong:,} of them {NOT_HELD})"
     return Text(f"{_variants(len(statuses))}: {', '.join(told.values()) or 'none'}")
 
 
 def figures_table(result: SweepResult) -> RenderableType:
-    """Least, median, 95 % and largest value of figures over the variants that are done; truths by count."""
+    """Least, median, 95 % and largest value of figures over the variants that are done; truths by count.
+
+    Verdicts come first: no figure is read without them.
+    """
     title = f"Figures of the variants that are done ({int(is_done(result).sum()):,})"
     table = Table()
     table.add_column("", overflow="fold")
     for head in ("least", "median", "95 %", "largest"):
         table.add_column(head, justify="right")
     table.add_column("")
-    for figure in result.figures:
+    judged = verdicts(result)
+    for figure in [*judged, *(name for name in result.figures if name not in judged)]:
         shown, values = shown_as(result, figure), figure_values(result, figure)
         known = values[~np.isnan(values)]
         if is_truth(result, figure):
@@ -140,15 +145,15 @@ def _tell_rest(table: Table, factors: int) -> None:
 
 
 def worst(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:
-    """The rows of the worst variants: those that are not done, that did not converge, that lack the figure.
+    """The rows of the worst variants: those that are not done, that are not held, that lack the figure.
 
     The largest numbers follow, or what is false before what is true; among equals the first variant. Raises
     CommandError for a figure that the sweep does not have.
     """
     values = figure_values(result, figure)
     badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
-    converged = outcomes(result) != NOT_CONVERGED
-    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, converged, is_done(result)))
+    held = outcomes(result) != NOT_HELD
+    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, held, is_done(result)))
     return result.variants[order[:count]]
 
 

@@ -22,7 +22,7 @@ from ..values import converted
 from .design import Design, designed
 from .farm import Farm, Scheduler, farm
 from .folder import SweepFolder, digest
-from .measures import Asked, Measures, Metric, resolved
+from .measures import Asked, Measures, Metric, resolved, with_verdicts
 from .plan import Plan, Source, plan_of
 from .reading import read_sweep
 from .result import SweepResult
@@ -149,7 +149,8 @@ def _measures(design: Design, asked: Asked, found: Farm) -> tuple[Measures, Desc
     for described in all_:
         names = list(described.units)
         kept = [names[i] for i in selected(plan.signals, names)] if plan.signals else []
-        each.append(resolved(asked, described.figures, names, kept, plan.where))
+        found_here = resolved(asked, described.figures, names, kept, plan.where)
+        each.append(with_verdicts(found_here, described.figures))
     if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
         raise CommandError(
             f"variants of {plan.where} do not all have the same figures and signals; name those to keep."

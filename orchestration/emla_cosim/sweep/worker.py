@@ -24,7 +24,7 @@ from ..recorders.time_series import TimeSeries
 from ..requirements import by_name
 from ..results.result import Result
 from ..simulation import Simulation
-from .measures import MeasureError, Measures
+from .measures import MeasureError, Measures, reason_not_held
 from .result import DIVERGED, DONE, FAILED, REFUSED, VARIANT
 from .shipment import Shipment
 
@@ -188,6 +188,7 @@ def _run(
             result = simulation.run(
                 recorders=recorders, signals=measures.reading(simulation.names), **variant.options
             )
+            problem = reason_not_held(result)
         except RunError as error:
             if "result" not in error.fields:
                 raise

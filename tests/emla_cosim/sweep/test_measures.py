@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from emla_cosim.errors import CommandError
 from emla_cosim.sweep.measures import Asked, MeasureError, Measures, resolved
 
-FIGURES = {"lift.error_m": False, "lift.converged": True, "tilt.error_m": False}
+FIGURES = {"lift.error_m": False, "lift.held": True, "tilt.error_m": False}
 SIGNALS = ["lift.plant.x", "lift.plant.x_d", "lift.plant.x[1]", "a'b.x", 'say "x".y', "lift.plant.x.x"]
 TIMES = np.array([0.0, 0.1, 0.2, 0.3])
 VALUES = {name: np.array([1.0, -3.0, 2.0, 0.5]) * (k + 1) for k, name in enumerate(SIGNALS)}
@@ -34,11 +34,11 @@ def result(**figures: Any) -> Any:
 def test_without_metrics_all_figures_are_kept() -> None:
     measures = kept([])
     assert measures.names == list(FIGURES)
-    assert measures.truths == ["lift.converged"]
+    assert measures.truths == ["lift.held"]
     assert measures.read == []
-    assert measures.of(result(lift__error_m=1.0, lift__converged=True)) == {
+    assert measures.of(result(lift__error_m=1.0, lift__held=True)) == {
         "lift.error_m": 1.0,
-        "lift.converged": True,
+        "lift.held": True,
         "tilt.error_m": None,
     }
 

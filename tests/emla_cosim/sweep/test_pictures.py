@@ -32,8 +32,8 @@ def wide(sampling: str = "random", count: int = 300) -> SweepResult:
     status = np.where(x[0] > 0.95, "diverged", "done").tolist()
     figures, shown = {}, {}
     for i, j in enumerate(JOINTS):
-        figures[f"{j}.converged"] = x[1 + i] < 0.9
-        shown[f"{j}.converged"] = Shown("converged", "converged")
+        figures[f"{j}.held"] = x[1 + i] < 0.9
+        shown[f"{j}.held"] = Shown("held", "held")
         for k in range(4):
             figures[f"{j}.observer_error_{k}_m_s"] = 1e-6 * 10 ** (3 * x[k + i] + x[k])
             shown[f"{j}.observer_error_{k}_m_s"] = Shown(
@@ -87,7 +87,7 @@ def test_labels_do_not_overlap_and_no_panel_is_empty(kind: str) -> None:
     sampling, count = {"sobol": ("saltelli", 14 * 20), "tornado": ("one-at-a-time", 25)}.get(
         kind, ("random", 300)
     )
-    named = ["tilt.converged", "lift.observer_error_1_m_s"] if kind == "figures" else []
+    named = ["tilt.held", "lift.observer_error_1_m_s"] if kind == "figures" else []
     figure = wide(sampling, count).plot(kind, *named)
     assert overlapping(figure) == []
     panels = [axes for axes in figure.axes if axes.get_visible()]
@@ -148,17 +148,17 @@ def test_bands_leave_out_what_is_no_number() -> None:
 
 def test_the_map_of_a_grid_has_a_cell_for_each_variant() -> None:
     error = np.arange(20.0) + 1
-    converged = np.arange(20) % 7 != 3
+    held = np.arange(20) % 7 != 3
     status = ["done"] * 18 + ["diverged"] * 2
-    figures = {"x.converged": converged, "x.error": error}
+    figures = {"x.held": held, "x.error": error}
     figure: Any = swept(GRID, figures, "grid", status, shown={"x.error": Shown("error", "error", 2.0)}).plot(
         "map"
     )
     shades = figure.axes[0].collections[-1].get_array()
-    expected = np.where(converged & (np.arange(20) < 18), 2 * error, np.nan).reshape(5, 4).T
+    expected = np.where(held & (np.arange(20) < 18), 2 * error, np.nan).reshape(5, 4).T
     assert np.array_equal(shades.filled(np.nan), expected, equal_nan=True)
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["stable (15)", "not converged (3)", "diverged (2)"]
+    assert legend == ["held (15)", "not held (3)", "diverged (2)"]
     names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert names == ["w", "x", "y", "z"]
     assert figure.axes[1].get_ylabel() == "x error"

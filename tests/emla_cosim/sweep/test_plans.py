@@ -57,7 +57,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "nothing varies": ({"vary": {}}, "varies nothing"),
     "no table": ({"vary": ["a"]}, "must be a table"),
     "signals as text": ({"signals": "lift.plant.x_L"}, "must be a list"),
-    "metrics as text": ({"metrics": "lift.converged"}, "must be a list or a table"),
+    "metrics as text": ({"metrics": "lift.held"}, "must be a list or a table"),
     "no metric": ({"metrics": [3]}, "a metric of .* is 3"),
     "metric twice": ({"metrics": ["a = max(time)", "a = min(time)"]}, "two columns 'a'"),
     "metric of a factor's name": ({"metrics": [f"{R_S} = max(time)"]}, "a factor and a figure"),
@@ -217,7 +217,7 @@ def test_what_a_folder_has_decides_what_can_begin_in_it(
     others: dict[str, dict[str, Any]] = {
         "values": {"vary": {R_S: [0.9, 1.2]}},
         "seed": {"seed": 1},
-        "metrics": {"metrics": ["lift.converged"]},
+        "metrics": {"metrics": ["lift.held"]},
         "FMUs or settings": {"gains": "published"},
         "sampling": {"sampling": "one-at-a-time", "vary": {R_S: "0.9:1.1"}},
     }

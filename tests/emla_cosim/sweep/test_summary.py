@@ -19,7 +19,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 SHOWN = {
     "lift.error_m": Shown("error_m", "error", 1e6, "µm", "m"),
-    "lift.converged": Shown("converged", "converged"),
+    "lift.held": Shown("held", "held"),
 }
 STATUS = ["done"] * 8 + ["diverged", "done", "died"]
 
@@ -28,7 +28,7 @@ def made(**others: Any) -> SweepResult:
     return swept(
         {"a": range(11)},
         {
-            "lift.converged": [i != 3 for i in range(11)],
+            "lift.held": [i != 3 for i in range(11)],
             "lift.error_m": [1e-6, 2e-6, 7e-6, 3e-6, None, 5e-6, 4e-6, 0.02, 9.0, 5e-6, None],
             "plain": [float(i) for i in range(11)],
         },
@@ -51,25 +51,25 @@ def lines(parts: Sequence[RenderableType], width: int = 100) -> list[str]:
 
 def test_variants_are_counted_by_status_and_figures_shown_in_their_units() -> None:
     printed = lines(summary(made()))
-    assert printed[0] == "11 variants: 9 done (1 of them not converged), 1 diverged, 1 died"
+    assert printed[0] == "11 variants: 9 done (1 of them not held), 1 diverged, 1 died"
     assert printed[1] == "Figures of the variants that are done (9)"
     assert printed[3] == "least median 95 % largest"
     kept = np.array([1, 2, 7, 3, 5, 4, 20_000, 5])
     high = f"{np.percentile(kept, 95) / 1e6:.4g} m"
-    assert "lift converged 8 of 9 yes" in printed
+    assert "lift held 8 of 9 yes" in printed
     assert f"lift error 1 4.5 {high} 0.02 m µm" in printed
     assert "plain 0 4 8.2 9" in printed
 
 
 def test_the_worst_are_first_those_that_failed_then_those_without_the_figure() -> None:
     assert worst(made(), "lift.error_m", 20)["variant"].to_list() == [8, 10, 3, 4, 7, 2, 5, 9, 6, 1, 0]
-    assert worst(made(), "lift.converged", 5)["variant"].to_list() == [8, 10, 3, 0, 1]
+    assert worst(made(), "lift.held", 5)["variant"].to_list() == [8, 10, 3, 0, 1]
     assert worst(made(), "plain", 4).rows(named=True)[3] == {
         "variant": 9,
         "a": 9,
         "status": "done",
         "problem": None,
-        "lift.converged": True,
+        "lift.held": True,
         "lift.error_m": 5e-6,
         "plain": 9.0,
     }
@@ -82,12 +82,12 @@ def test_each_of_the_worst_has_its_problem() -> None:
     assert printed[start + 2 :] == [
         "8 diverged 9 m it diverged at 0.3 s.",
         "10 died none it died at 0.3 s.",
-        "3 not converged 3",
+        "3 not held 3",
         "4 done none",
         printed[-1],
     ]
-    printed = lines(summary(made(), "lift.converged", 3))
-    assert "3 not converged no" in printed
+    printed = lines(summary(made(), "lift.held", 3))
+    assert "3 not held no" in printed
 
 
 def test_each_of_the_worst_has_the_command_that_runs_it_alone() -> None:

@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...results.style import BLUE, GREY, ORANGE, PURPLE, RED
-from ..columns import NOT_CONVERGED
+from ..columns import NOT_HELD
 from ..result import DIED, DIVERGED, DONE, FAILED, REFUSED
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-_COLORS = {DONE: BLUE, NOT_CONVERGED: ORANGE, DIVERGED: RED, FAILED: PURPLE, REFUSED: GREY, DIED: "#222222"}
+_COLORS = {DONE: BLUE, NOT_HELD: ORANGE, DIVERGED: RED, FAILED: PURPLE, REFUSED: GREY, DIED: "#222222"}
 
 
 def color_of(outcome: str) -> str:
-    """The colour of a status, or of what did not converge."""
+    """The colour of a status, or of what is not held."""
     return _COLORS.get(outcome, GREY)
 
 
@@ -25,8 +25,8 @@ def present(outcomes: np.ndarray) -> dict[str, int]:
     return {name: count for name, count in found.items() if count}
 
 
-def handles(outcomes: np.ndarray, done: str = DONE) -> "dict[str, Artist]":
-    """Marks for a legend: each outcome with its number; `done` is what the first is called."""
+def handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
+    """Marks for a legend: each outcome with its number; `done` is what those without fault are called."""
     from matplotlib.lines import Line2D
 
     return {

@@ -12,6 +12,7 @@ from ..columns import (
     Factor,
     factor,
     figure_values,
+    good_outcome,
     influence,
     is_truth,
     nothing_varies,
@@ -73,7 +74,7 @@ def draw_figures(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     notes = list(_notes(result, factors, more))
     if any(np.isnan(column).any() for column in values.values()):
         notes.append("Marks at the bottom are variants without the figure.")
-    put_legend(figure, handles(told), " ".join(notes))
+    put_legend(figure, handles(told, good_outcome(result)), " ".join(notes))
     return figure
 
 

@@ -1,4 +1,4 @@
-"""A map over two factors of where the loop stays stable."""
+"""A map over two factors of where variants are held."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,18 @@ from ...arrays import Vector
 from ...errors import CommandError
 from ...results.style import new_figure, tidied
 from ...wording import number
-from ..columns import Factor, factor, figure_values, influence, is_truth, outcomes, shown_as, varying
+from ..columns import (
+    Factor,
+    factor,
+    figure_values,
+    good_outcome,
+    influence,
+    is_truth,
+    outcomes,
+    shown_as,
+    varying,
+)
+from ..measures import HELD
 from ..result import DONE, SweepResult
 from .labels import (
     factor_label,
@@ -31,15 +42,19 @@ if TYPE_CHECKING:
 _ROOM = 80
 """Characters that fit below the map."""
 
-_STABLE = ("#cfe0f1", "#12355f")
-"""Shades of variants that stay stable, for small and large figures."""
+_GOOD = ("#cfe0f1", "#12355f")
+"""Shades of variants that are held, for small and large figures."""
+
+_TITLES = {HELD: "where it is held", DONE: "which variants are done"}
+"""Titles of maps by what variants without fault are called."""
 
 
 def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
-    """Where variants stay stable: done, and converged where they say so; the shade is a figure of these.
+    """Draw where variants are held; the shade is a figure of these.
 
-    A grid of two factors has a cell for each variant; of others the two factors are shown with which
-    stability, or the figure, has the largest rank correlation.
+    Where no figure is a verdict, nobody knows what is held: the map says which variants are done. A grid of
+    two factors has a cell for each variant; of others the two factors are shown with which the outcome, or
+    the figure, has the largest rank correlation.
     """
     if len(figures) > 1:
         raise CommandError(f"a map shows one figure, not {len(figures)}.")
@@ -64,8 +79,9 @@ def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
         bar = figure.colorbar(shades, ax=axes)
         bar.ax.tick_params(labelsize=8)
         bar.set_label(wrapped(figure_label(result, name), 54), fontsize=9, parse_math=False)
-    put_title(figure, f"{result.name}: where it stays stable")
-    put_legend(figure, handles(told, "stable"), "" if len(result.factors) == 2 else _note(result, told))
+    good = good_outcome(result)
+    put_title(figure, f"{result.name}: {_TITLES[good]}")
+    put_legend(figure, handles(told, good), "" if len(result.factors) == 2 else _note(result, told, good))
     return figure
 
 
@@ -90,19 +106,19 @@ def _splits(told: np.ndarray) -> bool:
     return 0 < int((told == DONE).sum()) < len(told)
 
 
-def _note(result: SweepResult, told: np.ndarray) -> str:
-    what = "being stable" if _splits(told) else "the figure"
+def _note(result: SweepResult, told: np.ndarray, good: str) -> str:
+    what = f"being {good}" if _splits(told) else "the figure"
     return f"The two of {len(result.factors)} factors with the largest rank correlation with {what}."
 
 
 def _shading(values: Vector) -> dict[str, Any]:
-    """Colours for the values among stable variants."""
+    """Colours for the values among variants that are held."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 
     known = values[~np.isnan(values)]
     low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
     norm = LogNorm if is_wide(values) else Normalize
-    return {"cmap": LinearSegmentedColormap.from_list("stable", _STABLE), "norm": norm(low, high)}
+    return {"cmap": LinearSegmentedColormap.from_list("held", _GOOD), "norm": norm(low, high)}
 
 
 def _draw_cells(axes: "Axes", one: Factor, other: Factor, values: Vector, told: np.ndarray) -> Any:
@@ -117,7 +133,7 @@ def _draw_cells(axes: "Axes", one: Factor, other: Factor, values: Vector, told: 
         return np.ma.masked_invalid(table)
 
     for outcome in present(told):
-        color = _STABLE[0] if outcome == DONE else color_of(outcome)
+        color = _GOOD[0] if outcome == DONE else color_of(outcome)
         chosen = told == outcome
         axes.pcolormesh(cells(np.ones(len(told)), chosen), cmap=ListedColormap([color]))
     shades = axes.pcolormesh(cells(values, ~np.isnan(values)), **_shading(values))
@@ -133,9 +149,9 @@ def _draw_points(axes: "Axes", one: Factor, other: Factor, values: Vector, told:
     x = spread(one.values, 0) if one.levels else one.values
     y = spread(other.values, 1) if other.levels else other.values
     size = float(np.clip(4000.0 / max(len(x), 1), 8.0, 40.0))
-    stable = told == DONE
-    axes.scatter(x[stable], y[stable], s=size, color=_STABLE[0], linewidths=0)
-    shades = axes.scatter(x[stable], y[stable], s=size, c=values[stable], linewidths=0, **_shading(values))
+    good = told == DONE
+    axes.scatter(x[good], y[good], s=size, color=_GOOD[0], linewidths=0)
+    shades = axes.scatter(x[good], y[good], s=size, c=values[good], linewidths=0, **_shading(values))
     for outcome in present(told):
         if outcome != DONE:
             mine = told == outcome
