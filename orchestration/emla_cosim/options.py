@@ -72,6 +72,11 @@ class Options:
         metavar="COMPONENT.VARIABLE=VALUE",
         arrays=True,
     )
+    follow_models: bool = _system(
+        False,
+        help="Set the model parameters of controllers and observers to fit the plant that --set and --vary "
+        "make. Gains stay.",
+    )
     parameters: Sequence[Path] = _system(
         [],
         help="Set start values from an SSP parameter file (.ssv), or from a table, CSV or Parquet: "

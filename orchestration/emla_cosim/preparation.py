@@ -13,7 +13,7 @@ from .options import Options
 from .parameter_files import file_values
 from .progress import Progress
 from .replacement import fitted
-from .start_values import named_plainly, need_interfaces, start_values
+from .start_values import following_values, named_plainly, need_interfaces, start_values
 from .system.model import Replacement, System
 from .system.signal_faults import with_components, with_faults
 from .wording import counted
@@ -25,7 +25,7 @@ def prepared(system: System, options: Options, progress: Progress) -> tuple[Syst
     Begins a task of preparing that has one unit more, for what follows. Raises CommandError for
     what does not fit, RunError where FMUs cannot be built.
     """
-    tables = [Readable.of(source) for source in options.input]
+    tables, as_made = [Readable.of(source) for source in options.input], system
     system, faults = with_components(system, options.fault)
     system.with_parameters(named_plainly(options.set))  # unknown names are found before anything is built
     replacements = options.replacements()
@@ -43,7 +43,8 @@ def prepared(system: System, options: Options, progress: Progress) -> tuple[Syst
         for note in placed.notes:
             progress.note(f"Note: {note}")
     system = with_faults(system, faults, interfaces)
-    system = system.with_parameters(start_values(system, interfaces, options.set))
+    followers = following_values(as_made, options)
+    system = system.with_parameters(start_values(system, interfaces, options.set) | followers)
     others = read_interfaces({name: replacement.fmu for name, replacement in replacements.items()})
     for name, replacement in replacements.items():
         system = _replaced(system, name, replacement, others[name], interfaces, progress)

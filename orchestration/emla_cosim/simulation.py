@@ -4,7 +4,7 @@ import contextlib
 import math
 import threading
 import weakref
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -38,7 +38,7 @@ from .results.agreement import agreement, agreement_record, common, disagreement
 from .results.result import Result, run_figures
 from .run_record import run_identity, run_record
 from .running import Run
-from .start_values import start_values
+from .start_values import following_values, start_values
 from .system.model import System, Value
 from .units import Unit
 from .values import converted
@@ -82,11 +82,12 @@ class Simulation:
         unpacked: Path | None = None,
         holds: object = None,
         origin: Origin | None = None,
+        notes: Callable[[Options], Sequence[str]] | None = None,
     ) -> None:
         """Prepare a system with these options.
 
         FMUs of a package are in the folder `unpacked`; `holds` is what must live as long as this. `origin`
-        is told by the records of runs.
+        is told by the records of runs. `notes` computes those on a run with its options.
 
         Raises CommandError for what does not fit, RunError where FMUs cannot be built or refuse their
         start values.
@@ -95,8 +96,10 @@ class Simulation:
         self.options = until_data_end(options or Options())
         self._unpacked, self._holds = unpacked, holds
         self._origin = origin or Origin()
+        self._notes = notes or (lambda _: ())
         told = progress or Progress()
         self._here = present_folder()  # an FMU may go elsewhere
+        self._as_made = system
         apart = isolated(self.options.isolated, system)  # a wrong name is told before anything is built
         with called_as_in(unpacked):
             self.system, fmus = prepared(system, self.options, told)
@@ -188,13 +191,14 @@ class Simulation:
         if not self._finalizer.alive:
             raise CommandError("the simulation is closed; prepare it anew.")
         chosen, origin = self._chosen(options), self._origin.updated(options)
+        notes = self._notes(chosen)
         self._abandon()
         required = [requirement(text) for text in chosen.require]
         stored = stored_run(chosen.reference) if chosen.reference is not None else None
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)
         pacing = Pacing(chosen.real_time) if chosen.real_time is not None else None
-        system = self._with_values({name: chosen.set[name] for name in options.get("set") or {}})
+        system = self._with_values({name: chosen.set[name] for name in options.get("set") or {}}, chosen)
         algorithm = chosen.make_algorithm()
         assembly = self._assembly
         with called_as_in(self._unpacked):
@@ -233,7 +237,7 @@ class Simulation:
         except BaseException:
             _freed(stepping)
             raise
-        self._run = _Going(run, system, chosen, origin, metrics, taking, every, required, stored)
+        self._run = _Going(run, system, chosen, origin, metrics, taking, every, required, stored, notes)
         with self._abandoning_on_error():
             # the states in a checkpoint would hold a continued run to this run's stop time
             run.begin(times.stop if chosen.checkpoint is None else None)
@@ -370,10 +374,11 @@ class Simulation:
                 raise CommandError(f"the option '{name}' is for the command line; use `save` of the result.")
         return self.options.updated(given)
 
-    def _with_values(self, values: Mapping[str, Value]) -> System:
-        """The system with further start values."""
+    def _with_values(self, values: Mapping[str, Value], chosen: Options) -> System:
+        """The system with further start values, and what follows from them with the options of a run."""
         interfaces = {name: file.interface for name, file in self._assembly.files.items()}
-        return self.system.with_parameters(start_values(self.system, interfaces, values))
+        followers = following_values(self._as_made, chosen) if values else {}
+        return self.system.with_parameters(start_values(self.system, interfaces, values) | followers)
 
     def _compile(self) -> None:
         """Compile the loop, or load what was compiled, so that no run has to wait for it."""
@@ -459,6 +464,7 @@ class Simulation:
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),
             roles=going.options.roles,
+            notes=going.notes,
         )
 
 
@@ -475,6 +481,7 @@ class _Going:
     every: int
     required: Sequence[Requirement]
     stored: StoredRun | None
+    notes: Sequence[str]
 
 
 def _recorders(given: Any) -> list[Recorder]:

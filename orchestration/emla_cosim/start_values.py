@@ -1,19 +1,33 @@
 """Start values as people give them: by patterns, and in units of their own."""
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from .errors import CommandError, listed
 from .fmu.interface import Interface
+from .options import Options
 from .patterns import fits, has_wildcard
 from .quantities import has_unit, quantity
 from .system.model import Component, System, Value
+
+FOLLOWERS: list[Callable[[System, Options], Mapping[str, Value]]] = []
+"""What computes further start values that follow from those that options set, by full name; registered."""
 
 _MOST = 20_000
 """Among so many names near ones are looked for, which takes a while."""
 
 _NAMED = 3
 """So many variables of a pattern are named."""
+
+
+def following_values(system: System, options: Options) -> dict[str, Value]:
+    """Return what models assume of the values that the options set, by full name.
+
+    Nothing follows without the option `follow_models`. `system` is as it was before the options.
+    """
+    if not options.follow_models:
+        return {}
+    return {name: value for follow in FOLLOWERS for name, value in follow(system, options).items()}
 
 
 def need_interfaces(values: Mapping[str, Value]) -> bool:

@@ -444,7 +444,7 @@ def test_a_value_set_in_a_plant_alone_is_noted(
     notes = ec.load(scenario, set=given).notes
     assert len(notes) == bool(beliefs)
     for note in notes:
-        assert note.startswith(f"{next(iter(given))} is set, but lift.") and "--actuator lift=FILE" in note
+        assert note.startswith(f"{next(iter(given))} changes, but lift.") and "--actuator lift=FILE" in note
         assert all(f"lift.{belief}" in note for belief in beliefs)
         assert note.count("model.") == len(beliefs)
 

@@ -92,6 +92,8 @@ def laid_out(
     ]
     if not heats:
         raise CommandError(" ".join(notes))
+    known = [f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes]
+    notes += dict.fromkeys(known)
     return Contest(heats, groups, options, notes)
 
 

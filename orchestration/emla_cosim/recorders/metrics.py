@@ -61,6 +61,15 @@ METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}
 """What makes metrics for a run, or None, by the name of their part in metrics.json."""
 
 
+HELD = "held"
+"""The figure that is a verdict: whether a joint, or whatever else a metric judges, is held."""
+
+
+def is_verdict(figure: str) -> bool:
+    """Return whether a figure such as `lift.held` is a verdict."""
+    return figure.rpartition(".")[2] == HELD
+
+
 TRACKED: dict[str, Callable[[Collection[str], Mapping[str, str]], Mapping[str, tuple[str, str]]]] = {}
 """What finds signals that follow others among names, with given roles: both by what they are of; by kind."""
 

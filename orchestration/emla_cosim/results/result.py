@@ -37,6 +37,7 @@ class Result:
     `stepping` says how the steps were made, `pacing` how real time was kept, `record` is run.json.
     `comparisons` are signals beside those of the run that the option `reference` names; `parameters` are
     the parameters of all components that are numbers, by full name. `roles` are those of the option.
+    `notes` are sentences, without their stops, on the scenario with the values of this run.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Result:
     parameters: Mapping[str, float] = field(default_factory=dict)
     signals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
 
     def __getitem__(self, name: str) -> Vector:
         """A signal at the times of `time`, in its unit; CommandError names the choices if there is none."""

@@ -85,8 +85,12 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Or
         options = replace(options, actuator=_read("actuator", options.actuator))
         made_of["actuators"] = options.actuator
     system = SYSTEMS[read.system](options.controller, options.gains, **made_of)
-    notes = [note for remark in REMARKS for note in remark(system, options)]
-    return Scenario(name, read.description, system, options, tuple(notes), origin=origin.updated(given))
+    made = Scenario(name, read.description, system, options, origin=origin.updated(given), remarks=_remarks)
+    return replace(made, notes=made.notes_with(options))
+
+
+def _remarks(system: System, options: Options) -> list[str]:
+    return [note for remark in REMARKS for note in remark(system, options)]
 
 
 def _read(option: str, given: Mapping[str, Path | Entered]) -> dict[str, Entered]:

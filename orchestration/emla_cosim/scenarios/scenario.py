@@ -1,6 +1,6 @@
 """What a scenario is: a system, and how it is run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,8 @@ MADE_OF = {"controller": "gains", "gains": "gains", "trajectory": "reference", "
 class Scenario:
     """A system and how it is run.
 
-    `notes` are sentences for the user on what was read but means nothing. FMUs of a package are in the
+    `notes` are sentences, without their stops, that the user should read before a run: on what was read but
+    means nothing, and what `remarks` say of the system with these options. FMUs of a package are in the
     folder `unpacked` as long as the scenario, or a simulation of it, lives. `origin` is what was named
     and given to make it.
     """
@@ -36,16 +37,28 @@ class Scenario:
     unpacked: Path | None = field(default=None, compare=False)
     holds: object = field(default=None, compare=False, repr=False)
     origin: Origin = field(default_factory=Origin, compare=False, repr=False)
+    remarks: Callable[[System, Options], Sequence[str]] | None = field(
+        default=None, compare=False, repr=False
+    )
 
     def with_options(self, given: Mapping[str, Any]) -> "Scenario":
-        """The scenario with other options, by name; CommandError for those that its system was made of."""
+        """Return the scenario with other options, by name, and with the notes that belong to them.
+
+        Raises CommandError for options that its system was made of, and for what cannot be run with these.
+        """
         for name in MADE_OF:
             if name in given:
                 raise CommandError(
                     f"the system of '{self.name}' is made already; give {name} where a scenario is loaded.",
                     option=name,
                 )
-        return replace(self, options=self.options.updated(given), origin=self.origin.updated(given))
+        options = self.options.updated(given)
+        notes = self.notes_with(options)
+        return replace(self, options=options, notes=notes, origin=self.origin.updated(given))
+
+    def notes_with(self, options: Options) -> Sequence[str]:
+        """Return the notes on a run with these options; CommandError for what cannot be run."""
+        return self.notes if self.remarks is None else tuple(self.remarks(self.system, options))
 
     def prepare(self, progress: Progress | None = None, **options: Any) -> Simulation:
         """Build and load all FMUs and compile the loop, so that it can be run many times.
@@ -55,7 +68,14 @@ class Scenario:
         """
         chosen = self.with_options(options)
         return Simulation(
-            self.system, chosen.options, self.name, progress, self.unpacked, self.holds, chosen.origin
+            self.system,
+            chosen.options,
+            self.name,
+            progress,
+            self.unpacked,
+            self.holds,
+            chosen.origin,
+            self.notes_with,
         )
 
     def export(

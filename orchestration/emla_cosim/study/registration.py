@@ -10,8 +10,10 @@ from ..results.animation import ANIMATIONS
 from ..results.by_unit import BY_UNIT
 from ..results.plotting import FIGURES
 from ..scenarios.built_in import FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
+from ..start_values import FOLLOWERS
 from . import experiments, machine, systems
 from .actuator.actuator import Actuator
+from .actuator.beliefs import followed_model_parameters
 from .actuator.remarks import remarks
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .metrics import RENAMED as RENAMED_FIGURES
@@ -33,6 +35,8 @@ def register() -> None:
     READERS["actuator"] = Actuator.read
     if remarks not in REMARKS:
         REMARKS.append(remarks)
+    if followed_model_parameters not in FOLLOWERS:
+        FOLLOWERS.append(followed_model_parameters)
     for name in own:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):

@@ -9,8 +9,7 @@ import polars
 
 from ..arrays import Indices, Vector
 from ..errors import CommandError, listed
-from ..recorders.metrics import Shown
-from .measures import HELD, is_verdict
+from ..recorders.metrics import HELD, Shown, is_verdict
 from .result import DONE, STATUS, VARIANT
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from .plan import Plan
 from .result import VARIANT
 from .sampling import count, sample
 from .shipment import Preparation
-from .targets import FMU, OPTION, Target, merged
+from .targets import is_prepared, merged
 from .worker import Variant
 
 _BYTES_PER_VALUE = 64
@@ -125,7 +125,7 @@ def designed(plan: Plan, progress: Progress) -> Design:
     distributions = [f.distribution for f in found]
     _check_memory(plan, _count(plan, method, found), len(found))
     drawn = sample(method, distributions, plan.runs, plan.seed)
-    prepared = [i for i, f in enumerate(found) if any(_is_prepared(target) for target in f.targets)]
+    prepared = [i for i, f in enumerate(found) if any(is_prepared(target) for target in f.targets)]
     keys: dict[str, int] = {}
     groups, group_of = list[Group](), list[int]()
     for row in zip(*(drawn[i] for i in prepared), strict=True) if prepared else [()] * len(drawn[0]):
@@ -136,11 +136,6 @@ def designed(plan: Plan, progress: Progress) -> Design:
             groups.append(_group(plan, options, first if not options else None, found, progress))
         group_of.append(keys[key])
     return Design(plan, method, groups, drawn, group_of)
-
-
-def _is_prepared(target: Target) -> bool:
-    """Whether another value needs another simulation."""
-    return target.kind == FMU or (target.kind == OPTION and target.name in PREPARED)
 
 
 def _group(

@@ -13,15 +13,13 @@ from polars.exceptions import PolarsError
 
 from ..errors import CommandError
 from ..patterns import fits
+from ..recorders.metrics import HELD, is_verdict
 from ..requirements import by_name, instead
 from ..results.result import Result
 from .reserved import RESERVED
 
 Metric = str | Callable[[Result], Any]
 """A name or pattern of registered figures, an expression over signals, or a function of a result."""
-
-HELD = "held"
-"""The last part of the name of a figure that is a verdict, as in `lift.held`."""
 
 _NAMED = re.compile(r"\s*([^=<>!()]+?)\s*=(?!=)\s*(.+)", re.DOTALL)
 _TIME = "time"
@@ -91,18 +89,13 @@ def _named(metrics: Sequence[Metric] | Mapping[str, Metric], where: str) -> list
     return found
 
 
-def is_verdict(figure: str) -> bool:
-    """Return whether a figure is the verdict of a joint, or of whatever else a registered metric judges."""
-    return figure.rpartition(".")[2] == HELD
-
-
 def _check_name(name: str, taken: Sequence[str], where: str) -> None:
     if name in taken or name in RESERVED:
         raise CommandError(f"{where} has two columns '{name}'; give the metric another name.", name=name)
     if is_verdict(name):
         raise CommandError(
-            f"{where} has a metric '{name}', but '{HELD}' is the verdict of registered metrics; give the metric "
-            "another name.",
+            f"{where} has a metric '{name}', but '{HELD}' is the verdict of registered metrics; "
+            "give the metric another name.",
             name=name,
         )
 
@@ -193,9 +186,7 @@ def with_verdicts(measures: Measures, figures: Mapping[str, bool]) -> Measures:
     `figures` are as in `resolved`.
     """
     missing = [n for n, truth in figures.items() if truth and is_verdict(n) and n not in measures.figures]
-    return replace(
-        measures, figures=[*measures.figures, *missing], truths=[*measures.truths, *missing]
-    )
+    return replace(measures, figures=[*measures.figures, *missing], truths=[*measures.truths, *missing])
 
 
 def reason_not_held(result: Result) -> str | None:

@@ -39,6 +39,7 @@ def read_sweep(folder: str | Path) -> SweepResult:
             base=record["base"],
             targets={name: [Target(**t) for t in targets] for name, targets in record["factors"].items()},
             wall_s=record.get("wall_s", 0.0),
+            notes=record.get("notes", ()),
         )
     except (OSError, KeyError, TypeError, ValueError, polars.exceptions.PolarsError) as error:
         raise CommandError(f"'{place}' has no sweep that can be read: {error}.") from error

@@ -35,7 +35,8 @@ class SweepResult:
     `sampling` is the name of the method and `seed` its seed. `complete` says whether all variants are
     there, `required` what each had to fulfil, `wall_s` how long they took. `base` is the command that runs
     the scenario as all variants have it, None where there is none, and `targets` where values of each
-    factor go. `folder` is None where it goes with the result.
+    factor go. `notes` are sentences, without their stops, to read before the figures. `folder` is
+    None where it goes with the result.
     """
 
     name: str
@@ -54,6 +55,7 @@ class SweepResult:
     base: Sequence[str] | None = None
     targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
     wall_s: float = 0.0
+    notes: Sequence[str] = ()
     holds: object = field(default=None, compare=False, repr=False)
 
     def options(self, variant: int) -> dict[str, Any]:

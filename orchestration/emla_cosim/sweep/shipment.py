@@ -54,6 +54,8 @@ class Preparation:
     """What has to live for the files to be there."""
     read: Mapping[Path, str] = field(default_factory=dict)
     """What else was read, and what it is."""
+    scenario: Scenario | None = None
+    """What it was prepared of."""
 
     @classmethod
     def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
@@ -65,7 +67,10 @@ class Preparation:
             interfaces = read_interfaces(fmus)
         told.advance(1)
         usual = Options()
-        done = {name: getattr(usual, name) for name in (*PREPARED, "set", *_OF_ONE_RUN) if name != "isolate"}
+        fixed = [name for name in (*PREPARED, "set", *_OF_ONE_RUN) if name != "isolate"]
+        if options.follow_models:
+            fixed.remove("set")  # which tells a variant what must not follow from its own values
+        done = {name: getattr(usual, name) for name in fixed}
         return cls(
             scenario.name,
             system,
@@ -75,6 +80,7 @@ class Preparation:
             {hashes[path]: path for path in hashes},
             scenario.holds,
             options.files_read(),
+            scenario,
         )
 
     @property

@@ -23,6 +23,7 @@ from .design import Design, designed
 from .farm import Farm, Scheduler, farm
 from .folder import SweepFolder, digest
 from .measures import Asked, Measures, Metric, resolved, with_verdicts
+from .notes import sweep_notes
 from .plan import Plan, Source, plan_of
 from .reading import read_sweep
 from .result import SweepResult
@@ -70,10 +71,14 @@ def sweep(
     plan = plan_of(source).updated({**given, "signals": signals, "options": options})
     check_cluster(scheduler, workers)
     with _place(output, resume) as (folder, held):
-        design = designed(plan, progress or Progress())
+        told = progress or Progress()
+        design = designed(plan, told)
+        notes = sweep_notes(design)
+        for note in notes:
+            told.note(f"Note: {note}.")
         folder.check_unread(group.preparation.read for group in design.groups)
         with folder.alone():
-            _run(design, folder, (scheduler, workers), resume, progress or Progress())
+            _run(design, notes, folder, (scheduler, workers), resume, told)
         result = read_sweep(folder.path)
         return replace(result, folder=None, holds=held.pop_all()) if output is None else result
 
@@ -105,6 +110,7 @@ def _place(output: str | Path | None, resume: bool) -> Iterator[tuple[SweepFolde
 
 def _run(
     design: Design,
+    notes: Sequence[str],
     folder: SweepFolder,
     cluster: tuple[Scheduler, int | None],
     resume: bool,
@@ -123,7 +129,7 @@ def _run(
     with interruption() as interrupted, farm(shipment, *cluster, told.note) as found:
         measures, described = _measures(design, asked, found)
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
-        folder.begin(_record(design, measures, described, identity), resume)
+        folder.begin(_record(design, notes, measures, described, identity), resume)
         finished = folder.finished()
         told.begin("sweeping", design.count, "variants")
         told.advance(len(finished))
@@ -163,7 +169,11 @@ def _measures(design: Design, asked: Asked, found: Farm) -> tuple[Measures, Desc
 
 
 def _record(
-    design: Design, measures: Measures, described: Description, identity: Mapping[str, Any]
+    design: Design,
+    notes: Sequence[str],
+    measures: Measures,
+    described: Description,
+    identity: Mapping[str, Any],
 ) -> dict[str, Any]:
     """What sweep.json says from the beginning."""
     plan = design.plan
@@ -187,6 +197,7 @@ def _record(
         "signals": list(measures.signals),
         "units": units,
         "shown": {name: asdict(described.shown[name]) for name in measures.names if name in described.shown},
+        "notes": list(notes),
         "required": list(design.groups[0].preparation.options.require),
         "base": None if base is None else ["emla", "run", *base],
         "systems": design.identities,

@@ -8,6 +8,7 @@ from typing import Any, get_origin
 from ..inputs.input import Input
 from ..option import SWEEP, Entered, Option
 from ..options import table
+from ..simulation import PREPARED
 from ..system.model import Replacement, Value
 
 OPTION, FMU, START = "option", "replace", "set"
@@ -21,6 +22,11 @@ class Target:
     name: str
     kind: str = START
     nominal: float | None = None
+
+
+def is_prepared(target: Target) -> bool:
+    """Return whether another value of a target needs another simulation."""
+    return target.kind == FMU or (target.kind == OPTION and target.name in PREPARED)
 
 
 def assigned(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:

@@ -88,7 +88,10 @@ def tune(
     folder = None if output is None else TuneFolder(converted(output, Path, "the output folder"))
     told = progress or Progress()
     with nullcontext() if folder is None else folder.alone():
-        preparation = Preparation.of(plan.loaded(), told)
+        scenario = plan.loaded()
+        for note in scenario.notes:
+            told.note(f"Note: {note}.")
+        preparation = Preparation.of(scenario, told)
         with tracked(), _trying(plan, preparation, (scheduler, workers), told) as (task, evaluation):
             return _Tuning(task, evaluation, folder, told).run(plots)
 

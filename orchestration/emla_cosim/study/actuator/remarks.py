@@ -7,7 +7,7 @@ from ...options import Options
 from ...system.model import System
 from ..controllers import chosen
 from .actuator import Actuator
-from .beliefs import one_sided
+from .beliefs import stale_model_parameters
 from .travel import heavy, impossible
 
 _BY_RULE = ("compensated", "robust", "rule")
@@ -23,7 +23,7 @@ def remarks(system: System, options: Options) -> Sequence[str]:
     found = [f"{joint}: {said}" for joint, one in own.items() for said in one.remarks]
     for joint, one in own.items():
         found += heavy(joint, one, system, options)
-    return [*found, *_gains(own, options), *one_sided(system, options)]
+    return [*found, *_gains(own, options), *stale_model_parameters(system, options)]
 
 
 def _gains(own: dict[str, Actuator], options: Options) -> Iterator[str]:

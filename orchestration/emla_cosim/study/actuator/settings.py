@@ -1,10 +1,13 @@
 """Start values of a built-in system as they will be, with those that are given beside the scenario."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 from ...errors import CommandError
 from ...options import Options
 from ...patterns import fits
 from ...quantities import quantity
-from ...system.model import System
+from ...system.model import System, Value
 
 
 def number(system: System, options: Options, component: str, variable: str) -> float | None:
@@ -12,23 +15,27 @@ def number(system: System, options: Options, component: str, variable: str) -> f
     found = next((c for c in system.components if c.name == component), None)
     if found is None or not is_own(component, options):
         return None
-    value = found.parameters.get(variable)
-    for pattern, given in options.set.items():
-        if fits(f"{component}.{variable}", pattern):
+    return value_of(f"{component}.{variable}", found.parameters.get(variable), options.set)
+
+
+def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> float | None:
+    """Return a start value as a number in the unit of its model; None where nobody knows it before the run.
+
+    `value` is what the system has: a number, a text with a unit, or None. `overrides` are values by name or
+    pattern: a name wins over patterns, a later pattern over earlier ones.
+    """
+    for pattern, given in overrides.items():
+        if fits(name, pattern):
             value = given
+    value = overrides.get(name, value)
     if isinstance(value, str):
         try:
-            read = quantity(value, component)
+            read = quantity(value, name)
         except CommandError:
             return None  # of an enumeration, or told later
-        return read.number * (read.unit.factor if read.unit else 1.0)
+        si = None if read.unit is None else replace(read.unit, factor=1.0, offset=0.0)
+        return read.in_unit(si, name)
     return None if value is None else float(value)
-
-
-def numbers(system: System, options: Options, component: str, variable: str) -> list[float]:
-    """The elements of an array, those that are known."""
-    found = (number(system, options, component, f"{variable}[{i}]") for i in range(1, 33))
-    return [value for value in found if value is not None]
 
 
 def is_own(component: str, options: Options) -> bool:

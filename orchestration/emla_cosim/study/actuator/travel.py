@@ -2,16 +2,14 @@
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise
-
-from emla_fmu.schedule import NEVER
 
 from ...options import Options
 from ...system.model import System
 from ..trajectory import motion
 from .actuator import Actuator
 from .derived import holding_torque
-from .settings import is_own, number, numbers
+from .profiles import largest_load, reference_reach, run_span
+from .settings import is_own, number
 
 _ROUNDING = 1.0 + 1e-9
 _LED = "machine.trajectory"
@@ -43,25 +41,21 @@ def impossible(joint: str, own: Actuator, system: System, options: Options) -> I
 def _motion(
     joint: str, system: System, options: Options
 ) -> tuple[float, float, float, tuple[str, str]] | None:
-    """How far in and out a joint's reference goes in m, its largest speed, and what would change both."""
-    points = numbers(system, options, f"{joint}.reference", "waypoint")
-    if points:
+    """Return how far in and out a reference goes in a run in m, its peak speed, and what changes both."""
+    if (found := reference_reach(joint, system, options)) is not None:
         ways = f"set {joint}.reference.waypoint[*]", f"make {joint}.reference.move.duration[*]"
-        return min(points), max(points), _peak_speed(joint, system, options), ways
+        return *found, ways
     if any(c.name == _LED for c in system.components) and is_own(_LED, options):
         ways = "give another --trajectory", "give a --trajectory that takes"
-        return *motion(options.trajectory).travel(joint), ways
+        return *motion(options.trajectory).travel(joint, *run_span(options)), ways
     return None
 
 
 def heavy(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
-    """A sentence, without its stop, on a load that the motor cannot hold, or not for ever."""
-    levels = numbers(system, options, f"{joint}.disturbance", "load.level")
-    if not levels:
+    """Yield a sentence, without its stop, on a load in the run that the motor cannot hold, or not always."""
+    load = largest_load(joint, system, options)
+    if load is None:
         return
-    load = max(map(abs, levels)) + 0.5 * (
-        number(system, options, f"{joint}.disturbance", "load.ripple") or 0.0
-    )
     needed, most = holding_torque(own.values, load), own.emla.tau_max
     lasting = own.i_N * most / own.emla.i_max
     told = f"{joint}: a load of {load:.4g} N takes {needed:.4g} N m of the motor at rest"
@@ -69,16 +63,3 @@ def heavy(joint: str, own: Actuator, system: System, options: Options) -> Iterat
         yield f"{told}, more than its peak torque of {most:.4g} N m: it cannot be held"
     elif 0.0 < lasting < needed:
         yield f"{told}, more than the {lasting:.4g} N m that i_N gives for ever"
-
-
-def _peak_speed(joint: str, system: System, options: Options) -> float:
-    """Largest speed in m/s of quintic moves, those that happen: 15/8 of distance over time."""
-    component = f"{joint}.reference"
-    points = numbers(system, options, component, "waypoint")
-    starts, durations = (
-        numbers(system, options, component, f"move.{name}") for name in ("start", "duration")
-    )
-    moves = zip(pairwise(points), starts, durations, strict=False)
-    return max(
-        (1.875 * abs(b - a) / t for (a, b), begin, t in moves if begin < NEVER and t > 0.0), default=0.0
-    )

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...arrays import Vector
 from ...errors import CommandError
+from ...recorders.metrics import HELD
 from ...results.style import new_figure, tidied
 from ...wording import number
 from ..columns import (
@@ -20,7 +21,6 @@ from ..columns import (
     shown_as,
     varying,
 )
-from ..measures import HELD
 from ..result import DONE, SweepResult
 from .labels import (
     factor_label,

@@ -1,0 +1,108 @@
+"""What a joint's reference and load come to within a run, and not before or after it."""
+
+import math
+from collections.abc import Iterable
+from itertools import chain
+from types import SimpleNamespace
+
+from emla_fmu import Disturbance, Reference
+from emla_fmu.schedule import NEVER
+from fmublock import Block
+
+from ...options import Options
+from ...system.model import System
+from .settings import is_own, number
+
+_EVENLY = 200
+"""Moments, evenly spaced, at which a profile is looked at beside those where something begins or ends."""
+
+_MOST_PEAKS = 1000
+"""Of more peaks of a ripple the highest is taken to meet the highest load."""
+
+
+def largest_load(joint: str, system: System, options: Options) -> float | None:
+    """Return the largest |F_L| in N that the load profile of a joint reaches in a run.
+
+    None where the joint has no profile of its own, or no load.
+    """
+    p = _parameters(Disturbance, f"{joint}.disturbance", system, options)
+    if p is None:
+        return None
+    ends = chain.from_iterable((t, t + p.ramp) for t in p.level_start[1:])
+    moments, width = _moments(ends, options), abs(0.5 * p.ripple)
+    if width and p.ripple_omega:
+        first, last = min(moments), max(moments)
+        half = math.pi / abs(p.ripple_omega)
+        if (last - first) / half > _MOST_PEAKS:
+            p.ripple = 0.0
+            return _largest(p, moments) + width or None
+        k = range(math.floor(first / half), math.ceil(last / half) + 1)
+        moments += [t for t in ((i + 0.5) * half for i in k) if first <= t <= last]
+    return _largest(p, moments) or None
+
+
+def _largest(p: SimpleNamespace, moments: Iterable[float]) -> float:
+    return max(abs(Disturbance.load(Disturbance(), _at(p, t))) for t in moments)
+
+
+def reference_reach(joint: str, system: System, options: Options) -> tuple[float, float, float] | None:
+    """Return how far in and out the reference of a joint goes in a run, in m, and its peak speed in m/s.
+
+    None where the joint has no reference of its own.
+    """
+    p = _parameters(Reference, f"{joint}.reference", system, options)
+    if p is None:
+        return None
+    moves = [(t, t + 0.5 * d, t + d) for t, d in zip(p.start, p.duration, strict=True)]
+    found = [Reference().outputs(_at(p, t)) for t in _moments(_repeated(moves, p.period, options), options)]
+    places = [one["x_d"] for one in found]
+    return min(places), max(places), max(abs(one["v_d"]) for one in found)
+
+
+def _repeated(moves: Iterable[tuple[float, ...]], period: float, options: Options) -> Iterable[float]:
+    """Return the moments of moves; of those that repeat, in every period of a run, up to a thousand."""
+    once = [t for move in moves for t in move if t < 0.5 * NEVER]
+    first, last = run_span(options)
+    if period <= 0.0 or not math.isfinite(last):
+        return once
+    begun = math.floor(first / period)
+    periods = range(begun, min(math.ceil(last / period), begun + _MOST_PEAKS))
+    return [i * period + t for i in periods for t in (*once, 0.0, math.nextafter(period, 0.0))]
+
+
+def run_span(options: Options) -> tuple[float, float]:
+    """Return start and stop time of a run in s; infinity where nobody says when it stops."""
+    return options.start_time or 0.0, math.inf if options.stop_time is None else options.stop_time
+
+
+def _moments(ends: Iterable[float], options: Options) -> list[float]:
+    """Return moments within a run: its start and stop, those of `ends` that it has, and some between."""
+    first, last = run_span(options)
+    inside = [t for t in ends if first < t < last and t < 0.5 * NEVER]
+    if not math.isfinite(last):
+        last = max(inside, default=first) + 1.0
+    evenly = (first + (last - first) * i / _EVENLY for i in range(_EVENLY))
+    return [*evenly, last, *inside]
+
+
+def _parameters(
+    block: type[Block], component: str, system: System, options: Options
+) -> SimpleNamespace | None:
+    """Return the parameters of a component by attribute of its block; None if it is not ours."""
+    there = any(c.name == component and c.model == block.__name__ for c in system.components)
+    if not there or not is_own(component, options):
+        return None
+    found = SimpleNamespace()
+    for parameter in block.layout().parameters:
+        read = [number(system, options, component, scalar.name) for scalar in parameter.scalars()]
+        values = [
+            float(scalar.start) if value is None else value
+            for scalar, value in zip(parameter.scalars(), read, strict=True)
+        ]
+        setattr(found, parameter.attribute, values if parameter.shape else values[0])
+    return found
+
+
+def _at(p: SimpleNamespace, time: float) -> SimpleNamespace:
+    p.time = time
+    return p
