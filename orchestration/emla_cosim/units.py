@@ -51,6 +51,11 @@ class Unit:
     def __str__(self) -> str:
         return self.name
 
+    @property
+    def si(self) -> "Unit":
+        """The unit made of SI base units that measures the same."""
+        return replace(self, name="", factor=1.0, offset=0.0)
+
     def measures_as(self, other: "Unit") -> bool:
         """Whether both are the same but for their names."""
         return replace(self, name="") == replace(other, name="")

@@ -20,7 +20,7 @@ DISTRIBUTIONS: dict[str, type[Distribution]] = {
 """Kinds of distributions by the names that plans call them."""
 
 FORMS = "LOW:HIGH, LOW:HIGH:N, A,B,C, ±10%, 80%:120% and NAME(...) such as normal(0.14, 0.01)"
-"""The short forms, as sentences list them."""
+"""The short forms, as sentences list them; values may have units, such as 1 mm:5 mm:5."""
 
 _NUMBER = re.compile(
     r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
@@ -98,7 +98,7 @@ def _kind(name: Any) -> type[Distribution]:
 
 def _made(kind: type[Distribution], given: Mapping[str, Any]) -> Distribution:
     """A distribution with these fields, which still may be wrong in any way."""
-    known = [*_positional(kind), "relative"]
+    known = [*positional(kind), "relative"]
     for key in given:
         if key not in known:
             near = difflib.get_close_matches(str(key), known, n=1)
@@ -110,7 +110,8 @@ def _made(kind: type[Distribution], given: Mapping[str, Any]) -> Distribution:
     return kind(**given)
 
 
-def _positional(kind: type[Distribution]) -> list[str]:
+def positional(kind: type[Distribution]) -> list[str]:
+    """Return the fields of a kind in the order of its short form."""
     return [f.name for f in fields(kind) if not f.kw_only]
 
 
@@ -138,7 +139,7 @@ def _of_call(kind: type[Distribution], arguments: Sequence[str]) -> Distribution
     plain = [_value(a) for a in arguments if "=" not in a]
     if any("=" in a for a in arguments[: len(plain)]):
         raise CommandError(f"{kind.noun} takes arguments without a name first, then those with one.")
-    names = _positional(kind)
+    names = positional(kind)
     if kind is Values:
         plain = [plain] if plain else []
     if len(plain) > len(names):

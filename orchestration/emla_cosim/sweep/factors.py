@@ -10,14 +10,17 @@ from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from ..options import table
 from ..patterns import fits, is_pattern
+from ..quantities import quantity, unit_named
 from ..simulation import OF_THE_COMMAND
 from ..system.model import System, Value
 from ..system.resolution import refuse_driven
+from ..units import Unit
 from ..values import converted
 from .distributions import Distribution, distribution
 from .kinds.discrete import Values
 from .reserved import RESERVED
 from .targets import FMU, OPTION, START, Target, assigned
+from .with_units import without_units
 
 _FIXED = (*OF_THE_COMMAND, "set", "mapping", "fault", "isolate", "fmus", "require", "compiled", "signals")
 """Options that are the same for all variants."""
@@ -120,21 +123,54 @@ class _Varying:
             if not of:
                 raise CommandError(f"'of' in {self.label} is empty; it must be a list of names.")
             given = {key: value for key, value in given.items() if key != "of"}
-        distributed = distribution(given, self.label)
+        in_si = distribution(without_units(given, self._in_si, self.label), self.label)
         if of is None:
-            names = self._names(self.name, distributed)
-            return [self._factor(name, [name], distributed) for name in names]
-        names = dict.fromkeys(name for pattern in of for name in self._names(pattern, distributed))
-        return [self._factor(self.name, list(names), distributed)]
+            names = self._names(self.name, in_si)
+            return [self._factor(name, [name], self._distribution(given, [name])) for name in names]
+        names = list(dict.fromkeys(name for pattern in of for name in self._names(pattern, in_si)))
+        return [self._factor(self.name, names, self._distribution(given, names))]
+
+    def _in_si(self, text: str) -> float:
+        """Return a quantity as a number in SI units, which has the order that it has in any other."""
+        found = quantity(text, f"{self.label}: {text}")
+        return found.in_unit(None if found.unit is None else found.unit.si, self.label)
+
+    def _distribution(self, given: Any, names: Sequence[str]) -> Distribution:
+        """Return the distribution in the unit that all of these names have."""
+
+        def convert(text: str) -> Any:
+            units = {self._unit(self._kind(name), name) for name in names}
+            label = f"{self.label}: {text}"
+            if len(units) > 1:
+                raise CommandError(f"{label} is for variables of different units; vary each by itself.")
+            (unit,) = units
+            if unit is None:
+                raise CommandError(f"{label} has a unit, but the variable has none; write a plain number.")
+            return quantity(text, label).in_unit(unit, label)
+
+        if any(self._takes_text(name) for name in names):
+            return distribution(given, self.label)
+        return distribution(without_units(given, convert, self.label), self.label)
+
+    def _takes_text(self, name: str) -> bool:
+        """Return whether values that look like quantities may be texts: files, names of levels."""
+        kind = self._kind(name)
+        if kind == OPTION:
+            return not table()[name].about.unit
+        if kind == FMU:
+            return True
+        component, variable = self.system.split(name)
+        variables = self.interfaces[component.name].variables
+        return variables[component.alias(variable).variable].type in ("String", "Enumeration")
 
     def _factor(self, name: str, names: Sequence[str], distributed: Distribution) -> Factor:
         relative = distributed.relative
         targets = [Target(n, self._kind(n), self._nominal(n) if relative else None) for n in names]
         if len(targets) > 1 and any(t.kind != START for t in targets):
             raise CommandError(f"{self.label} varies several things at once; that is for start values.")
-        units = {self._unit(target) for target in targets}
-        own = len(units) == 1 and not (relative and len(targets) > 1)
-        return Factor(name, targets, distributed, units.pop() if own else "")
+        units = {self._unit(target.kind, target.name) for target in targets}
+        own = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
+        return Factor(name, targets, distributed, "" if own is None else str(own))
 
     def _kind(self, name: str) -> str:
         if name in table():
@@ -195,11 +231,13 @@ class _Varying:
             raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
         return number
 
-    def _unit(self, target: Target) -> str:
-        if target.kind != START:
-            return table()[target.name].about.unit if target.kind == OPTION else ""
-        component, variable = self.system.split(target.name)
+    def _unit(self, kind: str, name: str) -> Unit | None:
+        """Return the unit of a start value or of an option; None where there is none."""
+        if kind == OPTION:
+            unit = table()[name].about.unit
+            return unit_named(unit, self.label) if unit else None
+        if kind == FMU:
+            return None
+        component, variable = self.system.split(name)
         alias = component.aliases.get(variable)
-        own = self.interfaces[component.name]
-        unit = alias.unit if alias is not None else own.unit(variable)
-        return str(unit) if unit is not None else ""
+        return alias.unit if alias is not None else self.interfaces[component.name].unit(variable)

@@ -1,6 +1,7 @@
 """What came out of a sweep: one row for every variant, and some signals over time."""
 
 import shlex
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,8 @@ from .targets import Target, as_arguments, assigned, merged
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from .sensitivity import SobolIndices
 
 DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
 """How a variant ended: whole; early, in a step; before its first step; by a figure or a requirement; with its
@@ -71,6 +74,19 @@ class SweepResult:
         if self.base is None or (own := as_arguments(self.options(variant))) is None:
             return None
         return shlex.join([*self.base, *own])
+
+    def sobol(self, figure: str) -> "SobolIndices":
+        """Return the Sobol indices of a figure, such as `lift.held`; needs the sampling `saltelli`.
+
+        Warns (UserWarning) where base samples are left out, as this biases the indices. Raises CommandError
+        for another sampling, a figure that the sweep does not have, or too few base samples.
+        """
+        from .sensitivity import sobol_indices
+
+        found = sobol_indices(self, figure)
+        if found.warning is not None:
+            warnings.warn(found.warning, stacklevel=2)
+        return found
 
     def plot(self, kind: str, *names: str) -> "Figure":
         """Draw `bands` of signals over time, `figures` against factors, `tornado`, `sobol` or `map`.

@@ -1,14 +1,16 @@
 """Which factors a figure of a sweep follows: Sobol indices, and sensitivities around the nominal values."""
 
+import contextlib
+import math
 import warnings
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arrays import Vector
 from ..errors import CommandError
-from .columns import figure_by_variant, figure_values, numbers
+from .columns import figure_by_variant, figure_values, numbers, varying
 from .result import SweepResult
 
 SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
@@ -32,6 +34,31 @@ class SobolIndices:
     total_confidence: Vector
     groups: int
     left_out: int
+
+    @property
+    def warning(self) -> str | None:
+        """A sentence that says that the indices are biased; None where nothing is left out."""
+        if not self.left_out:
+            return None
+        every = self.groups + self.left_out
+        return (
+            f"{self.left_out:,} of {every:,} base samples are left out of the Sobol indices of '{self.figure}': "
+            "a variant of theirs lacks the figure. This biases the indices where what makes variants fail "
+            "also changes the figure. Judge a figure that every variant has, or narrow the ranges."
+        )
+
+    def record(self) -> dict[str, Any]:
+        """Return all of it as sweep.json has it."""
+        numbers = {name: [_or_none(x) for x in getattr(self, name).tolist()] for name in _INDICES}
+        kept = {"factors": list(self.factors), **numbers, "groups": self.groups, "left_out": self.left_out}
+        return {**kept, "warning": self.warning}
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+_INDICES = ("first", "first_confidence", "total", "total_confidence")
 
 
 class LocalSensitivity(NamedTuple):
@@ -78,6 +105,15 @@ def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
         groups=len(whole),
         left_out=count - len(whole),
     )
+
+
+def all_sobol_indices(result: SweepResult) -> dict[str, SobolIndices]:
+    """Return the Sobol indices of every figure that varies and has them, by its name."""
+    found = dict[str, SobolIndices]()
+    for figure in varying(result):
+        with contextlib.suppress(CommandError):  # too few variants have it
+            found[figure] = sobol_indices(result, figure)
+    return found
 
 
 def _indices(result: SweepResult, figure: str, values: Vector) -> list[Vector]:

@@ -116,7 +116,8 @@ def sobol_table(result: SweepResult, figure: str) -> RenderableType:
             f"{found.total[i]:.2f} ± {found.total_confidence[i]:.2f}",
         )
     _tell_rest(table, len(strongest))
-    return _titled(title, table)
+    titled = _titled(title, table)
+    return titled if found.warning is None else Group(titled, Text(f"Warning: {found.warning}"))
 
 
 def local_table(result: SweepResult, figure: str) -> RenderableType:

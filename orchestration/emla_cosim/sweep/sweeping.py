@@ -27,9 +27,13 @@ from .notes import sweep_notes
 from .plan import Plan, Source, plan_of
 from .reading import read_sweep
 from .result import SweepResult
+from .sensitivity import SALTELLI, all_sobol_indices
 from .shipment import Shipment, check_portable
 from .targets import as_arguments
 from .worker import Chunk, Description
+
+SOBOL = "sobol"
+"""What sweep.json calls the Sobol indices by figure."""
 
 
 def sweep(
@@ -79,8 +83,16 @@ def sweep(
         folder.check_unread(group.preparation.read for group in design.groups)
         with folder.alone():
             _run(design, notes, folder, (scheduler, workers), resume, told)
-        result = read_sweep(folder.path)
+            result = read_sweep(folder.path)
+            _keep_sobol_indices(result, folder)
         return replace(result, folder=None, holds=held.pop_all()) if output is None else result
+
+
+def _keep_sobol_indices(result: SweepResult, folder: SweepFolder) -> None:
+    """Write the Sobol indices of all figures to sweep.json, once the sweep is complete."""
+    if result.complete and result.sampling == SALTELLI and SOBOL not in folder.record():
+        found = {name: indices.record() for name, indices in all_sobol_indices(result).items()}
+        folder.write_record({SOBOL: found})
 
 
 def check_cluster(scheduler: Scheduler, workers: int | None) -> None:

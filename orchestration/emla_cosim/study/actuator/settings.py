@@ -1,7 +1,6 @@
 """Start values of a built-in system as they will be, with those that are given beside the scenario."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from ...errors import CommandError
 from ...options import Options
@@ -33,8 +32,7 @@ def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> 
             read = quantity(value, name)
         except CommandError:
             return None  # of an enumeration, or told later
-        si = None if read.unit is None else replace(read.unit, factor=1.0, offset=0.0)
-        return read.in_unit(si, name)
+        return read.in_unit(None if read.unit is None else read.unit.si, name)
     return None if value is None else float(value)
 
 

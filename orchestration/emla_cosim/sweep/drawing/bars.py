@@ -55,8 +55,10 @@ def draw_sobol(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     found = _panels(result, figures, sobol_indices)
     figure = _figure(result, found, lambda axes, name, indices: _draw_sobol(axes, indices))
     put_title(figure, f"{result.name}: Sobol indices")
-    note = _note(result, 0 if figures else len(varying(result)) - len(found))
-    put_legend(figure, _handles({BLUE: "first order", ORANGE: "total"}), note)
+    notes = [_note(result, 0 if figures else len(varying(result)) - len(found))]
+    if biased := sum(indices.left_out > 0 for indices in found.values()):
+        notes.append(f"Biased, as base samples are left out: {biased} of {len(found)}.")
+    put_legend(figure, _handles({BLUE: "first order", ORANGE: "total"}), " ".join(filter(None, notes)))
     return figure
 
 
