@@ -42,9 +42,10 @@ class SobolIndices:
             return None
         every = self.groups + self.left_out
         return (
-            f"{self.left_out:,} of {every:,} base samples are left out of the Sobol indices of '{self.figure}': "
-            "a variant of theirs lacks the figure. This biases the indices where what makes variants fail "
-            "also changes the figure. Judge a figure that every variant has, or narrow the ranges."
+            f"{self.left_out:,} of {every:,} base samples are left out of the Sobol indices of "
+            f"'{self.figure}': a variant of theirs lacks the figure. This biases the indices where what "
+            "makes variants fail also changes the figure. Judge a figure that every variant has, or narrow "
+            "the ranges."
         )
 
     def record(self) -> dict[str, Any]:

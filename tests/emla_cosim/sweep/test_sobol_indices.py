@@ -99,7 +99,11 @@ def test_they_are_in_the_record_with_their_warning(
     plan: dict[str, Any] = {
         "vary": {"p.y.x_1": f"0:{high}", "p.y.x_2": "0:1"},
         "metrics": ["y = last(p.y.y)", "same = 1"],
-        **{"sampling": "saltelli", "runs": 32, "scheduler": cluster, "stop_time": 0.1, "step_size": 0.1},
+        "sampling": "saltelli",
+        "runs": 32,
+        "scheduler": cluster,
+        "stop_time": 0.1,
+        "step_size": 0.1,
     }
     result = ec.sweep(system, **plan, output=tmp_path / "out")
     with warnings.catch_warnings(record=True) as told:
