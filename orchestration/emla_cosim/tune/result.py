@@ -43,6 +43,7 @@ class TuneResult:
     the gains by name, `objective`, `violation` (0 where all conditions hold), `lost` (runs) and `best`
     (the least objective so far of those whose conditions hold). `seeds` are those of `training` and
     `validation`. `complete` says whether nobody ended it early; `folder` is None where it left no files.
+    `notes` are sentences, without their stops, to read before the gains.
     """
 
     name: str
@@ -57,6 +58,7 @@ class TuneResult:
     runs: int = 0
     wall_s: float = 0.0
     folder: Path | None = None
+    notes: Sequence[str] = ()
 
     @property
     def set(self) -> dict[str, Any]:

@@ -93,7 +93,7 @@ def tune(
             told.note(f"Note: {note}.")
         preparation = Preparation.of(scenario, told)
         with tracked(), _trying(plan, preparation, (scheduler, workers), told) as (task, evaluation):
-            return _Tuning(task, evaluation, folder, told).run(plots)
+            return _Tuning(task, evaluation, folder, told, scenario.notes).run(plots)
 
 
 @contextmanager
@@ -122,6 +122,7 @@ class _Tuning:
     evaluation: Evaluation
     folder: TuneFolder | None
     told: Progress
+    notes: Sequence[str]
     rows: list[dict[str, Any]] = field(default_factory=list)
     began: float = field(default_factory=time.monotonic)
 
@@ -218,6 +219,7 @@ class _Tuning:
             self.evaluation.runs,
             time.monotonic() - self.began,
             None if self.folder is None else self.folder.path,
+            self.notes,
         )
         if self.folder is not None:
             self.folder.keep(result, _record(self.task, result), scenario_content(plan))
@@ -251,6 +253,7 @@ def _record(task: Task, result: TuneResult) -> dict[str, Any]:
         "name": plan.name,
         "status": "completed" if result.complete else "unfinished",
         "problem": result.problem(),
+        "notes": list(result.notes),
         "plan": asked,
         "seeds": result.seeds,
         "start": _gains(result.start),

@@ -16,6 +16,7 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
+from emla_cosim.recorders.metrics import is_verdict
 from emla_cosim.sweep import farm
 from emla_cosim.sweep.reading import read_sweep
 from emla_cosim.sweep.sensitivity import sobol_indices
@@ -124,7 +125,7 @@ def test_the_command_of_a_variant_gives_its_figures(cluster: Client, emla: Emla,
         assert done.exit_code == 0, done.output
         found = json.loads(Path(f"v{row['variant']}/metrics.json").read_text())
         own = found["joints"]["lift"]
-        assert own.keys() == {n.removeprefix("lift.") for n in result.figures} | {"left_limits"}
+        assert own.keys() >= {n.removeprefix("lift.") for n in result.figures}
         assert all(row[n] == own[n[5:]] or (_none(row[n]) and own[n[5:]] is None) for n in result.figures)
 
 
@@ -173,7 +174,8 @@ def test_metrics_of_every_kind(cluster: Client, fmu_folder: Path) -> None:
         last,
     ]
     result = sweep("lift", {R_S: [0.1, 0.2]}, metrics=metrics, scheduler=cluster, fmus=fmu_folder, **TABLE)
-    assert list(result.figures) == ["lift.torque_peak_N_m", "largest", "high", "n", "last"]
+    named = [figure for figure in result.figures if not is_verdict(figure)]
+    assert named == ["lift.torque_peak_N_m", "largest", "high", "n", "last"]
     with ec.load("lift", fmus=fmu_folder, **TABLE).prepare() as simulation:
         for row in result.variants.to_dicts():
             run = simulation.run(set={R_S: row[R_S]})
