@@ -4,7 +4,7 @@
     python docs/robustness.py FOLDER
 
 `python docs/robustness.py --tilt FOLDER` sweeps tilt alone into a folder, and prints Sobol indices of
-whether it converges.
+whether it is held.
 """
 
 import sys
@@ -22,18 +22,17 @@ from emla_cosim.results.style import BLUE, GREY, ORANGE, RED, save, tidied
 from emla_cosim.study.systems import STUDY
 from emla_cosim.sweep.columns import factor, figure_values, influence
 from emla_cosim.sweep.plan import plan_of
-from emla_cosim.sweep.sensitivity import sobol_indices
 from emla_fmu.parameters import EMLAS
 
 HERE = Path(__file__).parent
 
-CONVERGED, LEFT, LATE = "converged", "left its speed range, then converged", "did not converge"
-COLORS = {CONVERGED: BLUE, LEFT: ORANGE, LATE: RED}
+HELD, LOST, LATE = "held", "settled, but not held", "not settled"
+COLORS = {HELD: BLUE, LOST: ORANGE, LATE: RED}
 SHOWN = {
     "position error / µm": ("position_error_m", 1e6),
     "speed error / (mm/s)": ("velocity_error_m_s", 1e3),
     "torque peak / (N m)": ("torque_peak_N_m", 1.0),
-    "convergence time / ms": ("convergence_time_s", 1e3),
+    "settling time / ms": ("settling_time_s", 1e3),
 }
 BASE_SAMPLES = 512
 
@@ -43,9 +42,9 @@ class Joint:
 
     def __init__(self, result: ec.SweepResult, name: str) -> None:
         self._result, self.name = result, name
-        within = ~np.isnan(self.figure("convergence_time_s"))
-        ended = np.where(within, LEFT, LATE)
-        self.outcomes = np.where(self.figure("converged") == 1.0, CONVERGED, ended)
+        settled = ~np.isnan(self.figure("settling_time_s"))
+        ended = np.where(settled, LOST, LATE)
+        self.outcomes = np.where(self.figure("held") == 1.0, HELD, ended)
         study = STUDY[name]
         away = np.sign(study.x_start - study.q_S)
         self.start_mm = 1e3 * away * (factor(result, f"{name}.start").values - study.q_S)
@@ -55,9 +54,9 @@ class Joint:
         """One of its figures for each variant."""
         return figure_values(self._result, f"{self.name}.{name}")
 
-    def of_converged(self, name: str) -> Vector:
-        """The same, NaN where it did not converge."""
-        return np.where(self.outcomes == CONVERGED, self.figure(name), np.nan)
+    def of_held(self, name: str) -> Vector:
+        """The same, NaN where it is not held."""
+        return np.where(self.outcomes == HELD, self.figure(name), np.nan)
 
     def followed(self, values: Vector, count: int) -> list[tuple[str, float]]:
         """The factors with the largest rank correlation with values."""
@@ -74,7 +73,7 @@ def draw(joints: Sequence[Joint], path: Path) -> None:
         draw_approach(joint, above)
         draw_followed(joint, below)
     grid[0, 0].set_ylabel("largest speed / its limit", fontsize=9)
-    grid[1, 1].set_xlabel("rank correlation with the position error, where it converged", fontsize=9)
+    grid[1, 1].set_xlabel("rank correlation with the position error, where it is held", fontsize=9)
     handles, labels = max((axes.get_legend_handles_labels() for axes in grid[0]), key=lambda x: len(x[1]))
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     with path.open("wb") as stream:
@@ -90,15 +89,15 @@ def draw_approach(joint: Joint, axes: Axes) -> None:
                 joint.start_mm[mine], joint.speed[mine], s=4, color=color, linewidths=0, label=outcome
             )
     axes.axhline(1.0, color=GREY, linewidth=0.8)
-    axes.set_title(f"{joint.name}: {(joint.outcomes == CONVERGED).mean():.1%} converge", fontsize=10)
+    axes.set_title(f"{joint.name}: {(joint.outcomes == HELD).mean():.1%} held", fontsize=10)
     axes.set_xlabel("start behind the reference / mm", fontsize=9)
     tidied(axes)
     axes.set_ylim(bottom=0.0)
 
 
 def draw_followed(joint: Joint, axes: Axes) -> None:
-    """The factors that the position error follows, of variants that converged."""
-    found = joint.followed(joint.of_converged("position_error_m"), 6)[::-1]
+    """The factors that the position error follows, of variants that are held."""
+    found = joint.followed(joint.of_held("position_error_m"), 6)[::-1]
     axes.barh([name for name, _ in found], [value for _, value in found], color=BLUE)
     axes.set_xlim(0.0, 1.0)
     tidied(axes)
@@ -113,12 +112,12 @@ def told(joints: Sequence[Joint]) -> Iterable[str]:
     for label, (name, scale) in SHOWN.items():
         cells = []
         for joint in joints:
-            values = scale * joint.of_converged(name)
+            values = scale * joint.of_held(name)
             cells.append(" / ".join(f"{v:.3g}" for v in np.nanpercentile(values, [50, 95, 100])))
         yield f"| {label} | " + " | ".join(cells) + " |"
-    for name in ("converged", "position_error_m", "velocity_error_m_s", "torque_peak_N_m"):
+    for name in ("held", "position_error_m", "velocity_error_m_s", "torque_peak_N_m"):
         for joint in joints:
-            values = joint.figure(name) if name == "converged" else joint.of_converged(name)
+            values = joint.figure(name) if name == "held" else joint.of_held(name)
             yield f"{joint.name} {name}: " + ", ".join(f"{n} {v:.2f}" for n, v in joint.followed(values, 4))
 
 
@@ -133,7 +132,7 @@ def sweep_tilt(folder: Path) -> None:
         vary=vary,
         sampling="saltelli",
         runs=BASE_SAMPLES,
-        metrics=["tilt.converged", "tilt.position_error_m"],
+        metrics=["tilt.held", "tilt.position_error_m"],
         signals=[],
         options={**plan.options, "set": set_},
     )
@@ -144,7 +143,7 @@ def main(arguments: Sequence[str]) -> None:
     """Draw and tell, or with `--tilt FOLDER` run the sweep of tilt."""
     if arguments[0] == "--tilt":
         sweep_tilt(Path(arguments[1]))
-        found = sobol_indices(ec.read_sweep(arguments[1]), "tilt.converged")
+        found = ec.read_sweep(arguments[1]).sobol("tilt.held")
         for i in np.argsort(-found.total):
             print(
                 f"| {found.factors[i]} | {found.first[i]:.2f} ± {found.first_confidence[i]:.2f} "

@@ -191,12 +191,12 @@ def with_verdicts(measures: Measures, figures: Mapping[str, bool]) -> Measures:
 
 def reason_not_held(result: Result) -> str | None:
     """Return why a run is not held, a sentence for each verdict that is false; None where none is."""
-    found = [
-        f"{of} is not held: {str(figures.get('reason') or 'no reason is known').rstrip('.')}."
-        for kind in result.metrics.values()
-        for of, figures in kind.items()
-        if figures.get(HELD) is False
-    ]
+    found = list[str]()
+    for kind in result.metrics.values():
+        for of, figures in kind.items():
+            if figures.get(HELD) is False:
+                reason = str(figures.get("reason") or f"{of} is not held").rstrip(".")
+                found.append(f"{reason}." if reason.startswith(f"{of} ") else f"{of}: {reason}.")
     return " ".join(found) or None
 
 

@@ -88,7 +88,10 @@ def test_any_two_signals_meet_in_an_expression(one: str, other: str) -> None:
 @pytest.mark.parametrize(
     "metrics, words",
     [
-        (["lift.eror_m"], r"the plan wants the metric 'lift\.eror_m'; did you mean lift\.error_m"),
+        (
+            ["lift.eror_m"],
+            r"'lift\.eror_m', which does not exist; did you mean lift\.error_m",
+        ),
         (["mine = max("], "'mine = max.' cannot be computed: unable to parse"),
         (["mine = foo(lift.plant.x)"], "unsupported function 'foo'"),
         (["mine = lift.plant.x"], "gives a value for each row; take max"),

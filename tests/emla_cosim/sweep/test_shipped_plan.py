@@ -91,10 +91,11 @@ def test_an_observer_starts_where_its_encoder_says(design: Design) -> None:
 
 
 def test_it_runs(fmu_folder: Path, tmp_path: Path) -> None:
-    longer = 0.31  # than it takes to tell who converges
+    longer = 0.31  # than it takes to tell who is held
     result = sweep(NAME, runs=4, stop_time=longer, fmus=fmu_folder, workers=1, output=tmp_path / "out")
     assert result.complete
     assert result.variants["status"].to_list() == [DONE] * 4
+    assert result.variants.select(polars.col("^.*held$")).columns == [f"{joint}.held" for joint in JOINTS]
     errors = result.variants.select(polars.col("^.*position_error_m$"))
     assert errors.width == 3
     assert all(0.0 < e < 0.02 for column in errors for e in column)  # no more than the starts are off

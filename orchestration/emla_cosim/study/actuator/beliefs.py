@@ -1,7 +1,7 @@
 """What observer and controller assume of a plant, and which of it a changed plant leaves behind."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +18,9 @@ from .settings import value_of
 _BOTH, _CONTROLLER = ("controller", "observer"), ("controller",)
 
 _GEAR = ("gearbox.rho", "screw.lead")
+
+_MOST_NAMED = 6
+"""Of so many parameters a note has the names."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +80,15 @@ def stale_model_parameters(system: System, options: Options) -> Iterator[str]:
         changed = list(dict.fromkeys(name for one in found for name in one.changed))
         verb, keep = ("changes" if len(changed) == 1 else "change"), ("keeps its value", "keep their values")
         yield (
-            f"{listed(changed)} {verb}, but {listed([one.name for one in found])} "
+            f"{_named(changed)} {verb}, but {_named([one.name for one in found])} "
             f"{keep[len(found) > 1]}; --follow-models (follow_models = true in a file) changes "
             f"{'it' if len(found) == 1 else 'them'} too, and --actuator {joint}=FILE the whole actuator"
         )
+
+
+def _named(names: Sequence[str]) -> str:
+    more = len(names) - _MOST_NAMED
+    return listed([*names[:_MOST_NAMED], f"{more} more"] if more > 0 else names)
 
 
 def followed_model_parameters(system: System, options: Options) -> Mapping[str, Value]:
