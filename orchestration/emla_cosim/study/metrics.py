@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Mask, Vector, counts
-from ..recorders.metrics import Figures, Metrics, Shown
+from ..recorders.metrics import HELD, Figures, Metrics, Shown
 from ..recorders.recorder import Outline
 from .criteria import criteria_of
 from .limits import LimitWatch
@@ -66,7 +66,7 @@ _NEEDED = (*_TRACKED, "v_L", "tau_m", "v_d")
 _ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter")
 """Roles of the signals that are looked at, in the order of the gathered rows."""
 
-_HELD = Shown("held", "held")
+_HELD = Shown(HELD, HELD)
 _SHOWN = (
     Shown("position_error_m", "position error", 1e6, "µm", "m"),
     Shown("velocity_error_m_s", "speed error", 1e3, "mm/s", "m/s"),

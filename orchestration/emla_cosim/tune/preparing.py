@@ -9,6 +9,7 @@ from ..errors import CommandError
 from ..experiment import run_times
 from ..files import read_text
 from ..options import table
+from ..recorders.metrics import HELD
 from ..requirements import Requirement, requirement
 from ..scenarios.built_in import SCENARIOS, SYSTEMS, built_in
 from ..scenarios.scenario_file import ScenarioFile, parse_scenario
