@@ -43,6 +43,22 @@ class DriveController(KnownDrive):
         True, description="Let i_d weaken the field where back-EMF leaves i_q too little voltage"
     )
     v_max = Parameter(0.136, unit="m/s", minimum=1e-6, name="limit.v_max", description="Largest screw speed")
+    u_reserve = Parameter(
+        0.05,
+        minimum=0.0,
+        maximum=0.9,
+        name="limit.u_reserve",
+        symbol="r",
+        description="Part of the voltage that is kept for changes of current",
+    )
+    i_reserve = Parameter(
+        0.0,
+        minimum=0.0,
+        maximum=0.9,
+        name="limit.i_reserve",
+        symbol="r_i",
+        description="Part of i_max that is kept for what noise and delay add",
+    )
 
     u_q = Output(unit="V", nominal=100.0, description="q-axis voltage", terminal="drive")
     u_d = Output(unit="V", nominal=100.0, description="d-axis voltage", terminal="drive")

@@ -38,8 +38,8 @@ def available_voltage(v: Any) -> Any:
 
 
 def steady_voltage(v: Any) -> Any:
-    """What of it may be counted on in V: a twentieth stays for changes of the currents."""
-    return 0.95 * available_voltage(v)
+    """Return what of it may be counted on in V: the part `u_reserve` stays for changes of the currents."""
+    return (1.0 - v.u_reserve) * available_voltage(v)
 
 
 def left_by_emf(v: Any, u: Any) -> Any:
@@ -74,15 +74,15 @@ def weakest_current(v: Any) -> Any:
 
 
 def current_limit(v: Any, u: Any) -> Any:
-    """Largest |i_q*| in A: i_max, or what a voltage u can hold at this speed with the field weakened.
+    """Return the largest |i_q*| in A: i_max less `i_reserve`, or what a voltage u can hold at this speed.
 
-    More could be asked for but not held: L_q i_q beside the magnet's flux would be longer than
+    That is with the field weakened. More could be asked for but not held: L_q i_q beside the magnet's flux would be longer than
     what the voltage can turn. A tenth of that stays for i_q where none is left.
     """
     flux = reachable_flux(v, u)
     beside = v.Phi_PM + v.L_d * weakest_current(v)
     held = sqrt(maximum(flux * flux - beside * beside, 0.01 * flux * flux)) / v.L_q
-    return minimum(v.i_max, held)
+    return minimum((1.0 - v.i_reserve) * v.i_max, held)
 
 
 def weakening_current(v: Any, i_q_ref: Any, u: Any) -> Any:

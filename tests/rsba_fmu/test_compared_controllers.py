@@ -1,6 +1,7 @@
 """The controllers that RSBA is compared with: their loops beside an independent one, and their limits."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import hypothesis.strategies as st
@@ -48,17 +49,21 @@ LOOPS = {
 }
 
 
+@pytest.mark.parametrize("reserves", [{}, {"u_reserve": 0.2, "i_reserve": 0.1}])
 @pytest.mark.parametrize("block", COMPARED)
-def test_the_loop_is_that_of_an_independent_implementation(block: type[Block]) -> None:
+def test_the_loop_is_that_of_an_independent_implementation(
+    block: type[Block], reserves: dict[str, float]
+) -> None:
     """Plant and controller with true states, from 2 mm beside the reference, through the current's limit."""
     gains, reference, count = LOOPS[block]
+    gains, reference = {**gains, **reserves}, replace(reference, limits=independent.Limits(**reserves))
     times = np.linspace(0.0, UNTIL, 21)
     ours = _ours(block, gains, times)
     theirs = _theirs(reference, count, times)
     moved = np.ptp(theirs, axis=0)
     assert np.all(np.abs(ours - theirs) <= 5e-6 * moved + 1e-10)
     assert moved[0] > 1e-3
-    assert np.max(theirs[:, 2]) > 0.9 * 105.0
+    assert np.max(theirs[:, 2]) > 0.9 * (1.0 - reserves.get("i_reserve", 0.0)) * 105.0
 
 
 def _ours(block: type[Block], gains: dict[str, Any], times: np.ndarray) -> np.ndarray:

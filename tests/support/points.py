@@ -265,6 +265,8 @@ def drive_points(draw: Draw) -> tuple[dict[str, Any], dict[str, float]]:
         "limit.v_max": 1e-5 if limited == "speed" else 1.0,
         "limit.i_max": 1e-3 if limited == "current" else 1e5,
         "limit.u_max": u_max,
+        "limit.u_reserve": draw(st.floats(0.05, 0.3)),
+        "limit.i_reserve": draw(st.floats(0.05, 0.3)),
         "model.R_s": magnitude(draw, 0.05, 0.5),
         "model.L_d": magnitude(draw, 1e-3, 5e-3),
         "model.L_q": magnitude(draw, 1e-3, 5e-3),

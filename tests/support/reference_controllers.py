@@ -34,6 +34,8 @@ class Limits:
     v_max: float = 0.136
     i_max: float = 105.0
     u_max: float = 445.0
+    u_reserve: float = 0.05
+    i_reserve: float = 0.0
     weaken_field: bool = True
 
     def longest(self, at: Given) -> float:
@@ -45,7 +47,7 @@ class Limits:
 
     def flux(self, at: Given) -> float:
         speed = abs(self.known.N_p * self.known.alpha_RL * at.x[1])
-        return math.inf if speed == 0.0 else 0.95 * self.longest(at) / speed
+        return math.inf if speed == 0.0 else (1.0 - self.u_reserve) * self.longest(at) / speed
 
     def weakest(self) -> float:
         return -min(self.known.Phi_PM / self.known.L_d, 0.7 * self.i_max) if self.weaken_field else 0.0
@@ -53,7 +55,7 @@ class Limits:
     def current(self, at: Given) -> float:
         flux, along = self.flux(at), self.known.Phi_PM + self.known.L_d * self.weakest()
         across = math.sqrt(max(flux**2 - along**2, (0.1 * flux) ** 2))
-        return min(self.i_max, across / self.known.L_q)
+        return min((1.0 - self.i_reserve) * self.i_max, across / self.known.L_q)
 
     def i_d_ref(self, at: Given, i_q_ref: float) -> float:
         along = math.sqrt(
