@@ -37,7 +37,7 @@ def of_file(path: Path, content: bytes | None) -> Origin:
 
 
 def with_gains(given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Whoever names a controller without gains wants its usual ones, not those of the one before."""
+    """Return options in which a controller without gains gets its recommended ones, not those of another."""
     return {"gains": None, **given} if given.get("controller") is not None else given
 
 

@@ -76,8 +76,8 @@ def weakest_current(v: Any) -> Any:
 def current_limit(v: Any, u: Any) -> Any:
     """Return the largest |i_q*| in A: i_max less `i_reserve`, or what a voltage u can hold at this speed.
 
-    That is with the field weakened. More could be asked for but not held: L_q i_q beside the magnet's flux would be longer than
-    what the voltage can turn. A tenth of that stays for i_q where none is left.
+    That is with the field weakened. More could be asked for but not held: L_q i_q beside the magnet's flux
+    would be longer than what the voltage can turn. A tenth of that stays for i_q where none is left.
     """
     flux = reachable_flux(v, u)
     beside = v.Phi_PM + v.L_d * weakest_current(v)

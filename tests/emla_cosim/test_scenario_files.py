@@ -496,10 +496,10 @@ def test_layers_of_options_merge() -> None:
     assert (in_effect["set"], in_effect["step_multiples"]) == (options.set, {"a": 2, "b": 4})
 
 
-def test_a_controller_without_gains_comes_with_its_usual_ones() -> None:
+def test_a_controller_without_gains_comes_with_its_recommended_ones() -> None:
     """Not with those that the scenario's file has for another one."""
     assert load("lift").options.gains == "robust"
     chosen = load("lift", controller="foc")
     assert chosen.options.gains is None
-    assert chosen.system == load("lift", controller="foc", gains="rule").system
+    assert chosen.system == load("lift", controller="foc", gains="tuned").system
     assert load("lift", controller="rsba", gains="robust").system == load("lift").system

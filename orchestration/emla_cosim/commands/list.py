@@ -39,6 +39,7 @@ def command() -> None:
             choices.add_row(option.flag, ", ".join(option.about.choices()))
     choices.add_row("--controller", ", ".join(CONTROLLERS))
     for name, controller in CONTROLLERS.items():
-        choices.add_row(f"--gains, for {name}", ", ".join(controller.gains))
+        first, *others = controller.gains
+        choices.add_row(f"--gains, for {name}", ", ".join([f"{first} (recommended)", *others]))
     for shown in (scenarios, plans, tunings, models, choices):
         show(shown)

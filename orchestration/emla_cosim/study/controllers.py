@@ -44,8 +44,9 @@ class Gains:
 class Controller:
     """What closes a joint's loop, a block or the file of an FMU, and its gains by the name of the set.
 
-    The first set is the usual one. A controller that brings no gains of its own runs with its start
-    values, and with one of our observers.
+    The first set is the recommended one: every command takes it unless gains are named, and comparisons
+    use it. A controller that brings no gains of its own runs with its start values, and with one of our
+    observers.
     """
 
     model: type[Block] | Path
@@ -56,6 +57,11 @@ class Controller:
             "published": Gains(observer_gains.PUBLISHED, printed_estimate=True),
         }
     )
+
+    @property
+    def recommended(self) -> str:
+        """Return the name of the recommended set of gains."""
+        return next(iter(self.gains))
 
 
 _OBSERVER = {**observer_gains.ROBUST, "prototype": observer_gains.robust(800.0)}
@@ -82,26 +88,35 @@ CONTROLLERS: dict[str, Controller] = {
     "foc": Controller(
         FocController,
         {
-            "rule": Gains(_OBSERVER, foc_gains.RULE),
             "tuned": Gains(_tuned(1959.0, 2000.0, 2603.0), foc_gains.TUNED),
+            "rule": Gains(_OBSERVER, foc_gains.RULE),
         },
     ),
     "cac": Controller(
         CacController,
         {
-            "published": Gains(_OBSERVER, cac_gains.PUBLISHED),
             "tuned": Gains(_tuned(1036.0, 667.0, 2890.0), cac_gains.TUNED),
+            "published": Gains(_OBSERVER, cac_gains.PUBLISHED),
         },
     ),
     "anatc": Controller(
         AnatcController,
         {
-            "published": Gains(_OBSERVER, anatc_gains.PUBLISHED),
             "tuned": Gains(_tuned(1403.0, 1441.0, 900.0), anatc_gains.TUNED),
+            "published": Gains(_OBSERVER, anatc_gains.PUBLISHED),
         },
     ),
 }
-"""Controllers by name; whoever adds one here can choose it wherever a name is given."""
+"""Controllers by name; one that you add here can be chosen wherever a name is given.
+
+The recommended sets are like against like: the search of `emla tune` found each of them, or begins there.
+"""
+
+QUIET_SETS = ("robust", "rule")
+"""Sets with more margin than the recommended ones, which were tuned for small errors.
+
+Tables of robustness have them beside those.
+"""
 
 
 def chosen(controller: str | type | None, gain_set: str | None) -> tuple[Controller, Gains]:
@@ -112,7 +127,7 @@ def chosen(controller: str | type | None, gain_set: str | None) -> tuple[Control
     found = _controller("rsba" if controller is None else controller)
     if gain_set is not None:
         check_choice("set of gains", gain_set, found.gains)
-    return found, found.gains[gain_set or next(iter(found.gains))]
+    return found, found.gains[gain_set or found.recommended]
 
 
 def _controller(name: str | type) -> Controller:

@@ -13,9 +13,6 @@ from .controllers import CONTROLLERS
 _BEHIND = 0.010
 """So much farther from its reference than in the study a joint starts in one case, in m."""
 
-_GAINS = {"rsba": "compensated", "foc": "tuned", "cac": "tuned", "anatc": "tuned"}
-"""The set that a search begins with; for any other controller its usual one."""
-
 
 @dataclass(frozen=True)
 class _Joint:
@@ -51,7 +48,7 @@ def _text(controller: str, joint: str) -> str:
     return Template(text).substitute(
         joint=joint,
         controller=controller,
-        gains=_GAINS.get(controller) or next(iter(CONTROLLERS[controller].gains)),
+        gains=CONTROLLERS[controller].recommended,
         tau_max=tau_max,
         inductance=EMLAS[joint].L_q,
         paper_convergence=known.convergence,

@@ -30,8 +30,8 @@ def _gains(own: dict[str, Actuator], options: Options) -> Iterator[str]:
     """That gains do not belong to the actuators that they are used with."""
     if not own:
         return
-    _, gain_set = chosen(options.controller, options.gains)
-    name = options.gains or "compensated"
+    controller, gain_set = chosen(options.controller, options.gains)
+    name = options.gains or controller.recommended
     if gain_set.controller and name not in _BY_RULE:
         yield (
             f"the gains '{name}' belong to the joint's usual actuator, and of them only a_max follows from "
