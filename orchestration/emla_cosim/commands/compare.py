@@ -8,7 +8,7 @@ import typer
 
 from ..bars import BarProgress
 from ..compare import certificates
-from ..compare.comparing import RESOLUTION, compare
+from ..compare.comparing import RESOLUTION, SEEDS, compare
 from ..compare.result import CERTIFICATE, STABILITY, TABLES, CompareResult
 from ..compare.tables import lost_lines
 from ..compare.writing import CSV, MARKDOWN, RECORD, draw
@@ -24,7 +24,7 @@ OPTIONS = COMPARE
 """Options that the command takes."""
 
 _MOST_LOST = 12
-"""So many joints that were lost are shown; the file has all."""
+"""So many lines on joints that were not held are shown; the file has all."""
 
 _WHO = "What is compared"
 
@@ -49,8 +49,8 @@ def command(
     gains: Annotated[
         str | None,
         typer.Option(
-            help="Sets of gains: SET for all that have it, CONTROLLER/SET for one, or all. A controller for "
-            "which none is named comes with its usual set.",
+            help="Sets of gains: SET for all that have it, CONTROLLER/SET for one, recommended, or all. "
+            "Default: the recommended set of each controller.",
             metavar="SET,...",
             rich_help_panel=_WHO,
         ),
@@ -58,9 +58,28 @@ def command(
     table: Annotated[
         str | None,
         typer.Option(
-            help="paper: the paper's tables beside ours, of all sets. robustness: under many circumstances. "
-            "stability: maps over delay and parameters. certificate: what the proof says of RSBA's sets.",
+            help="paper: the paper's tables beside ours, of all sets. robustness: under many circumstances, "
+            "with the sets robust and rule, too. stability: maps over delay and parameters. certificate: "
+            "what the proof says of RSBA's sets.",
             metavar="|".join((*TABLES, CERTIFICATE)),
+            rich_help_panel=_WHO,
+        ),
+    ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            help="Runs where anything is random, each with a seed that no tuning used; 0: one run with the "
+            f"seeds of the scenario. Default: {SEEDS}; for {STABILITY} 0.",
+            metavar="N",
+            rich_help_panel=_WHO,
+        ),
+    ] = None,
+    reserves: Annotated[
+        str | None,
+        typer.Option(
+            help="Parts of current and voltage that every controller keeps in reserve, such as 0.02,0.2. "
+            "Default: those of its gains.",
+            metavar="CURRENT,VOLTAGE",
             rich_help_panel=_WHO,
         ),
     ] = None,
@@ -78,7 +97,7 @@ def command(
     output, plots = given.pop("output", None), given.pop("plots", True)
     place = Path(output or results_folder(Path(scenario).stem))
     if table == CERTIFICATE:
-        _check_certificate(controllers, resolution, scheduler, workers)
+        _check_certificate(controllers, seeds, reserves, resolution, scheduler, workers)
         _certify(scenario, _listed(gains), place, given)
         return
     with BarProgress() as progress:
@@ -87,6 +106,8 @@ def command(
             _listed(controllers),
             gains=_listed(gains),
             table=table,
+            seeds=seeds,
+            reserves=_numbers(reserves),
             resolution=resolution,
             scheduler=scheduler,
             workers=workers,
@@ -106,7 +127,8 @@ def _check_certificate(controllers: str | None, *others: Any) -> None:
         raise CommandError(f"the proof is of rsba alone; there is no certificate of {controllers}.")
     if any(other is not None for other in others):
         raise CommandError(
-            "a certificate takes no resolution, scheduler or workers: it runs a set at a time."
+            "a certificate takes no seeds, reserves, resolution, scheduler or workers: it runs a set at a "
+            "time."
         )
 
 
@@ -128,11 +150,22 @@ def _listed(text: str | None) -> list[str] | None:
     return None if text is None else [part.strip() for part in text.split(",")]
 
 
+def _numbers(text: str | None) -> list[float] | None:
+    """Return the numbers of an option; CommandError for what is none."""
+    try:
+        return None if text is None else [float(part) for part in text.split(",")]
+    except ValueError:
+        raise CommandError(
+            f"the reserves are '{text}'; they must be two numbers, parts of current and voltage, such as "
+            "0.02,0.2."
+        ) from None
+
+
 def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
-    """What was lost, first and in words; then the tables, and where everything is."""
+    """Show what was not held, first and in words; then the tables, and where everything is."""
     lines = lost_lines(result)
     if lines:
-        show(f"[bold red]Lost: {result.lost.height} of {result.rows.height}.[/]", highlight=False)
+        show(f"[bold red]Not held: {result.lost.height} of {result.rows.height}.[/]", highlight=False)
         shown = lines[:_MOST_LOST]
         if len(lines) > len(shown):
             shown.append(f"and {len(lines) - len(shown)} more, in {place / MARKDOWN}")

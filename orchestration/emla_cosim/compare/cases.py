@@ -20,7 +20,6 @@ class Case:
 
     `start_error` is how far in m the screw starts from where its reference begins; None where the scenario
     says it; `fault` has faults of signals with * for the joint. `at` has the coordinates of a point on a map.
-    `everywhere` is multiplied too, where there is such a start value.
     """
 
     name: str = "nominal"
@@ -28,7 +27,6 @@ class Case:
     scale: Mapping[str, float] = field(default_factory=dict)
     start_error: float | None = None
     fault: Sequence[Mapping[str, Any]] = ()
-    everywhere: Mapping[str, float] = field(default_factory=dict)
     at: tuple[float, float] | None = None
 
     def faults(self, joints: Sequence[str]) -> list[Fault]:
@@ -42,8 +40,6 @@ class Case:
     def applied(self, prepared: Preparation) -> dict[str, Value] | None:
         """The start values by full name that make it of a system; None where that has no such variable."""
         found: dict[str, Value] = {}
-        for pattern, factor in self.everywhere.items():
-            found |= _scaled(pattern, factor, prepared)
         for pattern, value in self.set.items():
             names = _start_values(pattern, prepared)
             if not names:
@@ -110,8 +106,7 @@ class Map:
 
 def robustness_cases() -> list[Case]:
     """Those of the table of robustness."""
-    read = _read("robustness")
-    return [Case(**entry, everywhere=read["everywhere"]) for entry in read["case"]]
+    return [Case(**entry) for entry in _read("robustness")["case"]]
 
 
 def stability_maps() -> list[Map]:

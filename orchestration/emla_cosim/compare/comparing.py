@@ -3,6 +3,7 @@
 import shlex
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from ..options import table as options_table
 from ..progress import Progress
 from ..recorders.metrics import METRICS
 from ..scenarios.built_in import SCENARIOS
+from ..study.controllers import QUIET_SETS
 from ..study.paper import PRINTED
 from ..sweep.farm import Scheduler, farm
 from ..sweep.result import REFUSED, VARIANT
@@ -25,15 +27,19 @@ from ..sweep.sweeping import check_cluster
 from ..sweep.worker import Chunk, Outcome
 from ..values import converted
 from .cases import Case, checked_resolution, robustness_cases, stability_maps, stability_stop_time
-from .contest import Contest, laid_out
-from .entrants import ALL, Choice, entrants
+from .contest import Contest, Terms, laid_out
+from .entrants import ALL, Choice, Entrant, entrants, others
 from .measuring import FIGURES_ALONE, WITH_ERRORS
+from .reserves import checked_reserves
 from .result import PAPER, ROBUSTNESS, STABILITY, TABLES, CompareResult
 from .rows import table as rows_of
 from .writing import CompareFolder, record_of
 
 RESOLUTION = 7
 """Points along an axis of a map unless told otherwise."""
+
+SEEDS = 5
+"""Held-out seeds by default; for maps none."""
 
 
 def compare(
@@ -42,6 +48,8 @@ def compare(
     *,
     gains: Sequence[str] | None = None,
     table: str | None = None,
+    seeds: int | None = None,
+    reserves: Sequence[float] | None = None,
     resolution: int | None = None,
     scheduler: Scheduler = None,
     workers: int | None = None,
@@ -53,12 +61,15 @@ def compare(
 
     `controllers` are names, FILE.fmu, FILE.py:BLOCK or blocks, by default all of `CONTROLLERS`. `gains` names
     sets: SET for every controller that has it, CONTROLLER/SET for one, "all" for all; a controller for
-    which none is named comes with its usual set. `table` is "paper" (the paper's Tables VI and VIII beside
-    ours, of all sets unless some are named), "robustness" (the scenario under many circumstances),
-    "stability" (maps over delay and parameters, with `resolution` points along each axis), or None.
-    `options` are those of `Options`, for all runs.
+    which none is named comes with its recommended set. `table` is "paper" (the paper's Tables VI and VIII
+    beside ours, of all sets unless some are named), "robustness" (the scenario under many circumstances,
+    with the quiet sets, too, unless some are named), "stability" (maps over delay and parameters, with
+    `resolution` points along each axis), or None. Where anything is random, each controller runs with the
+    same `seeds` held-out seeds, which no tuning used: 5 by default, 0 for maps, 0 being the scenario's own.
+    `reserves` are the parts of current and voltage, such as (0.02, 0.2), that every controller keeps; by
+    default each keeps its own. `options` are those of `Options`, for all runs.
 
-    Joints that nothing connects are run apart, so that none that is lost ends the others. It runs on the
+    Joints that nothing connects are run apart, so that none of them ends the others. It runs on the
     cluster of a sweep: see `sweep` for `scheduler` and `workers`. With `output` everything is written to
     that folder. Ctrl-C ends it early, and the result has what was there.
 
@@ -69,11 +80,13 @@ def compare(
     _check(table, resolution, options)
     check_cluster(scheduler, workers)
     all_sets = [ALL] if table == PAPER and gains is None else gains
-    chosen = entrants(controllers, all_sets)
+    chosen = entrants(controllers, all_sets, QUIET_SETS if table == ROBUSTNESS else ())
+    terms = Terms(_checked_seeds(seeds, table), checked_reserves(reserves), options)
     folder = CompareFolder(converted(output, Path, "the output folder")) if output is not None else None
     if table == STABILITY:
         options = {"stop_time": stability_stop_time(), **options}
-    contest = laid_out(_scenarios(str(scenario), table), chosen, _cases(table, resolution), options, told)
+        terms = replace(terms, options=options)
+    contest = laid_out(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, told)
     for kind, known in (("metric", METRICS), ("algorithm", ALGORITHMS)):
         check_portable(kind, known)
     if folder is None:
@@ -128,18 +141,25 @@ def _run(contest: Contest, table: str | None, cluster: tuple[Scheduler, int | No
 
 def _result(contest: Contest, name: str, table: str | None, ran: _Ran, folder: Path | None) -> CompareResult:
     commands = {number: contest.command(number) for number in ran.outcomes}
+    compared = list(dict.fromkeys(heat.entrant for heat in contest.heats))
     return CompareResult(
         name=name,
         table=table,
         rows=rows_of(contest, ran.outcomes),
-        entrants=list(dict.fromkeys(str(heat.entrant) for heat in contest.heats)),
+        entrants=list(map(str, compared)),
         errors=ran.errors,
         commands={number: shlex.join(words) for number, words in commands.items() if words},
-        notes=contest.notes,
+        notes=[*contest.notes, *_other_sets(compared)],
         complete=ran.complete,
         wall_s=ran.wall_s,
         folder=folder,
     )
+
+
+def _other_sets(compared: Sequence[Entrant]) -> list[str]:
+    """A sentence that names the sets of gains which are there but not compared."""
+    left = others(compared)
+    return [f"Further sets of gains: {listed(left)}; take them with --gains."] if left else []
 
 
 def _name_of(scenario: str | Path) -> str:
@@ -161,6 +181,15 @@ def _check(table: str | None, resolution: int | None, options: Mapping[str, Any]
     known = options_table(COMPARE)
     if wrong := [n for n in options if n in own or (n in options_table() and n not in known)]:
         raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of the comparison.")
+
+
+def _checked_seeds(seeds: int | None, table: str | None) -> int:
+    """Return the number of held-out seeds; CommandError for one that is none."""
+    if seeds is None:
+        return 0 if table == STABILITY else SEEDS
+    if not 0 <= converted(seeds, int, "the number of seeds") <= 1000:
+        raise CommandError(f"the number of seeds is {seeds}; it must be from 0 to 1000.")
+    return seeds
 
 
 def _scenarios(scenario: str, table: str | None) -> list[str]:

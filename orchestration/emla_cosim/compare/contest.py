@@ -17,6 +17,8 @@ from ..sweep.worker import Variant
 from .cases import Case, left_out
 from .entrants import Entrant
 from .parts import parts
+from .reserves import CURRENT, VOLTAGE, Reserves, reserve_values, stated
+from .seeds import HeldOut, random_seeds
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,7 @@ class Heat:
     """One run: a controller, under one circumstance, in a part of a scenario that has these joints.
 
     `own` has the options that are the circumstance; `group` is the position of the prepared simulation.
+    `seed` is the held-out seed of its random sequences, None where they are those of the scenario.
     """
 
     scenario: str
@@ -32,11 +35,16 @@ class Heat:
     joints: Sequence[str]
     own: Mapping[str, Any]
     group: int
+    seed: int | None = None
 
 
 @dataclass(frozen=True)
 class Contest:
-    """All heats, in the order of the tables. `options` are those of all runs, `notes` what is left out."""
+    """All heats, in the order of the tables.
+
+    `options` are those of all runs, `notes` what a reader has to know: what is left out, and the reserves
+    of each controller.
+    """
 
     heats: Sequence[Heat]
     groups: Sequence[Preparation]
@@ -64,11 +72,24 @@ class Contest:
         return None if arguments is None else ["emla", "run", heat.scenario, *arguments]
 
 
+@dataclass(frozen=True)
+class Terms:
+    """On what terms controllers meet.
+
+    `seeds` is the number of held-out seeds for runs in which anything is random, 0 for the seeds of the
+    scenario; `reserves` are those of all controllers, None for each one's own. `options` are for all runs.
+    """
+
+    seeds: int
+    reserves: Reserves | None
+    options: Mapping[str, Any]
+
+
 def laid_out(
     scenarios: Sequence[str],
     entrants: Sequence[Entrant],
     cases: Sequence[Case],
-    options: Mapping[str, Any],
+    terms: Terms,
     progress: Progress,
 ) -> Contest:
     """Build what is missing, and lay out all heats.
@@ -78,13 +99,19 @@ def laid_out(
     """
     heats, groups = list[Heat](), list[Preparation]()
     run = set[tuple[str, str]]()
+    held_out = HeldOut(terms.seeds)
+    kept, fixed = dict[str, dict[str, None]](), dict[str, None]()
     for scenario in scenarios:
         for entrant in entrants:
-            for part, case, own in _cases(scenario, entrant, cases, options, progress):
+            for part, case, own in _cases(scenario, entrant, cases, terms, progress):
                 if not groups or groups[-1] is not part:
                     groups.append(part)
                 run.add((scenario, case.name))
-                heats.append(Heat(scenario, entrant, case, _joints(part), own, len(groups) - 1))
+                kept.setdefault(str(entrant), {})[stated(part, own["set"])] = None
+                if terms.reserves is not None and not reserve_values(part, terms.reserves):
+                    fixed[str(entrant)] = None
+                for seed, options in _seeded(part, own, held_out, terms.options):
+                    heats.append(Heat(scenario, entrant, case, _joints(part), options, len(groups) - 1, seed))
     notes = [
         left_out(missing, scenario)
         for scenario in scenarios
@@ -94,29 +121,49 @@ def laid_out(
         raise CommandError(" ".join(notes))
     known = [f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes]
     notes += dict.fromkeys(known)
-    return Contest(heats, groups, options, notes)
+    reserves = "; ".join(f"{name} {', '.join(found)}" for name, found in kept.items())
+    notes.append(f"Reserves of current and voltage: {reserves}.")
+    notes += [f"{name} keeps its own reserves: it has no {CURRENT} and {VOLTAGE} to set." for name in fixed]
+    return Contest(heats, groups, terms.options, notes)
+
+
+def _seeded(
+    part: Preparation, own: Mapping[str, Any], held_out: HeldOut, options: Mapping[str, Any]
+) -> Iterator[tuple[int | None, Mapping[str, Any]]]:
+    """Held-out seeds with the options that they make of a run; one None where nothing is random."""
+    names = random_seeds(part, own["set"], options.get("set") or {}) if held_out.drawn else []
+    if not names:
+        yield None, own
+    else:
+        for seed in held_out.drawn:
+            yield seed, merged([own, {"set": held_out.values(names, seed)}])
 
 
 def _cases(
     scenario: str,
     entrant: Entrant,
     cases: Sequence[Case],
-    options: Mapping[str, Any],
+    terms: Terms,
     progress: Progress,
 ) -> Iterator[tuple[Preparation, Case, Mapping[str, Any]]]:
     """Parts of a scenario with the cases that they can run, and the options that these are."""
+    options = terms.options
     usual = _parts(scenario, entrant, options, progress)
     for part in usual:
         for case in cases:
             if not case.fault and (values := case.applied(part)) is not None:
-                yield part, case, {"set": values}
+                yield part, case, {"set": _on_terms(values, part, terms)}
     joints = [joint for part in usual for joint in _joints(part)]
     for case in cases:
         if case.fault:  # which is put into the system before it is prepared
             own = {"fault": [*options.get("fault", ()), *case.faults(joints)]}
             for part in _parts(scenario, entrant, {**options, **own}, progress):
                 if (values := case.applied(part)) is not None:
-                    yield part, case, {**own, "set": values}
+                    yield part, case, {**own, "set": _on_terms(values, part, terms)}
+
+
+def _on_terms(values: Mapping[str, Any], part: Preparation, terms: Terms) -> dict[str, Any]:
+    return {**values, **({} if terms.reserves is None else reserve_values(part, terms.reserves))}
 
 
 def _parts(

@@ -7,8 +7,8 @@ from ..errors import CommandError, listed
 from ..study.controllers import CONTROLLERS, chosen
 from ..values import converted
 
-ALL = "all"
-"""Stands for all sets of gains that a controller has."""
+ALL, RECOMMENDED = "all", "recommended"
+"""Words for all sets of gains that a controller has, and for its recommended one."""
 
 Choice = str | type
 """A controller by its name, as FILE.fmu or FILE.py:BLOCK, or as a block."""
@@ -36,22 +36,35 @@ def called(controller: Choice) -> str:
 
 
 def entrants(
-    controllers: Sequence[Choice] | None = None, gains: Sequence[str] | None = None
+    controllers: Sequence[Choice] | None = None,
+    gains: Sequence[str] | None = None,
+    also: Sequence[str] = (),
 ) -> list[Entrant]:
-    """Controllers, by default all of `CONTROLLERS`, with the sets of gains that are named.
+    """Return controllers, by default all of `CONTROLLERS`, with the sets of gains that are named.
 
-    A set is named as SET, for every controller that has it, as CONTROLLER/SET for one, or as "all". A
-    controller for which none is named comes with its usual set. Raises CommandError for a controller or a
-    set that does not exist, or that nobody has who is compared.
+    A set is named as SET, for every controller that has it, as CONTROLLER/SET for one, as "recommended" or
+    as "all". A controller for which none is named comes with its recommended set. Where no gains are named
+    at all, controllers of ours come with the sets of `also`, too, if they have them. Raises CommandError
+    for a controller or a set that does not exist, or that no compared controller has.
     """
     names = list(dict.fromkeys(_controllers(controllers)))
     sets = {one: list(chosen(one, None)[0].gains) for one in names}
     named = _named(converted(list(gains or ()), Sequence[str], "the gains to compare"), sets)
+    if not gains:
+        for one in (c for c in names if c in CONTROLLERS):
+            named[one] = {sets[one][0], *also}
     return [
         Entrant(one, gain_set)
         for one in names
         for gain_set in ([s for s in sets[one] if s in named[one]] or sets[one][:1])
     ]
+
+
+def others(compared: Sequence[Entrant]) -> list[str]:
+    """Return the sets of gains, as CONTROLLER/SET, that compared controllers of ours have beside these."""
+    taken = set(map(str, compared))
+    ours = dict.fromkeys(one.called for one in compared if one.controller in CONTROLLERS)
+    return [s for c in ours for s in (f"{c}/{g}" for g in CONTROLLERS[c].gains) if s not in taken]
 
 
 def _controllers(given: Sequence[Choice] | None) -> list[Choice]:
@@ -76,7 +89,8 @@ def _named(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> dict[C
                 f"compared {_are([called(c) for c in sets])}.",
                 name=text,
             )
-        found = {c: sets[c] if gain_set == ALL else [gain_set] for c in owners}
+        words = {ALL: slice(None), RECOMMENDED: slice(1)}
+        found = {c: sets[c][words[gain_set]] if gain_set in words else [gain_set] for c in owners}
         having = {c: names for c, names in found.items() if set(names) <= set(sets[c])}
         if not having:
             there = dict.fromkeys(s for c in owners for s in sets[c])

@@ -7,7 +7,8 @@ from ..study.controllers import CONTROLLERS
 from ..study.paper import PRINTED, REFERENCE, Cells, PrintedTable
 from .grid import Cell, Grid, rounded
 from .result import CompareResult
-from .rows import HELD, SHOWN, Row, best, of_entrant
+from .rows import SHOWN, Row, of_entrant
+from .summary import Summary, marked, summaries
 
 _FIGURES = tuple(SHOWN[name] for name in Cells._fields)
 _ROUNDED = 0.006
@@ -30,25 +31,24 @@ def _cells(rows: Sequence[Row], printed: PrintedTable) -> Grid:
     body, lines = list[Sequence[Cell]](), list[int]()
     for (scenario, joint), paper in printed.cells.items():
         own = [row for row in rows if (row["scenario"], row["joint"]) == (scenario, joint)]
-        smallest = {figure.name: best(own, figure.name) for figure in _FIGURES}
+        found = summaries(own)
+        columns = {figure.name: marked(found, figure) for figure in _FIGURES}
         lines.append(len(body))
         place = joint if len(printed.scenarios) == 1 else scenario
-        for row in own:
-            cells = [Cell(place), Cell(of_entrant(row))]
-            for figure, said in zip(_FIGURES, paper.get(row["controller"], (None,) * 4), strict=True):
-                value = row[figure.name]
-                text = rounded(figure.factor * value) if row[HELD] and value is not None else "lost"
-                cells.append(Cell(text, row[HELD] and value == smallest[figure.name], text == "lost"))
+        for name, one in found.items():
+            cells = [Cell(place), Cell(name)]
+            for figure, said in zip(_FIGURES, paper.get(one.controller, (None,) * 4), strict=True):
+                cells.append(columns[figure.name][name])
                 cells.append(Cell("" if said is None else rounded(figure.factor * said)))
             body.append(cells)
     header = ["", "controller/gains", *(h for f in _FIGURES for h in (f"{f.label} / {f.unit}", "paper"))]
-    title = f"{printed.name}: ours beside the paper's; the best of ours is marked"
+    title = f"{printed.name}: ours beside the paper's; the winner of ours is marked"
     return Grid(title, header, body, [printed.references], lines)
 
 
 def _averages(rows: Sequence[Row], printed: PrintedTable) -> Grid:
-    """Ratios of the means over all rows of the table to those of RSBA with its usual gains."""
-    usual = f"{REFERENCE}/{next(iter(CONTROLLERS[REFERENCE].gains))}"
+    """Ratios of the means over all rows of the table to those of RSBA with its recommended gains."""
+    usual = f"{REFERENCE}/{CONTROLLERS[REFERENCE].recommended}"
     by_entrant = {name: [r for r in rows if of_entrant(r) == name] for name in map(of_entrant, rows)}
     base = _means(by_entrant.get(usual, ()), len(printed.cells))
     body = [[Cell(name), *_ratios(_means(own, len(printed.cells)), base)] for name, own in by_entrant.items()]
@@ -64,15 +64,22 @@ def _averages(rows: Sequence[Row], printed: PrintedTable) -> Grid:
 
 
 def _means(rows: Sequence[Row], places: int) -> Cells | None:
-    """Sums over all places; None where a joint was lost or is missing."""
-    if len(rows) < places or not all(row[HELD] for row in rows):
+    """Sums over all places of means over seeds; None where a joint was not held or is missing."""
+    of_places: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        of_places.setdefault((row["scenario"], row["joint"]), []).append(row)
+    found = [Summary(own) for own in of_places.values()]
+    if len(found) < places or not all(one.is_held for one in found):
         return None
-    return Cells(*(math.fsum(row[name] for row in rows) for name in Cells._fields))
+    means = [[one.mean(name) for one in found] for name in Cells._fields]
+    return Cells(
+        *(math.nan if None in column else math.fsum(x for x in column if x is not None) for column in means)
+    )
 
 
 def _ratios(means: Cells | None, base: Cells | None) -> list[Cell]:
     if means is None:
-        return [Cell("lost", lost=True)] * len(_FIGURES)
+        return [Cell("not held", lost=True)] * len(_FIGURES)
     if base is None:
         return [Cell("none")] * len(_FIGURES)
     return [Cell(rounded(ours / of)) for ours, of in zip(means, base, strict=True)]

@@ -13,7 +13,8 @@ from .cases import stability_maps
 from .grid import rounded
 from .result import PAPER, ROBUSTNESS, STABILITY, CompareResult
 from .rows import HELD, SHOWN, Row, of_entrant
-from .tables import grouped, lost
+from .summary import Summary, lost_text, summaries
+from .tables import grouped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,7 @@ FIGURES, ERRORS = "comparison-figures", "comparison-errors"
 NAMES = (FIGURES, ERRORS, "comparison-robustness", "comparison-stability-1", "comparison-stability-2")
 """What pictures are called."""
 
-_BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m", "convergence_time_s")
+_BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
 _WIDE = {"position_error_m": 0.1, "velocity_error_m_s": 0.01}
 """Figures on logarithmic axes, and below which value in their unit these are linear."""
 _SHADES = ("#12355f", "#2f6db3", "#8fb4d9", "#e4eef8")
@@ -57,19 +58,28 @@ def _color(result: CompareResult, entrant: str) -> str:
 
 
 def _bars(result: CompareResult) -> "Figure":
-    """For each joint and figure a bar for each controller, and a line where the paper has its own RSBA."""
+    """For each joint and figure a bar for each controller, and a line where the paper has its own RSBA.
+
+    Bars are means over seeds, with their standard deviations.
+    """
     places = _places(result)
+    bars = (*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s")
     height = 0.6 + 0.22 * len(result.entrants)
-    figure, grid = new_figure(len(places), len(_BARS), 2.6, height, sharex="none")
+    figure, grid = new_figure(len(places), len(bars), 2.6, height, sharex="none")
     for axes_row, ((scenario, joint), rows) in zip(grid, places.items(), strict=True):
-        for axes, name in zip(axes_row, _BARS, strict=True):
+        for axes, name in zip(axes_row, bars, strict=True):
             shown = SHOWN[name]
-            names = [of_entrant(row) for row in rows]
-            values = [shown.factor * row[name] if row[HELD] else 0.0 for row in rows]
-            axes.barh(names, values, color=[_color(result, n) for n in names], height=0.7)
-            for place, row in enumerate(rows):
-                if not row[HELD]:
-                    axes.text(0.02, place, lost(row), transform=axes.get_yaxis_transform(), **_TOLD)
+            found = summaries(rows)
+            names = list(found)
+            values = [
+                shown.factor * (one.mean(name) or 0.0) if one.is_held else 0.0 for one in found.values()
+            ]
+            spreads = [shown.factor * one.spread(name) if one.is_held else 0.0 for one in found.values()]
+            axes.barh(names, values, xerr=spreads, color=[_color(result, n) for n in names], height=0.7)
+            for place, one in enumerate(found.values()):
+                if not one.is_held:
+                    text = lost_text(one, shown)
+                    axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), **_TOLD)
             said = _printed(scenario, joint, name) if result.table == PAPER else None
             if said is not None:
                 axes.axvline(shown.factor * said, color="black", lw=1.0, ls=":")
@@ -82,7 +92,7 @@ def _bars(result: CompareResult) -> "Figure":
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
         axes_row[0].set_ylabel(f"{scenario}\n{joint}", fontsize=9)
-    for axes, name in zip(grid[-1], _BARS, strict=True):
+    for axes, name in zip(grid[-1], bars, strict=True):
         axes.set_xlabel(f"{SHOWN[name].label} / {SHOWN[name].unit}", fontsize=9)
     paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
     figure.suptitle(f"Controllers side by side{paper}", fontsize=12, fontweight="bold")
@@ -144,7 +154,11 @@ def _robustness(result: CompareResult) -> "Figure":
     norm = LogNorm(*(1e6 * _limits(held)))
     picture: Any = None
     for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
-        found = {(row["case"], of_entrant(row)): row for row in rows}
+        found = {
+            (case, entrant): one
+            for (case,), own in grouped(rows, "case").items()
+            for entrant, one in summaries(own).items()
+        }
         values = np.array([[_error(found.get((c, e))) for e in result.entrants] for c in cases])
         picture = axes.pcolormesh(
             np.ma.masked_invalid(values), cmap=shades, norm=norm, edgecolors="white", lw=0.5
@@ -156,15 +170,14 @@ def _robustness(result: CompareResult) -> "Figure":
         axes.set_title(joint, fontsize=10)
         axes.set_facecolor("#eeeeee")
     bar = figure.colorbar(picture, ax=grid[0, -1])
-    bar.set_label("position error / µm; red: lost", fontsize=9)
+    bar.set_label("position error / µm; red: not held", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     return figure
 
 
-def _error(row: Row | None) -> float:
-    if row is None or not row[HELD] or row["position_error_m"] is None:
-        return np.nan
-    return 1e6 * max(row["position_error_m"], _SMALLEST)
+def _error(one: Summary | None) -> float:
+    mean = None if one is None or not one.is_held else one.mean("position_error_m")
+    return np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
 
 
 def _limits(errors: Vector) -> Vector:
@@ -173,11 +186,15 @@ def _limits(errors: Vector) -> Vector:
     return np.array([low, max(high, 10.0 * low)])
 
 
-def _write(axes: "Axes", x: int, y: int, row: Row | None, norm: Any) -> None:
-    if row is None:
+def _write(axes: "Axes", x: int, y: int, one: Summary | None, norm: Any) -> None:
+    if one is None:
         return
-    text = rounded(_error(row)) if row[HELD] else lost(row).replace("lost at ", "lost\n")
-    dark = not row[HELD] or norm(_error(row)) < 0.45
+    error = _error(one)
+    text = (
+        rounded(error) if one.is_held else "\n".join(lost_text(one, SHOWN["position_error_m"]).split(" (", 1))
+    )
+    text = text.removesuffix(")")
+    dark = not one.is_held or norm(error) < 0.45
     axes.text(
         x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6, color="white" if dark else "black"
     )
@@ -210,7 +227,7 @@ def _maps(result: CompareResult) -> "dict[str, Figure]":
                     axes.set_title(entrant.replace("/", "\n"), fontsize=9)
             axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
         figure.supxlabel(one.x.label, fontsize=9)
-        figure.suptitle(f"{one.name}\nblue: holds, red: lost", fontsize=10)
+        figure.suptitle(f"{one.name}\nblue: holds, red: not held", fontsize=10)
         found[f"stability-{number}"] = figure
     return found
 
@@ -221,7 +238,8 @@ def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
     x, y = (sorted({row[name] for row in rows}) for name in ("x", "y"))
     table = np.full((len(y), len(x)), np.nan)
     for row in rows:
-        table[y.index(row["y"]), x.index(row["x"])] = row[HELD]
+        place = y.index(row["y"]), x.index(row["x"])
+        table[place] = np.fmin(table[place], row[HELD])  # of several seeds the worst
     if len(rows):
         colors = ListedColormap([_LOST, _HOLDS])
         axes.pcolormesh(

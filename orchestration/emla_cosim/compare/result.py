@@ -21,12 +21,14 @@ TABLES = (PAPER, ROBUSTNESS, STABILITY)
 class CompareResult:
     """What came out of a comparison of controllers.
 
-    `rows` has a row for each scenario, case, joint, controller and set of gains: `held` says whether the
-    joint converged and never left its limits, `lost_at_s` and `why` when that was seen otherwise; then come
-    the figures of metrics.json under their names, with units in these. `errors` has the position errors in m
-    over `time` in s of each run, by the number in `rows`, in columns by joint, where they were kept. `table`
-    is one of `TABLES`, or None. `complete` says whether all runs are there, `wall_s` how long they took.
-    `notes` are sentences on what was left out. `folder` is where everything was written, if anywhere.
+    `rows` has a row for each scenario, case, joint, controller, set of gains and seed: `seed` is the
+    held-out one, None where nothing is random or the seeds are the scenario's; `held` is the verdict of
+    metrics.json, `lost_at_s` and `why` say when and why a joint was not held; then come the figures of
+    metrics.json under their names, with units in these. `errors` has the position errors in m over `time`
+    in s of each run, by the number in `rows`, in columns by joint, where they were kept. `table` is one of
+    `TABLES`, or None. `complete` says whether all runs are there, `wall_s` how long they took. `notes` say
+    what each controller keeps in reserve, and what was left out. `folder` is where everything was written,
+    if anywhere.
     """
 
     name: str
@@ -49,7 +51,7 @@ class CompareResult:
 
     @property
     def lost(self) -> polars.DataFrame:
-        """The rows of the joints that were lost."""
+        """The rows of the joints that were not held."""
         return self.rows.filter(~polars.col("held"))
 
     def markdown(self) -> str:
@@ -58,7 +60,7 @@ class CompareResult:
 
         tables = "\n".join(grid.markdown() for grid in self.grids)
         lines = "".join(f"- {line}\n" for line in lost_lines(self))
-        lost = f"\nLost, not converged or out of their limits:\n\n{lines}" if lines else ""
+        lost = f"\nNot held:\n\n{lines}" if lines else ""
         return tables + lost + "".join(f"\n{note}\n" for note in self.notes)
 
     def figures(self) -> "dict[str, Figure]":

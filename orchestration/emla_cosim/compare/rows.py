@@ -1,22 +1,24 @@
 """What came out of each run, as rows: one for each scenario, case, joint, controller and set of gains."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
 import polars
 
 from ..recorders.metrics import Shown
-from ..study.metrics import SETTLED_AFTER, JointFigures, JointMetrics
+from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
 from ..sweep.result import DIED, DONE
 from ..sweep.worker import Outcome
 from .contest import Contest, Heat
 
-FIGURES = tuple(f.name for f in fields(JointFigures) if f.name not in ("converged", "left_limits"))
+_NO_NUMBERS = ("held", "reason", "excursions", "trip", "limits_touched", "oscillation")
+
+FIGURES = tuple(f.name for f in fields(JointFigures) if f.name not in _NO_NUMBERS)
 """Columns with figures of a joint, by the names that metrics.json has for them."""
 
-HELD, LOST_AT, WHY = "held", "lost_at_s", "why"
-"""Whether a joint converged and never left its limits; if not, when that was seen, and why."""
+HELD, LOST_AT, WHY, SEED = "held", "lost_at_s", "why", "seed"
+"""Whether a joint was held, as metrics.json says; if not, when that was seen, and why; the held-out seed."""
 
 COLUMNS: Mapping[str, Any] = {
     "run": polars.Int64,
@@ -25,6 +27,7 @@ COLUMNS: Mapping[str, Any] = {
     "joint": polars.String,
     "controller": polars.String,
     "gains": polars.String,
+    SEED: polars.Int64,
     HELD: polars.Boolean,
     LOST_AT: polars.Float64,
     WHY: polars.String,
@@ -33,7 +36,7 @@ COLUMNS: Mapping[str, Any] = {
     "y": polars.Float64,
 }
 
-SHOWN: Mapping[str, Shown] = {shown.name: shown for shown in JointMetrics.shown}
+SHOWN: Mapping[str, Shown] = {shown.name: shown for shown in (*JointMetrics.shown, CONVERGENCE_TIME)}
 """How a person sees a figure."""
 
 Row = Mapping[str, Any]
@@ -51,7 +54,7 @@ def _rows(heat: Heat, outcome: Outcome) -> list[dict[str, Any]]:
 
 def _row(heat: Heat, joint: str, outcome: Outcome) -> dict[str, Any]:
     figures = outcome.figures.get(joint, {})
-    at, why = _lost(figures, outcome)
+    is_held, at, why = _verdict(figures, outcome)
     x, y = heat.case.at or (None, None)
     return {
         "run": outcome.number,
@@ -60,7 +63,8 @@ def _row(heat: Heat, joint: str, outcome: Outcome) -> dict[str, Any]:
         "joint": joint,
         "controller": heat.entrant.called,
         "gains": heat.entrant.gains,
-        HELD: why is None,
+        SEED: heat.seed,
+        HELD: is_held,
         LOST_AT: at,
         WHY: why,
         **{name: figures.get(name) for name in FIGURES},
@@ -69,30 +73,17 @@ def _row(heat: Heat, joint: str, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _lost(figures: Mapping[str, Any], outcome: Outcome) -> tuple[float | None, str | None]:
-    """When a joint was lost in s, and why; twice None where it held."""
-    left = figures.get("left_limits")
-    if left is not None:
-        signal = left["signal"].partition(".")[2]
-        limits = f"{left['minimum']:.4g} to {left['maximum']:.4g}"
-        return left["time_s"], f"{signal} = {left['value']:.6g}, not within {limits}"
-    if outcome.status != DONE:
-        return outcome.end_s, "its process ended" if outcome.status == DIED else str(outcome.problem).rstrip(
-            "."
-        )
-    if figures.get("converged"):
-        return None, None
-    if (outcome.end_s or 0.0) <= SETTLED_AFTER:
-        return outcome.end_s, f"too short to judge: that takes more than {SETTLED_AFTER:g} s"
-    return outcome.end_s, "not converged: at the end the position error is above 5 % of the first"
+def _verdict(figures: Mapping[str, Any], outcome: Outcome) -> tuple[bool, float | None, str | None]:
+    """Return whether a joint was held; if not, when that was seen in s, and why."""
+    is_done = outcome.status == DONE
+    if is_done and figures.get(HELD):
+        return True, None, None
+    cause = figures.get("trip") or (figures.get("oscillation") if is_done else None) or {}
+    problem = "its process ended" if outcome.status == DIED else str(outcome.problem)
+    why = problem if not (is_done or cause) else str(figures.get("reason") or "it has no figures")
+    return False, cause.get("time_s", outcome.end_s), why.rstrip(".")
 
 
 def of_entrant(row: Row) -> str:
     """The controller of a row with its gains."""
     return f"{row['controller']}/{row['gains']}"
-
-
-def best(rows: Sequence[Row], figure: str) -> float | None:
-    """The smallest value of a figure among those that held; None where none did, or all are the same."""
-    values = [row[figure] for row in rows if row[HELD] and row[figure] is not None]
-    return min(values) if values and min(values) < max(values) else None

@@ -1,24 +1,25 @@
 """The tables of a comparison, as grids."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ..recorders.metrics import Shown
-from .grid import Cell, Grid, rounded
+from .grid import Cell, Grid
 from .paper_tables import paper_grids
 from .result import PAPER, ROBUSTNESS, STABILITY, CompareResult
-from .rows import HELD, LOST_AT, SHOWN, WHY, Row, best, of_entrant
+from .rows import HELD, LOST_AT, SHOWN, WHY, Row, of_entrant
+from .summary import Summary, marked, summaries, text_of
 
 _FIGURES = (
     "position_error_m",
     "velocity_error_m_s",
     "torque_effort_N_m",
     "torque_peak_N_m",
-    "convergence_time_s",
+    "settling_time_s",
     "observer_position_error_m",
-    "saturated_after_convergence",
+    "saturated_after_settling",
 )
-_COMPACT = ("position_error_m", "torque_peak_N_m", "saturated_after_convergence")
+_COMPACT = ("position_error_m", "torque_peak_N_m", "saturated_after_settling")
 
 
 def grids(result: CompareResult) -> list[Grid]:
@@ -33,30 +34,12 @@ def grids(result: CompareResult) -> list[Grid]:
 
 
 def lost_lines(result: CompareResult) -> list[str]:
-    """For each joint that was lost a line that says with which controller, when, and why."""
+    """For each joint that was not held a line that says with which controller, in how many runs, and why."""
     if result.table == STABILITY:
         return []  # that is what the maps show
     several = {name: result.rows[name].n_unique() > 1 for name in ("scenario", "case")}
-    return [_lost_line(row, several) for row in result.lost.iter_rows(named=True)]
-
-
-def told(row: Row, figure: Shown) -> Cell:
-    """A figure in the unit of its row; that a joint was lost instead, as no figure of that stands alone."""
-    if not row[HELD]:
-        return Cell(lost(row), lost=True)
-    value = row[figure.name]
-    return Cell("none" if value is None or value != value else rounded(figure.factor * value))
-
-
-def lost(row: Row) -> str:
-    """That a joint was lost, and when."""
-    return "lost" if row[LOST_AT] is None else f"lost at {row[LOST_AT]:.3g} s"
-
-
-def marked(row: Row, figure: Shown, smallest: float | None) -> Cell:
-    """`told`, marked where it is the best."""
-    cell = told(row, figure)
-    return cell._replace(best=row[HELD] and smallest is not None and row[figure.name] == smallest)
+    found = grouped(result.rows.rows(named=True), "scenario", "case", "joint", "controller", "gains")
+    return [_lost_line(Summary(rows), several) for rows in found.values() if not Summary(rows).is_held]
 
 
 def grouped(rows: Sequence[Row], *by: str) -> dict[tuple[Any, ...], list[Row]]:
@@ -67,10 +50,27 @@ def grouped(rows: Sequence[Row], *by: str) -> dict[tuple[Any, ...], list[Row]]:
     return found
 
 
-def _lost_line(row: Row, several: Mapping[str, bool]) -> str:
-    where = "".join(f"{row[name]}, " for name, many in several.items() if many)
-    at = "" if row[LOST_AT] is None else f" at t = {row[LOST_AT]:.4g} s"
-    return f"{where}{row['joint']} with {of_entrant(row)}{at}: {row[WHY]}."
+def _lost_line(summary: Summary, several: Mapping[str, bool]) -> str:
+    """The earliest of the runs in which a joint was not held, and how many there are."""
+    first = min(summary.lost, key=lambda row: math.inf if row[LOST_AT] is None else row[LOST_AT])
+    where = "".join(f"{first[name]}, " for name, many in several.items() if many)
+    runs = f" ({len(summary.lost)} of {len(summary.rows)} runs)" if len(summary.rows) > 1 else ""
+    return f"{where}{first['joint']} with {summary.entrant}{runs}: {first[WHY]}."
+
+
+def _header(result: CompareResult, first: str) -> list[str]:
+    return [first, *(name.replace("/", "\n") for name in result.entrants)]
+
+
+def _under(rows: Sequence[Row]) -> list[str]:
+    """What a reader has to know of cells that are means."""
+    seeds = len({row["seed"] for row in rows} - {None})
+    if seeds < 2:
+        return []
+    return [
+        f"± is the standard deviation over {seeds} seeds that no tuning used. A winner is marked only where "
+        "its mean is below all others by more than both standard deviations together."
+    ]
 
 
 def _plain(result: CompareResult) -> Iterator[Grid]:
@@ -80,43 +80,38 @@ def _plain(result: CompareResult) -> Iterator[Grid]:
         body, lines = list[Sequence[Cell]](), list[int]()
         for (joint,), own in grouped(rows, "joint").items():
             lines.append(len(body))
-            by_entrant = {of_entrant(row): row for row in own}
+            found = summaries(own)
             for figure in shown:
-                smallest = best(own, figure.name)
-                cells = [
-                    marked(by_entrant[name], figure, smallest) if name in by_entrant else Cell("")
-                    for name in result.entrants
-                ]
-                body.append([Cell(f"{joint}: {figure.label} / {figure.unit}"), *cells])
-        header = ["", *(name.replace("/", "\n") for name in result.entrants)]
-        yield Grid(f"Controllers on {scenario}; the best of each row is marked", header, body, lines=lines)
+                cells = marked(found, figure)
+                body.append(
+                    [
+                        Cell(f"{joint}: {figure.label} / {figure.unit}"),
+                        *(cells.get(name, Cell("")) for name in result.entrants),
+                    ]
+                )
+        title = f"Controllers on {scenario}; the winner of each row is marked"
+        yield Grid(title, _header(result, ""), body, _under(rows), lines)
 
 
 def _robustness(result: CompareResult) -> Iterator[Grid]:
     """For each joint the cases in rows, and the controllers in columns."""
-    shown = [SHOWN[name] for name in _COMPACT]
-    meaning = ", ".join(f"{one.label} / {one.unit}" for one in shown)
-    header = ["case", *(name.replace("/", "\n") for name in result.entrants)]
+    first, *others = (SHOWN[name] for name in _COMPACT)
+    meaning = ", ".join(f"{one.label} / {one.unit}" for one in (first, *others))
     for (scenario, joint), rows in grouped(result.rows.rows(named=True), "scenario", "joint").items():
         body = list[Sequence[Cell]]()
         for (case,), own in grouped(rows, "case").items():
-            smallest, by_entrant = best(own, _COMPACT[0]), {of_entrant(row): row for row in own}
-            cells = [
-                _compact(by_entrant[name], shown, smallest) if name in by_entrant else Cell("")
-                for name in result.entrants
-            ]
-            body.append([Cell(case), *cells])
-        yield Grid(f"{joint} of {scenario}: {meaning}", header, body)
-
-
-def _compact(row: Row, shown: Sequence[Shown], smallest: float | None) -> Cell:
-    first = marked(row, shown[0], smallest)
-    return first if first.lost else first._replace(text=" / ".join(told(row, one).text for one in shown))
+            found = summaries(own)
+            cells = marked(found, first)
+            for name, one in found.items():
+                if one.is_held:
+                    means = [text_of(one, figure) for figure in others]
+                    cells[name] = cells[name]._replace(text=" / ".join([cells[name].text, *means]))
+            body.append([Cell(case), *(cells.get(name, Cell("")) for name in result.entrants)])
+        yield Grid(f"{joint} of {scenario}: {meaning}", _header(result, "case"), body, _under(rows))
 
 
 def _stability(result: CompareResult) -> Iterator[Grid]:
     """For each map how many of its points hold."""
-    header = ["joint", *(name.replace("/", "\n") for name in result.entrants)]
     rows = [{**row, "map": row["case"].partition(":")[0]} for row in result.rows.rows(named=True)]
     for (name,), own in grouped(rows, "map").items():
         body = [
@@ -126,9 +121,10 @@ def _stability(result: CompareResult) -> Iterator[Grid]:
             ]
             for (joint,), of_joint in grouped(own, "joint").items()
         ]
-        yield Grid(f"Points of the map of {name} that hold", header, body)
+        yield Grid(f"Points of the map of {name} that hold", _header(result, "joint"), body)
 
 
 def _share(rows: Sequence[Row]) -> Cell:
-    held = sum(row[HELD] for row in rows)
-    return Cell(f"{held} of {len(rows)}", lost=not held)
+    points = grouped(rows, "case").values()
+    held = sum(all(row[HELD] for row in point) for point in points)
+    return Cell(f"{held} of {len(points)}", lost=not held)

@@ -69,6 +69,7 @@ def record_of(contest: Contest, result: CompareResult) -> dict[str, Any]:
                 "joints": list(heat.joints),
                 "controller": heat.entrant.called,
                 "gains": heat.entrant.gains,
+                "seed": heat.seed,
                 "system": heat.group,
                 "set": plain(heat.own["set"]),
                 "fault": [str(fault) for fault in heat.own.get("fault", ())],

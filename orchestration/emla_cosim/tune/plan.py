@@ -20,9 +20,6 @@ from ..sweep.targets import merged
 from ..system.model import System
 from ..values import converted
 
-LARGEST_SEED = 2**31 - 2
-"""The largest start of a random sequence."""
-
 USUAL = "usual"
 """The case of a plan that names none: the scenario as it is."""
 

@@ -8,7 +8,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars
 
 from ..errors import CommandError
@@ -20,13 +19,14 @@ from ..sweep.farm import Scheduler, farm
 from ..sweep.folder import digest
 from ..sweep.measures import Metric
 from ..sweep.plan import Source
+from ..sweep.seeds import draw_seeds
 from ..sweep.shipment import Preparation, Shipment, check_portable
 from ..sweep.sweeping import check_cluster
 from ..system.model import Value
 from ..values import converted
 from .evaluation import Evaluation
 from .folder import TuneFolder
-from .plan import LARGEST_SEED, PLAIN, TuningPlan, tuning_of
+from .plan import PLAIN, TuningPlan, tuning_of
 from .preparing import Task, prepared_task, scenario_content
 from .result import Tuned, TuneResult
 from .score import Score
@@ -179,10 +179,7 @@ class _Tuning:
         plan = self.task.plan
         if self.task.seeds is None:
             return [None], []
-        random, found = np.random.default_rng(plan.seed), dict[int, None]()
-        while len(found) < plan.training + plan.validation:
-            found[int(random.integers(1, LARGEST_SEED))] = None
-        drawn: list[int | None] = list(found)
+        drawn: list[int | None] = [*draw_seeds(plan.seed, plan.training + plan.validation)]
         return drawn[: plan.training], drawn[plan.training :]
 
     def _tried(self, generation: int, tried: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:

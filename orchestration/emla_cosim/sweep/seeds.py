@@ -1,0 +1,26 @@
+"""Seeds of random sequences: numbers that start the generators of FMUs."""
+
+from collections.abc import Collection
+
+import numpy as np
+
+LARGEST_SEED = 2**31 - 2
+"""The largest start of a random sequence."""
+
+
+def draw_seeds(entropy: int | list[int], count: int, without: Collection[int] = ()) -> list[int]:
+    """Draw different seeds; the same entropy gives the same ones, and fewer are the first of more.
+
+    Args:
+        entropy: Seed of the draw itself.
+        count: How many to draw.
+        without: Seeds to leave out.
+
+    Returns:
+        Whole numbers from 1 to `LARGEST_SEED` - 1.
+    """
+    random, found = np.random.default_rng(entropy), dict[int, None]()
+    while len(found) < count:
+        if (drawn := int(random.integers(1, LARGEST_SEED))) not in without:
+            found[drawn] = None
+    return list(found)

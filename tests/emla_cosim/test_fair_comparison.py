@@ -1,0 +1,258 @@
+"""Controllers meet on equal terms: recommended gains, held-out seeds, equal reserves, clear winners."""
+
+import itertools
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from distributed import Client
+
+import emla_cosim as ec
+from emla_cosim.compare.comparing import compare
+from emla_cosim.compare.reserves import Reserves, reserve_values, stated
+from emla_cosim.compare.seeds import HeldOut, random_seeds, tuned_on
+from emla_cosim.compare.summary import Summary, lost_text, marked, summaries, text_of, winner
+from emla_cosim.loading import load
+from emla_cosim.models import build
+from emla_cosim.recorders.metrics import Shown
+from emla_cosim.scenarios.built_in import TUNINGS
+from emla_cosim.study.controllers import CONTROLLERS
+from emla_cosim.sweep.shipment import Preparation
+from fmublock import Block, Input, Output, clamp
+from rsba_fmu import FocController
+from tests.support.commands import Emla, sentence
+
+pytestmark = pytest.mark.usefixtures("on_one_cluster")
+
+ERROR = Shown("position_error_m", "position error", 1e6, "µm", "m")
+
+
+def rows(controller: str, *errors: float, held: bool = True) -> list[dict[str, Any]]:
+    """Runs of a controller that differ in their seeds, with these position errors in µm."""
+    return [
+        {"controller": controller, "gains": "own", "held": held, "seed": i, "position_error_m": 1e-6 * e}
+        for i, e in enumerate(errors)
+    ]
+
+
+def test_mean_and_spread_are_those_of_numpy() -> None:
+    errors = np.random.default_rng(3).uniform(1.0, 2.0, 7)
+    one = Summary(rows("a", *errors))
+    assert one.mean("position_error_m") == pytest.approx(1e-6 * np.mean(errors), rel=1e-12)
+    assert one.spread("position_error_m") == pytest.approx(1e-6 * np.std(errors, ddof=1), rel=1e-12)
+    assert text_of(one, ERROR) == f"{np.mean(errors):.3g} ± {np.std(errors, ddof=1):.2g}"
+    assert text_of(Summary(rows("a", 1.25)), ERROR) == "1.25"
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_winner_is_marked_only_beyond_the_spread(seed: int) -> None:
+    """Beside a computation of its own, on three controllers that are near one another."""
+    random = np.random.default_rng(seed)
+    errors = random.uniform(1.0, 1.6, (3, 1)) + random.normal(0.0, 0.05, (3, 5))
+    found = summaries([row for name, e in zip("abc", errors, strict=True) for row in rows(name, *e)])
+    mean, deviation = errors.mean(axis=1), errors.std(axis=1, ddof=1)
+    best = int(mean.argmin())
+    clear = all(mean[i] - mean[best] > deviation[i] + deviation[best] for i in range(3) if i != best)
+    expected = f"{'abc'[best]}/own" if clear else None
+    assert winner(found, ERROR) == expected
+    assert [name for name, cell in marked(found, ERROR).items() if cell.best] == (
+        [expected] if expected else []
+    )
+
+
+def test_a_neighbour_decides_whether_there_is_a_winner() -> None:
+    ahead, near, far = rows("a", 1.0, 1.1), rows("b", 1.1, 1.2), rows("c", 2.0, 2.1)
+    assert winner(summaries([*ahead, *far]), ERROR) == "a/own"
+    assert winner(summaries([*ahead, *far, *near]), ERROR) is None
+    assert winner(summaries([*rows("a", 7.061), *rows("b", 7.0612)]), ERROR) is None  # 7.06 and 7.06
+    assert winner(summaries([*rows("a", 7.0), *rows("b", 7.1)]), ERROR) == "a/own"
+    assert winner(summaries(ahead), ERROR) is None
+
+
+def test_a_joint_that_is_not_held_wins_nothing_and_its_figure_does_not_stand_alone() -> None:
+    lost = [*rows("a", 0.1, 0.2), *rows("a", 6040.0, held=False)]
+    found = summaries([*lost, *rows("b", 1.0, 1.1, 1.2), *rows("c", 3.0, 3.1, 3.2)])
+    assert winner(found, ERROR) == "b/own"
+    assert marked(found, ERROR)["a/own"] == ("not held in 1 of 3 (6040)", False, True)
+    assert lost_text(Summary(rows("a", 6040.0, held=False)), ERROR) == "not held (6040)"
+    assert lost_text(Summary(rows("a", float("nan"), held=False)), ERROR) == "not held"
+
+
+def test_seeds_are_held_out() -> None:
+    """None of those that the plans train or validate with, drawn here as `emla tune` does."""
+    used = set[int]()
+    for text in TUNINGS.values():
+        plan = tomllib.loads(text())
+        random = np.random.default_rng(plan["seed"])
+        used |= {int(random.integers(1, 2**31 - 2)) for _ in range(plan["training"] + plan["validation"])}
+    assert len(used) == 8 and used == tuned_on()
+    many, few = HeldOut(200), HeldOut(5)
+    assert len(set(many.drawn)) == 200 and not used & set(many.drawn) and many.drawn[:5] == few.drawn
+    names = [f"{joint}.plant.sensor.seed" for joint in ("lift", "tilt")]
+    values = [few.values(names, seed)[name] for seed in few.drawn for name in names]
+    assert len(set(values)) == 10 and not used & set(values)
+
+
+@pytest.fixture(scope="module")
+def prepared(fmu_folder: Path) -> dict[str, Preparation]:
+    return {name: Preparation.of(load(name, fmus=fmu_folder)) for name in ("study", "study-drive")}
+
+
+def test_what_is_random_gets_seeds(prepared: dict[str, Preparation]) -> None:
+    """On the study nothing but tilt's disturbance, until a sensor has noise or its disturbance none."""
+    study = prepared["study"]
+    assert random_seeds(study, {}, {}) == ["tilt.disturbance.d_2.seed"]
+    assert random_seeds(study, {"lift.plant.sensor.sigma": 1e-6}, {}) == [
+        "lift.plant.sensor.seed",
+        "tilt.disturbance.d_2.seed",
+    ]
+    assert random_seeds(study, {"tilt.disturbance.d_2.high": 0.0}, {}) == []
+    assert random_seeds(study, {}, {"tilt.disturbance.d_2.seed": 5}) == []
+    assert len(random_seeds(prepared["study-drive"], {}, {})) == 7
+
+
+@pytest.fixture(scope="module")
+def compared(fmu_folder: Path, cluster: Client, tmp_path_factory: pytest.TempPathFactory) -> ec.CompareResult:
+    return ec.compare(
+        "study",
+        ["rsba", "foc"],
+        seeds=3,
+        stop_time=0.4,
+        fmus=fmu_folder,
+        scheduler=cluster,
+        output=tmp_path_factory.mktemp("compared"),
+    )
+
+
+def test_only_what_is_random_runs_with_several_seeds(compared: ec.CompareResult) -> None:
+    assert compared.entrants == ["rsba/compensated", "foc/tuned"]
+    seeds = HeldOut(3).drawn
+    for joint, controller in itertools.product(("lift", "tilt", "telescope"), ("rsba", "foc")):
+        found = compared.rows.filter(joint=joint, controller=controller)
+        assert found["seed"].to_list() == (seeds if joint == "tilt" else [None])
+    tilt = compared.rows.filter(joint="tilt")
+    assert tilt["torque_effort_N_m"].n_unique() == 6
+
+
+def test_both_controllers_meet_the_same_sequences_and_a_run_alone_repeats_one(
+    compared: ec.CompareResult, fmu_folder: Path
+) -> None:
+    assert compared.folder is not None
+    runs = json.loads((compared.folder / "comparison.json").read_text())["runs"]
+    sets = {(r["controller"], r["seed"]): r["set"] for r in runs if r["joints"] == ["tilt"]}
+    assert len(sets) == 6
+    assert all(sets["rsba", seed] == sets["foc", seed] for seed in HeldOut(3).drawn)
+    run = next(r for r in runs if r["joints"] == ["tilt"] and r["controller"] == "foc")
+    scenario = load("tilt", controller="foc", gains="tuned", set=run["set"], stop_time=0.4, fmus=fmu_folder)
+    with scenario.prepare() as simulation:
+        alone = simulation.run().metrics["joints"]["tilt"]
+    assert alone["position_error_m"] == compared.rows.filter(run=run["run"])["position_error_m"][0]
+
+
+def test_the_table_shows_mean_and_spread(compared: ec.CompareResult) -> None:
+    (grid,) = compared.grids
+    tilt = compared.rows.filter(joint="tilt", controller="foc")["position_error_m"].to_numpy()
+    cell = next(row for row in grid.rows if row[0].text.startswith("tilt: position error"))[2]
+    assert cell.text == f"{1e6 * tilt.mean():.3g} ± {1e6 * tilt.std(ddof=1):.2g}"
+    assert "3 seeds that no tuning used" in grid.under[0]
+    assert "±" not in grid.rows[0][1].text
+    written = polars.read_csv(compared.folder / "comparison.csv")  # type: ignore[operator]
+    assert written["seed"].drop_nulls().n_unique() == 3
+
+
+def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -> None:
+    reserves, others = compared.notes
+    assert reserves == (
+        "Reserves of current and voltage: rsba/compensated 2 % and 20 %; foc/tuned 0 % and 5 %."
+    )
+    assert others.startswith("Further sets of gains: rsba/robust, rsba/published and foc/rule")
+
+
+@pytest.mark.parametrize("controller", list(CONTROLLERS))
+def test_equal_reserves_are_set_on_every_controller(controller: str, fmu_folder: Path) -> None:
+    part = Preparation.of(load("study", controller=controller, fmus=fmu_folder))
+    values = reserve_values(part, Reserves(0.02, 0.2))
+    assert values == {
+        f"{joint}.controller.limit.{name}": part
+        for joint in ("lift", "tilt", "telescope")
+        for name, part in (("i_reserve", 0.02), ("u_reserve", 0.2))
+    }
+    assert stated(part, values) == "2 % and 20 %"
+
+
+def test_sets_that_do_not_limit_keep_no_reserve(fmu_folder: Path) -> None:
+    def said(gains: str) -> str:
+        return stated(Preparation.of(load("lift", controller="rsba", gains=gains, fmus=fmu_folder)), {})
+
+    assert said("robust") == "0 % and no limit"
+    assert said("published") == "no limit and no limit"
+
+
+def test_reserves_change_what_controllers_do(fmu_folder: Path) -> None:
+    """The lift starts at its limit of current: with a reserve the peak of the torque is that much less."""
+    own = {"stop_time": 0.4, "fmus": fmu_folder, "workers": 1}
+    usual = compare("lift", ["foc"], **own)
+    less = compare("lift", ["foc"], reserves=(0.3, 0.05), **own)
+    assert less.notes[0] == "Reserves of current and voltage: foc/tuned 30 % and 5 %."
+    ratio = less.rows["torque_peak_N_m"][0] / usual.rows["torque_peak_N_m"][0]
+    assert 0.65 < ratio < 0.8 and less.rows["held"][0]
+
+
+def test_robustness_shows_the_quiet_sets_of_those_who_are_compared(fmu_folder: Path) -> None:
+    from emla_cosim.compare.entrants import entrants
+    from emla_cosim.study.controllers import QUIET_SETS
+
+    def names(*controllers: Any, gains: list[str] | None = None) -> list[str]:
+        return list(map(str, entrants(list(controllers) or None, gains, QUIET_SETS)))
+
+    assert names("foc", "cac") == ["foc/tuned", "foc/rule", "cac/tuned"]
+    assert names()[:3] == ["rsba/compensated", "rsba/robust", "foc/tuned"]
+    assert names("rsba", "foc", gains=["recommended"]) == ["rsba/compensated", "foc/tuned"]
+    assert names(FocController) == ["FocController/robust"]  # of a block of the user's
+
+
+class Proportional(Block):
+    """A controller of somebody else, without currents, limits, gains or reserves."""
+
+    x_d = Input(unit="m")
+    x_hat = Input(unit="m")
+    v_hat = Input(unit="m/s")
+    u_q = Output(unit="V")
+    u_d = Output(unit="V")
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"u_q": clamp(1e5 * (v.x_d - v.x_hat) - 1e3 * v.v_hat, -300.0, 300.0), "u_d": 0.0 * v.x_d}
+
+
+def test_controllers_of_the_user_are_compared_on_the_same_terms(fmu_folder: Path) -> None:
+    """On another scenario, whose controllers sample at 1 kHz; what cannot be set is said."""
+    fmu = str(build("FocController", "native", [], fmu_folder))
+    controllers = ["rsba", fmu, Proportional]
+    result = ec.compare(
+        "prototype", controllers, seeds=2, reserves=(0.1, 0.1), stop_time=0.35, fmus=fmu_folder, workers=1
+    )
+    assert result.entrants == ["rsba/compensated", f"{fmu}/robust", "Proportional/robust"]
+    assert result.rows["seed"].to_list() == [None] * 3  # its sensors are ideal
+    assert result.notes[0].count("10 % and 10 %") == 2 and "Proportional/robust not stated" in result.notes[0]
+    assert result.notes[1].startswith("Proportional/robust keeps its own reserves")
+    assert len(result.grids) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--reserves", "0.02"), "must be parts of current and voltage from 0 to 0.9, such as 0.02,0.2"),
+        (("--reserves", "0,1"), "must be parts of current and voltage from 0 to 0.9"),
+        (("--reserves", "a,b"), "the reserves are 'a,b'; they must be two numbers"),
+        (("--seeds", "-1"), "the number of seeds is -1; it must be from 0 to 1000"),
+        (("--table", "certificate", "--seeds", "2"), "a certificate takes no seeds"),
+    ],
+)
+def test_wrong_terms_are_one_sentence(
+    arguments: tuple[str, ...], words: str, emla: Emla, tmp_path: Path
+) -> None:
+    assert words in sentence(emla("compare", "lift", *arguments, "--output", str(tmp_path / "place")), 2)
