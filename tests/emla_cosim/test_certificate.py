@@ -101,7 +101,7 @@ def test_the_command_certifies_sets_side_by_side(emla: Emla, tmp_path: Path) -> 
     ("arguments", "words"),
     [
         (("--controllers", "foc"), "the proof is of rsba alone; there is no certificate of foc"),
-        (("--workers", "2"), "a certificate takes no resolution, scheduler or workers"),
+        (("--workers", "2"), "a certificate takes no seeds, reserves, resolution"),
         (("--gains", "soft"), "'soft'"),
     ],
 )

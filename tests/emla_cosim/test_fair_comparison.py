@@ -202,12 +202,12 @@ def test_reserves_change_what_controllers_do(fmu_folder: Path) -> None:
     assert 0.65 < ratio < 0.8 and less.rows["held"][0]
 
 
-def test_robustness_shows_the_quiet_sets_of_those_who_are_compared(fmu_folder: Path) -> None:
+def test_robustness_shows_further_sets_of_those_who_are_compared(fmu_folder: Path) -> None:
     from emla_cosim.compare.entrants import entrants
-    from emla_cosim.study.controllers import QUIET_SETS
+    from emla_cosim.study.controllers import ROBUSTNESS_SETS
 
     def names(*controllers: Any, gains: list[str] | None = None) -> list[str]:
-        return list(map(str, entrants(list(controllers) or None, gains, QUIET_SETS)))
+        return list(map(str, entrants(list(controllers) or None, gains, ROBUSTNESS_SETS)))
 
     assert names("foc", "cac") == ["foc/tuned", "foc/rule", "cac/tuned"]
     assert names()[:3] == ["rsba/compensated", "rsba/robust", "foc/tuned"]

@@ -1,7 +1,7 @@
 """The controllers that RSBA is compared with: their loops beside an independent one, and their limits."""
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import hypothesis.strategies as st
@@ -11,11 +11,19 @@ from hypothesis import given
 
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.joint import start_values
-from emla_fmu import EmlaPlant
+from emla_fmu import EmlaPlant, observer_gains
 from emla_fmu.parameters import EMLAS, LIFT
 from fmublock import Block
 from fmublock.instance import Instance
-from rsba_fmu import AnatcController, CacController, FocController, drive_laws, foc_gains
+from rsba_fmu import (
+    AnatcController,
+    CacController,
+    FocController,
+    RsbaController,
+    drive_laws,
+    foc_gains,
+    gains,
+)
 from tests.support import reference_controllers as independent
 from tests.support import reference_model as paper
 from tests.support.continuous import Continuous
@@ -172,6 +180,34 @@ def test_the_field_is_weakened_until_the_voltage_holds_what_is_asked_for() -> No
     assert 0.0 < less < i_q
     assert drive_laws.weakening_current(v, less, u) == pytest.approx(0.0, abs=1e-9)
     assert omega_e * math.hypot(LIFT.Phi_PM, LIFT.L_q * less) == pytest.approx(0.95 * LIFT.u_max)
+
+
+@given(
+    st.fixed_dictionaries(
+        {
+            "x_hat": st.floats(0.2, 0.3),
+            "v_hat": st.floats(-0.05, 0.05),
+            "x_d": st.floats(0.2, 0.3),
+            "v_d": st.floats(-0.05, 0.05),
+            "a_d": st.floats(-0.5, 0.5),
+            "d_hat": st.floats(-1.0, 1.0),
+            "i_q": st.floats(-50.0, 50.0),
+            "i_d": st.floats(-50.0, 50.0),
+        }
+    )
+)
+def test_without_adaptation_rsba_asks_for_the_current_of_the_cascade(inputs: dict[str, float]) -> None:
+    """But for P_1 / A_2 of (39), a part in k_p k_v: the recommended gains are those of a P-P cascade."""
+    of_rsba = replace(gains.COMPENSATED["lift"], weaken_field=False)
+    assert of_rsba.zeta == (0.0,) * 4 and observer_gains.COMPENSATED["lift"].H_0 == 0.0
+    k_p, k_v = 0.5 * of_rsba.beta[0], 0.5 * of_rsba.beta[1]
+    far = {"i_max": 1e6, "u_max": 1e9, "u_available": 1e9}  # limits that nothing reaches
+    of_foc = {"k_p": k_p, "k_v": k_v, "a_max": of_rsba.a_max, "weaken_field": False}
+    rsba = Continuous(RsbaController, LIFT, {**asdict(of_rsba), **far})
+    foc = Continuous(FocController, LIFT, {**of_foc, **far})
+    i_rsba, i_foc = (one.outputs(0.0, one.start(), inputs)["i_q_ref"] for one in (rsba, foc))
+    A_2 = 1.5 * LIFT.N_p * LIFT.Phi_PM / rsba.v.A_eq
+    assert i_foc - i_rsba == pytest.approx((inputs["x_hat"] - inputs["x_d"]) / A_2, abs=1e-9)
 
 
 @pytest.mark.parametrize("block", COMPARED)

@@ -18,7 +18,7 @@ from ..options import table as options_table
 from ..progress import Progress
 from ..recorders.metrics import METRICS
 from ..scenarios.built_in import SCENARIOS
-from ..study.controllers import QUIET_SETS
+from ..study.controllers import ROBUSTNESS_SETS
 from ..study.paper import PRINTED
 from ..sweep.farm import Scheduler, farm
 from ..sweep.result import REFUSED, VARIANT
@@ -63,7 +63,7 @@ def compare(
     sets: SET for every controller that has it, CONTROLLER/SET for one, "all" for all; a controller for
     which none is named comes with its recommended set. `table` is "paper" (the paper's Tables VI and VIII
     beside ours, of all sets unless some are named), "robustness" (the scenario under many circumstances,
-    with the quiet sets, too, unless some are named), "stability" (maps over delay and parameters, with
+    with the sets `robust` and `rule`, too, unless some are named), "stability" (maps over delay and parameters, with
     `resolution` points along each axis), or None. Where anything is random, each controller runs with the
     same `seeds` held-out seeds, which no tuning used: 5 by default, 0 for maps, 0 being the scenario's own.
     `reserves` are the parts of current and voltage, such as (0.02, 0.2), that every controller keeps; by
@@ -80,7 +80,7 @@ def compare(
     _check(table, resolution, options)
     check_cluster(scheduler, workers)
     all_sets = [ALL] if table == PAPER and gains is None else gains
-    chosen = entrants(controllers, all_sets, QUIET_SETS if table == ROBUSTNESS else ())
+    chosen = entrants(controllers, all_sets, ROBUSTNESS_SETS if table == ROBUSTNESS else ())
     terms = Terms(_checked_seeds(seeds, table), checked_reserves(reserves), options)
     folder = CompareFolder(converted(output, Path, "the output folder")) if output is not None else None
     if table == STABILITY:

@@ -112,11 +112,8 @@ CONTROLLERS: dict[str, Controller] = {
 The recommended sets are like against like: the search of `emla tune` found each of them, or begins there.
 """
 
-QUIET_SETS = ("robust", "rule")
-"""Sets with more margin than the recommended ones, which were tuned for small errors.
-
-Tables of robustness have them beside those.
-"""
+ROBUSTNESS_SETS = ("robust", "rule")
+"""Sets that tables of robustness have beside the recommended ones, which were tuned for small errors."""
 
 
 def chosen(controller: str | type | None, gain_set: str | None) -> tuple[Controller, Gains]:
