@@ -136,6 +136,7 @@ class RsbaController(KnownDrive):
         minimum=0.0,
         maximum=0.9,
         name="limit.i_reserve",
+        symbol="r_i",
         description="Part of i_max that is kept for what noise and delay add",
     )
     theta_max = Parameter(
