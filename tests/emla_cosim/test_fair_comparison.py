@@ -14,14 +14,17 @@ from distributed import Client
 import emla_cosim as ec
 from emla_cosim.compare.comparing import compare
 from emla_cosim.compare.reserves import Reserves, reserve_values, stated
+from emla_cosim.compare.rows import COLUMNS, verdict
 from emla_cosim.compare.seeds import HeldOut, random_seeds, tuned_on
 from emla_cosim.compare.summary import Summary, lost_text, marked, summaries, text_of, winner
+from emla_cosim.compare.tables import lost_lines
 from emla_cosim.loading import load
 from emla_cosim.models import build
 from emla_cosim.recorders.metrics import Shown
 from emla_cosim.scenarios.built_in import TUNINGS
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.sweep.shipment import Preparation
+from emla_cosim.sweep.worker import Outcome
 from fmublock import Block, Input, Output, clamp
 from rsba_fmu import FocController
 from tests.support.commands import Emla, sentence
@@ -80,6 +83,71 @@ def test_a_joint_that_is_not_held_wins_nothing_and_its_figure_does_not_stand_alo
     assert marked(found, ERROR)["a/own"] == ("not held in 1 of 3 (6040)", False, True)
     assert lost_text(Summary(rows("a", 6040.0, held=False)), ERROR) == "not held (6040)"
     assert lost_text(Summary(rows("a", float("nan"), held=False)), ERROR) == "not held"
+
+
+def robustness() -> ec.CompareResult:
+    """A table of two cases with two seeds, in which one controller loses one run of four."""
+    found = [
+        {
+            **row,
+            "run": 0,
+            "scenario": "own",
+            "case": case,
+            "joint": "lift",
+            "torque_peak_N_m": 100.0 + row["seed"],
+            "saturated_after_settling": 0.01,
+            "lost_at_s": None if row["held"] else 0.5,
+            "why": None if row["held"] else "lift tripped on its speed at t = 0.5 s",
+        }
+        for case, lost in (("nominal", False), ("noise", True))
+        for row in [*rows("a", 1.0, 1.1), *rows("b", 2.0), *rows("b", 2.0, 2.4, held=not lost)[1:]]
+    ]
+    table = polars.DataFrame(found, schema=dict(COLUMNS), orient="row")
+    return ec.CompareResult("own", "robustness", table, ["a/own", "b/own"])
+
+
+def test_the_table_of_robustness_has_means_and_counts_what_holds() -> None:
+    cases, held = robustness().grids
+    assert [cell.text for cell in cases.rows[0]] == [
+        "nominal",
+        "1.05 ± 0.071 / 100 / 1",
+        "2.2 ± 0.28 / 100 / 1",
+    ]
+    assert [cell.text for cell in cases.rows[1]][1:] == ["1.05 ± 0.071 / 100 / 1", "not held in 1 of 2 (2.4)"]
+    assert [cell.best for cell in cases.rows[0]] == [False, True, False]
+    assert not any(cell.best for cell in cases.rows[1])  # nobody is there to compare with
+    assert [[cell.text for cell in row] for row in held.rows] == [["lift", "2 of 2", "1 of 2"]]
+    assert lost_lines(robustness()) == [
+        "noise, lift with b/own (1 of 2 runs): lift tripped on its speed at t = 0.5 s."
+    ]
+    assert list(robustness().figures()) == ["comparison-robustness"]
+
+
+@pytest.mark.parametrize(
+    ("figures", "status", "expected"),
+    [
+        ({"held": True, "reason": None}, "done", (True, None, None)),
+        (
+            {"held": False, "reason": "it swings.", "oscillation": {"time_s": 0.4}},
+            "done",
+            (False, 0.4, "it swings"),
+        ),
+        (
+            {"held": False, "reason": "it tripped.", "trip": {"time_s": 0.2}},
+            "diverged",
+            (False, 0.2, "it tripped"),
+        ),
+        ({"held": False, "reason": "not settled.", "trip": None}, "done", (False, 0.7, "not settled")),
+        ({"held": True, "reason": None}, "diverged", (False, 0.7, "another joint ended")),
+        ({}, "died", (False, 0.7, "its process ended")),
+        ({}, "done", (False, 0.7, "it has no figures")),
+    ],
+)
+def test_the_verdict_is_that_of_the_figures_and_of_the_run(
+    figures: dict[str, Any], status: str, expected: tuple[bool, float | None, str | None]
+) -> None:
+    outcome = Outcome(0, status, "another joint ended.", 0.7, {"lift": figures})
+    assert verdict(figures, outcome) == expected
 
 
 def test_seeds_are_held_out() -> None:

@@ -62,10 +62,11 @@ def compare(
     `controllers` are names, FILE.fmu, FILE.py:BLOCK or blocks, by default all of `CONTROLLERS`. `gains` names
     sets: SET for every controller that has it, CONTROLLER/SET for one, "all" for all; a controller for
     which none is named comes with its recommended set. `table` is "paper" (the paper's Tables VI and VIII
-    beside ours, of all sets unless some are named), "robustness" (the scenario under many circumstances,
-    with the sets `robust` and `rule`, too, unless some are named), "stability" (maps over delay and parameters, with
-    `resolution` points along each axis), or None. Where anything is random, each controller runs with the
-    same `seeds` held-out seeds, which no tuning used: 5 by default, 0 for maps, 0 being the scenario's own.
+    beside ours, of all sets unless some are named), "robustness" (the scenario under many circumstances, with
+    the sets `robust` and `rule`, too, unless some are named), "stability" (maps over delay and parameters,
+    with `resolution` points along each axis), or None. Where anything is random, each controller runs with
+    the same `seeds` held-out seeds, which no tuning used: 5 by default, 0 for maps, 0 being the scenario's
+    own.
     `reserves` are the parts of current and voltage, such as (0.02, 0.2), that every controller keeps; by
     default each keeps its own. `options` are those of `Options`, for all runs.
 

@@ -148,8 +148,7 @@ def _robustness(result: CompareResult) -> "Figure":
     cases = list(dict.fromkeys(result.rows["case"]))
     wide = 1.2 + 0.62 * len(result.entrants)
     figure, grid = new_figure(1, len(places), wide, 0.6 + 0.24 * len(cases), sharex="none")
-    shades = LinearSegmentedColormap.from_list("error", _SHADES)
-    shades.set_bad(_LOST)
+    shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_LOST)
     held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().to_numpy()
     norm = LogNorm(*(1e6 * _limits(held)))
     picture: Any = None
@@ -190,10 +189,8 @@ def _write(axes: "Axes", x: int, y: int, one: Summary | None, norm: Any) -> None
     if one is None:
         return
     error = _error(one)
-    text = (
-        rounded(error) if one.is_held else "\n".join(lost_text(one, SHOWN["position_error_m"]).split(" (", 1))
-    )
-    text = text.removesuffix(")")
+    lost = lost_text(one, SHOWN["position_error_m"]).replace(" in ", "\nin ").replace(" (", "\n")
+    text = rounded(error) if one.is_held else lost.removesuffix(")")
     dark = not one.is_held or norm(error) < 0.45
     axes.text(
         x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6, color="white" if dark else "black"

@@ -54,7 +54,7 @@ def _rows(heat: Heat, outcome: Outcome) -> list[dict[str, Any]]:
 
 def _row(heat: Heat, joint: str, outcome: Outcome) -> dict[str, Any]:
     figures = outcome.figures.get(joint, {})
-    is_held, at, why = _verdict(figures, outcome)
+    is_held, at, why = verdict(figures, outcome)
     x, y = heat.case.at or (None, None)
     return {
         "run": outcome.number,
@@ -73,7 +73,7 @@ def _row(heat: Heat, joint: str, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _verdict(figures: Mapping[str, Any], outcome: Outcome) -> tuple[bool, float | None, str | None]:
+def verdict(figures: Mapping[str, Any], outcome: Outcome) -> tuple[bool, float | None, str | None]:
     """Return whether a joint was held; if not, when that was seen in s, and why."""
     is_done = outcome.status == DONE
     if is_done and figures.get(HELD):

@@ -93,13 +93,16 @@ def marked(found: Mapping[str, Summary], figure: Shown) -> dict[str, Cell]:
     return {name: _cell(one, figure)._replace(best=name == best) for name, one in found.items()}
 
 
-def text_of(one: Summary, figure: Shown) -> str:
-    """Return a mean in the unit of its row, with its spread where that can be seen."""
+def mean_text(one: Summary, figure: Shown) -> str:
+    """Return a mean in the unit of its row."""
     mean = one.mean(figure.name)
-    if mean is None:
-        return "none"
+    return "none" if mean is None else rounded(figure.factor * mean)
+
+
+def text_of(one: Summary, figure: Shown) -> str:
+    """Return a mean in the unit of its row, with its spread where there is any."""
     spread = figure.factor * one.spread(figure.name)
-    text = rounded(figure.factor * mean)
+    text = mean_text(one, figure)
     return f"{text} ± {float(f'{spread:.2g}'):g}" if spread > 0.0 else text
 
 

@@ -8,7 +8,7 @@ from .grid import Cell, Grid
 from .paper_tables import paper_grids
 from .result import PAPER, ROBUSTNESS, STABILITY, CompareResult
 from .rows import HELD, LOST_AT, SHOWN, WHY, Row, of_entrant
-from .summary import Summary, marked, summaries, text_of
+from .summary import Summary, marked, mean_text, summaries
 
 _FIGURES = (
     "position_error_m",
@@ -94,7 +94,7 @@ def _plain(result: CompareResult) -> Iterator[Grid]:
 
 
 def _robustness(result: CompareResult) -> Iterator[Grid]:
-    """For each joint the cases in rows, and the controllers in columns."""
+    """For each joint the cases in rows, and the controllers in columns; then how many of these hold."""
     first, *others = (SHOWN[name] for name in _COMPACT)
     meaning = ", ".join(f"{one.label} / {one.unit}" for one in (first, *others))
     for (scenario, joint), rows in grouped(result.rows.rows(named=True), "scenario", "joint").items():
@@ -104,24 +104,28 @@ def _robustness(result: CompareResult) -> Iterator[Grid]:
             cells = marked(found, first)
             for name, one in found.items():
                 if one.is_held:
-                    means = [text_of(one, figure) for figure in others]
+                    means = [mean_text(one, figure) for figure in others]
                     cells[name] = cells[name]._replace(text=" / ".join([cells[name].text, *means]))
             body.append([Cell(case), *(cells.get(name, Cell("")) for name in result.entrants)])
         yield Grid(f"{joint} of {scenario}: {meaning}", _header(result, "case"), body, _under(rows))
+    for (scenario,), rows in grouped(result.rows.rows(named=True), "scenario").items():
+        yield Grid(f"Cases of {scenario} that hold", _header(result, "joint"), _shares(result, rows))
 
 
 def _stability(result: CompareResult) -> Iterator[Grid]:
     """For each map how many of its points hold."""
     rows = [{**row, "map": row["case"].partition(":")[0]} for row in result.rows.rows(named=True)]
     for (name,), own in grouped(rows, "map").items():
-        body = [
-            [
-                Cell(str(joint)),
-                *(_share([r for r in of_joint if of_entrant(r) == e]) for e in result.entrants),
-            ]
-            for (joint,), of_joint in grouped(own, "joint").items()
-        ]
-        yield Grid(f"Points of the map of {name} that hold", _header(result, "joint"), body)
+        title = f"Points of the map of {name} that hold"
+        yield Grid(title, _header(result, "joint"), _shares(result, own))
+
+
+def _shares(result: CompareResult, rows: Sequence[Row]) -> list[Sequence[Cell]]:
+    """For each joint in how many cases each controller holds it, with all seeds."""
+    return [
+        [Cell(str(joint)), *(_share([r for r in own if of_entrant(r) == e]) for e in result.entrants)]
+        for (joint,), own in grouped(rows, "joint").items()
+    ]
 
 
 def _share(rows: Sequence[Row]) -> Cell:
