@@ -60,7 +60,7 @@ LOOPS = {
 @pytest.mark.parametrize("reserves", [{}, {"u_reserve": 0.2, "i_reserve": 0.1}])
 @pytest.mark.parametrize("block", COMPARED)
 def test_the_loop_is_that_of_an_independent_implementation(
-    block: type[Block], reserves: dict[str, float]
+    block: type[Block], reserves: dict[str, Any]
 ) -> None:
     """Plant and controller with true states, from 2 mm beside the reference, through the current's limit."""
     gains, reference, count = LOOPS[block]
