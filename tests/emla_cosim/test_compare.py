@@ -101,7 +101,9 @@ def test_rows_are_what_runs_one_by_one_give(
         assert row["held"] and row["held"] == of_joint.pop("held")
         numbers = {name: value for name, value in of_joint.items() if isinstance(value, float)}
         assert len(numbers) == 14
-        assert polars.DataFrame(numbers).equals(polars.DataFrame({name: row[name] for name in numbers}))
+        for name, value in numbers.items():  # a sum's rounding depends on how many joints are summed at once
+            rounding = 1e-12 if "_rms_" in name else 0.0
+            assert row[name] == pytest.approx(value, rel=rounding, abs=0.0, nan_ok=True), name
 
 
 def test_one_joint_that_is_lost_ends_no_other(compared: ec.CompareResult) -> None:
