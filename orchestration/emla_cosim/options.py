@@ -239,6 +239,15 @@ class Options:
         metavar="JOINT.CRITERION=VALUE",
         identity="criteria",
     )
+    bonds: Mapping[str, str] = _output(
+        {},
+        help="Two signals that form a power bond, such as axis='load.F * actuator.v': how much energy the "
+        "coupling creates or destroys there is reported (repeatable).",
+        flag="--bond",
+        metavar="NAME='EFFORT * FLOW'",
+        commands=(RUN, SWEEP),
+        identity="bonds",
+    )
     require: Sequence[str] = _output(
         [],
         help="Fail unless this holds, such as 'lift.position_error_m < 2e-5' (repeatable).",

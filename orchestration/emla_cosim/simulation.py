@@ -15,6 +15,7 @@ from .experiment import isolated, run_times, selected, steps_per_row
 from .files import present_folder
 from .fmu.variables import find_variable, start_value
 from .master.algorithms.algorithm import Algorithm
+from .master.algorithms.exchanged import list_exchanged
 from .master.assembly import Assembly
 from .master.stepping.checkpoint import checkpoint_place
 from .master.stepping.compilation import compile_kernel
@@ -28,6 +29,7 @@ from .origin import Origin
 from .preparation import prepared, until_data_end
 from .progress import Progress
 from .recorders.checkpoints import Checkpoints, resumable
+from .recorders.coupling.coupling import COUPLING
 from .recorders.metrics import SIGNALS, MetricsRecorder
 from .recorders.recorder import Outline, Recorder
 from .recorders.stored import StoredRun, stored_run
@@ -39,6 +41,7 @@ from .results.result import Result, run_figures
 from .run_record import run_identity, run_record
 from .running import Run
 from .start_values import following_values, start_values
+from .system.bond import Bond
 from .system.model import System, Value
 from .units import Unit
 from .values import converted
@@ -230,10 +233,14 @@ class Simulation:
                 parameters,
                 chosen.roles,
                 chosen.criteria,
+                list_exchanged(algorithm, [c.name for c in system.components if c.samples]),
+                {**system.bonds, **{name: Bond.read(name, text) for name, text in chosen.bonds.items()}},
+                watched=chosen.error_tolerance is not None,
             )
             if required:
                 check_requirements(required, MetricsRecorder.before(outline), run_figures())
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
+            stepping.watch = metrics.watcher(assembly.shown)
         except BaseException:
             _freed(stepping)
             raise
@@ -463,6 +470,7 @@ class Simulation:
             record=record,
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),
+            coupling=going.metrics.coupling(),
             roles=going.options.roles,
             notes=going.notes,
         )
@@ -521,7 +529,8 @@ def _unmet(going: _Going, result: Result) -> str | None:
         return (
             f"interrupted at t = {result.end_s:.6g} s, before it could be judged whether {'; '.join(wanted)}."
         )
-    found = [unmet(going.required, {**result.metrics, SIGNALS: result.signals}, result.run_figures)]
+    figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
+    found = [unmet(going.required, figures, result.run_figures)]
     if going.stored is not None:
         found.append(disagreement(result.comparisons, going.stored))
     return " ".join(filter(None, found)) or None

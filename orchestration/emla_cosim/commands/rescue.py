@@ -229,6 +229,7 @@ def _finished(begun: _Begun, output: OutputFolder, cause: str, ended: float, wri
         table=None if written else table,
         metrics=metrics.figures(),
         signals=metrics.signals(),
+        coupling=metrics.coupling(),
         remarks=metrics.remarks(),
         steps=steps,
         simulated_s=end - before.end_s,

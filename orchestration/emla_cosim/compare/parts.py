@@ -28,11 +28,12 @@ def _part(prepared: Preparation, branches: set[str]) -> Preparation:
     components = tuple(c for c in system.components if c.branch in branches)
     names = {c.name for c in components}
     others = {c.name for c in system.components} - names
+    bonds = {name: bond for name, bond in system.bonds.items() if system.split(bond.effort)[0].name in names}
     fmus = {name: sha for name, sha in prepared.fmus.items() if name in names}
     options = prepared.options
     return replace(
         prepared,
-        system=System(components, tuple(x for x in system.connections if x.source in names)),
+        system=System(components, tuple(x for x in system.connections if x.source in names), bonds),
         options=replace(options, own={name: _without(value, others) for name, value in options.own.items()}),
         fmus=fmus,
         interfaces={name: one for name, one in prepared.interfaces.items() if name in names},

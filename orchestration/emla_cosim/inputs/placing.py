@@ -120,7 +120,8 @@ def _beside(system: System, name: str, fmu: Path, driven: Sequence[Wanted]) -> S
     for component, variable in inputs:
         taken.setdefault(component, []).append(variable)
     components = [_without(c, taken.get(c.name, ())) for c in system.components]
-    return System((Component(name, fmu=fmu), *components), tuple(connections))
+    components = [Component(name, fmu=fmu), *components]
+    return replace(system, components=tuple(components), connections=tuple(connections))
 
 
 def _without(component: Component, driven: Iterable[str]) -> Component:

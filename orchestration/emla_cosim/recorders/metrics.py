@@ -5,8 +5,12 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..arrays import Vector
-from .recorder import Outline, Recorder
+from ..units import LinearTransformation
+from .coupling.coupling import COUPLING, Coupling
+from .recorder import Outline, Pause, Recorder
 from .signal_figures import SignalFigures
 
 Figures = Mapping[str, Mapping[str, Any]]
@@ -86,6 +90,7 @@ class MetricsRecorder(Recorder):
     def __init__(self) -> None:
         self.kinds: dict[str, Metrics] = {}
         self._signals: SignalFigures | None = None
+        self._coupling: Coupling | None = None
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin all of them, or go on."""
@@ -95,26 +100,46 @@ class MetricsRecorder(Recorder):
             if memory is not None:
                 metrics.remember(memory["kinds"][name])
         self._signals = SignalFigures(outline, None if memory is None else memory[SIGNALS])
+        self._coupling = Coupling(outline, None if memory is None else memory[COUPLING])
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
         for metrics in self.kinds.values():
             metrics.write(rows)
-        assert self._signals is not None
+        assert self._signals is not None and self._coupling is not None
         self._signals.write(rows)
+        self._coupling.write(rows)
+
+    def watcher(self, shown: Mapping[int, LinearTransformation]) -> Callable[[float, Vector], None]:
+        """Return what takes the points of a `Stepping.watch`; see `RowBuffer` for `shown`."""
+
+        def watch(time: float, signals: Vector) -> None:
+            row = np.concatenate(([time], signals))
+            for signal, transformation in shown.items():
+                row[1 + signal] = transformation(row[1 + signal])
+            if self._coupling is not None:
+                self._coupling.see(row)
+
+        return watch
+
+    def pause(self, run: Pause) -> None:
+        """See what the run learned so far of its loops."""
+        if self._coupling is not None:
+            self._coupling.pause(run)
 
     def memory(self) -> Any:
         """That of all of them."""
-        assert self._signals is not None
+        assert self._signals is not None and self._coupling is not None
         kinds = {name: metrics.memory() for name, metrics in self.kinds.items()}
-        return {"kinds": kinds, SIGNALS: self._signals.memory()}
+        return {"kinds": kinds, SIGNALS: self._signals.memory(), COUPLING: self._coupling.memory()}
 
     @classmethod
     def before(cls, outline: Outline) -> dict[str, Figures]:
         """The figures that a run has before its first row, which have the names of all that it will have."""
         recorder = cls()
         recorder.begin(outline)
-        return {**recorder.figures(), SIGNALS: recorder.signals()}
+        found: dict[str, Figures] = {**recorder.figures(), SIGNALS: recorder.signals()}
+        return found | ({COUPLING: coupling} if (coupling := recorder.coupling()) else {})
 
     def ended_early(self, problem: str) -> None:
         """Tell all of them that the run ended before its stop time, and why."""
@@ -123,7 +148,8 @@ class MetricsRecorder(Recorder):
 
     def remarks(self) -> list[str]:
         """Sentences that a person should read before the figures."""
-        return [remark for metrics in self.kinds.values() for remark in metrics.remarks()]
+        found = [remark for metrics in self.kinds.values() for remark in metrics.remarks()]
+        return [*found, *(self._coupling.remarks() if self._coupling is not None else ())]
 
     def figures(self) -> dict[str, Figures]:
         """The figures of all rows so far, by the name of their kind."""
@@ -132,3 +158,7 @@ class MetricsRecorder(Recorder):
     def signals(self) -> dict[str, dict[str, float]]:
         """The figures of every recorded signal, of all rows so far; see `SignalFigures`."""
         return self._signals.figures() if self._signals is not None else {}
+
+    def coupling(self) -> dict[str, dict[str, float]]:
+        """Return what the exchange of values cost so far, by bond and by connection; see `Coupling`."""
+        return self._coupling.figures() if self._coupling is not None else {}

@@ -10,8 +10,10 @@ import numpy as np
 from .. import black_box
 from ..arrays import Vector
 from ..errors import RunError
+from ..master.algorithms.exchanged import Exchanged
 from ..master.stepping.stepping import Stepping
 from ..master.stepping.timing import Timing
+from ..system.bond import Bond
 from ..units import LinearTransformation, Unit
 
 
@@ -23,7 +25,9 @@ class Outline:
     the positions of those signals that the user wants to keep, and every `every`-th row is to be kept.
     `parameters` has the values of the components' parameters that are numbers, by full name. `roles` says
     which of all these plays a role, by what it is of and the role: `lift.x_L`. `criteria` are those that a
-    user set for the judgement of joints.
+    user set for the judgement of joints. `exchanged` has the continuous
+    connections, `bonds` the power bonds by name. With `watched`, steps are of any length, each is done in two
+    halves, and not every one has a row; `Stepping.watch` tells of all.
     """
 
     names: Sequence[str]
@@ -34,6 +38,9 @@ class Outline:
     parameters: Mapping[str, float] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
     criteria: Mapping[str, float | str] = field(default_factory=dict)
+    exchanged: Sequence[Exchanged] = ()
+    bonds: Mapping[str, Bond] = field(default_factory=dict)
+    watched: bool = False
 
 
 class Pause(Protocol):

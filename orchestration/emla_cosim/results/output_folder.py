@@ -17,6 +17,7 @@ from ..errors import CommandError, RunError
 from ..files import UNFINISHED, place_of, writing_to, written_whole
 from ..locking import alone
 from ..progress import Progress
+from ..recorders.coupling.coupling import COUPLING
 from ..recorders.metrics import SIGNALS
 from ..recorders.recorder import Outline, Recorder, recording
 from ..recorders.registry import TABLES
@@ -132,7 +133,7 @@ class OutputFolder:
         """
         told = progress or Progress()
         with writing_to(self.path):
-            figures = {**result.metrics, SIGNALS: result.signals}
+            figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
             self._write_json(METRICS, {**_without_nan(figures), "run": _run_metrics(result)})
             self._write_json(RECORD, result.record)
             written = list[Path]()

@@ -38,6 +38,7 @@ class Result:
     `comparisons` are signals beside those of the run that the option `reference` names; `parameters` are
     the parameters of all components that are numbers, by full name. `roles` are those of the option.
     `notes` are sentences, without their stops, on the scenario with the values of this run.
+    `coupling` has what the exchange of values cost, by bond and by connection, as in metrics.json.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Result:
     signals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Vector:
         """A signal at the times of `time`, in its unit; CommandError names the choices if there is none."""

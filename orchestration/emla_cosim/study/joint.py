@@ -35,6 +35,9 @@ _WIRES = (
     "controller.i_q_ref -> observer.i_q_ref",
 )
 _ESTIMATED = ("observer.x_hat -> controller.x_hat", "observer.v_hat -> controller.v_hat")
+_SAMPLE = ("disturbance", "observer")
+"""What computes at communication points beside the controller: the disturbance draws random numbers there."""
+
 _TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
 
 
@@ -85,7 +88,7 @@ def joint(
     if reference is not None:
         blocks = {Reference: ("reference", [reference]), **blocks}
     components = [
-        Component(f"{name}.{role}", block.__name__, start_values(block, *sources))
+        Component(f"{name}.{role}", block.__name__, start_values(block, *sources), samples=role in _SAMPLE)
         for block, (role, sources) in blocks.items()
     ]
     components.append(_controller(f"{name}.controller", controller, emla, gains))
@@ -113,9 +116,9 @@ def _controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any
         if port not in _ports(controller):
             raise CommandError(f"the controller {_called(controller)} has no output '{port}'.", name=port)
     if isinstance(controller, Path):
-        return Component(name, fmu=controller)
+        return Component(name, fmu=controller, samples=True)
     model = controller.__name__ if controller.__module__.startswith("rsba_fmu.") else controller
-    return Component(name, model, start_values(controller, emla, gains))
+    return Component(name, model, start_values(controller, emla, gains), samples=True)
 
 
 def _called(controller: type[Block] | Path) -> str:

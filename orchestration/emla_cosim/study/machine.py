@@ -1,6 +1,7 @@
 """The built-in systems of the manipulator: three joints that one trajectory leads and one machine loads."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ from fmublock import Block
 from hdrm_fmu import HdrmManipulator, HdrmPlant
 
 from ..errors import CommandError, listed
+from ..system.bond import Bond
 from ..system.model import Component, System, Value
 from .actuator.fitting import NONE, Actuators, check_joints, emla_of
 from .joint import start_values
@@ -36,6 +38,7 @@ _COUPLED = (
     "{joint}.plant.v_L -> machine.manipulator.v_L[{element}]",
     "{joint}.plant.a_L -> machine.manipulator.a_L[{element}]",
 )
+_BOND = Bond("machine.manipulator.F_L[{element}]", "{joint}.plant.v_L")
 _MERGED = (
     "{joint}.motor.tau_m -> machine.plant.tau_m[{element}]",
     "machine.plant.x_L[{element}] -> {joint}.motor.x_L",
@@ -59,9 +62,8 @@ def _coupled(
     controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
 ) -> System:
     """Load forces of the motion that there is: plants and manipulator exchange motion and force."""
-    return _system(
-        controller, gains, motion(trajectory), _manipulator(actuators), _LOADED, _COUPLED, actuators
-    )
+    machine = _manipulator(actuators)
+    return _system(controller, gains, motion(trajectory), machine, _LOADED, _COUPLED, actuators, bond=_BOND)
 
 
 def _merged(
@@ -95,10 +97,11 @@ def _system(
     wires: Sequence[str],
     actuators: Actuators,
     electrical: bool = False,
+    bond: Bond | None = None,
 ) -> System:
-    """Three joints with what they share; names in `elsewhere` and `wires` are made for each of them."""
+    """Three joints with what they share; names in `elsewhere`, `wires` and `bond` are made for each."""
     check_joints(actuators, JOINTS)
-    components, connections = list[Component](), list[str]()
+    components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
     for element, joint in enumerate(JOINTS, 1):
         made = study_joint(
             joint,
@@ -117,8 +120,11 @@ def _system(
         )
         components += made.components
         connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in wires)]
+        if bond is not None:
+            bonds[joint] = bond.placed(joint=joint, element=element)
     shared = (Component("machine.trajectory", "Trajectory", wanted.parameters), machine)
-    return System((*components, *shared), ()).with_connections(*connections)
+    system = System((*components, *shared), ()).with_connections(*connections)
+    return replace(system, bonds=bonds)
 
 
 def _mechanics(wanted: Motion, actuators: Actuators) -> dict[str, Value]:

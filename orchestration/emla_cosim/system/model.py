@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..errors import CommandError, listed
 from ..units import IDENTITY, LinearTransformation, Unit
+from .bond import Bond
 
 Value = float | int | bool | str
 
@@ -30,7 +31,8 @@ class Component:
     `name` is a path with dots, such as joint.component. `model` is the name of one of our FMUs or a
     block of `fmublock`, which is built as one; or `fmu` is a file. `parameters` maps variable names to
     values; enumerations by number or by the literal's name. `aliases` has those variables that the FMU
-    knows by another name or unit.
+    knows by another name or unit. `samples` says that it computes at communication points, as a digital
+    controller does: what it holds between them is no error of the coupling.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Component:
     parameters: Mapping[str, Value] = field(default_factory=dict)
     fmu: Path | None = None
     aliases: Mapping[str, Alias] = field(default_factory=dict)
+    samples: bool = False
 
     @property
     def branch(self) -> str:
@@ -87,10 +90,11 @@ class Connection:
 
 @dataclass(frozen=True)
 class System:
-    """Components in the order in which they are declared, and their connections."""
+    """Components in the order in which they are declared, and their connections; power bonds by name."""
 
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
+    bonds: Mapping[str, Bond] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -116,7 +120,8 @@ class System:
 
     def __add__(self, other: "System") -> "System":
         """Both systems side by side."""
-        return System(self.components + other.components, self.connections + other.connections)
+        bonds = {**self.bonds, **other.bonds}
+        return System(self.components + other.components, self.connections + other.connections, bonds)
 
     def component(self, name: str) -> Component:
         """The component of this name; CommandError names the choices if there is none."""

@@ -37,7 +37,7 @@ def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
     connections = (
         replace(x, transformation=_transformation(x, system, interfaces)) for x in system.connections
     )
-    return System(components, tuple(connections))
+    return replace(system, components=components, connections=tuple(connections))
 
 
 def _check_name(name: str) -> None:

@@ -76,6 +76,8 @@ class ErrorControl(Stepping):
 
     def advance(self, rows: Rows, most: int, until: float = math.inf) -> None:
         """Do at most so many steps, none beyond `until` in s, and record them."""
+        if self.watch is not None and self._time == self.times.start:
+            self.watch(self._time, self.algorithm.network.signals)
         for _ in range(most):
             if self.reached(until):
                 return
@@ -87,6 +89,8 @@ class ErrorControl(Stepping):
                 continue
             self.algorithm.network.check_finite(end)
             self._time = end
+            if self.watch is not None:
+                self.watch(end, self.algorithm.network.signals)
             self._points += met and output
             if (met and output) or self._output is None:
                 self.record(rows)

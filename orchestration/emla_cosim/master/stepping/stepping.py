@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from ...arrays import Vector
@@ -36,6 +36,8 @@ class Stepping(ABC):
     def __init__(self, algorithm: Algorithm, times: Timing) -> None:
         self.algorithm = algorithm
         self.times = times
+        self.watch: Callable[[float, Vector], None] | None = None
+        """Told of every point by a stepping that does not record all: its time in s, and the signals."""
 
     @property
     @abstractmethod

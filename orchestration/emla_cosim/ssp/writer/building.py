@@ -54,9 +54,10 @@ def in_order(system: System, nested: bool) -> System:
     def place(path: tuple[str, ...]) -> list[int]:
         return [first[path[: depth + 1]] for depth in range(len(path))]
 
-    return System(
-        tuple(sorted(system.components, key=lambda c: place(paths[c.name]))),
-        tuple(sorted(system.connections, key=lambda x: place(paths[x.target][:-1]))),
+    return replace(
+        system,
+        components=tuple(sorted(system.components, key=lambda c: place(paths[c.name]))),
+        connections=tuple(sorted(system.connections, key=lambda x: place(paths[x.target][:-1]))),
     )
 
 

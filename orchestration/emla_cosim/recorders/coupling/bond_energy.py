@@ -1,0 +1,95 @@
+"""The energy that passes a power bond, and what the exchange of values adds to it or takes from it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Vector
+from ...errors import CommandError, near_or_some
+from ...system.bond import Bond
+from ..recorder import Outline
+from .members import Members, members
+from .steps import Steps, Use, integral
+
+
+@dataclass(frozen=True)
+class _End:
+    """One signal of a bond: its column in rows with the time first, and who uses it on the other side."""
+
+    column: int
+    users: Members | None
+
+
+class BondEnergy:
+    """Adds up the energies of one bond in J, step by step."""
+
+    def __init__(self, name: str, bond: Bond, outline: Outline) -> None:
+        """Find the signals and connections of a bond; CommandError where there are none."""
+        effort, flow = (_position(name, signal, outline) for signal in (bond.effort, bond.flow))
+        self.name, self.bond = name, bond
+        self._ends = (
+            _End(1 + effort, _users(effort, flow, outline)),
+            _End(1 + flow, _users(flow, effort, outline)),
+        )
+        units = [outline.units[signal] for signal in (effort, flow)]
+        self._factor = float(np.prod([1.0 if unit is None else unit.factor for unit in units]))
+        self._exchanged = 0.0
+        self._missed = [np.zeros(len(end.users.connections) if end.users else 0) for end in self._ends]
+
+    @property
+    def connections(self) -> set[str]:
+        """The names of the connections that the bond is made of."""
+        return {end.users.connections[end.users.own].name for end in self._ends if end.users is not None}
+
+    @property
+    def columns(self) -> set[int]:
+        """The columns that are needed of rows with the time first."""
+        users = (x for end in self._ends if end.users is not None for x in end.users.connections)
+        return {*(end.column for end in self._ends), *(1 + x.signal for x in users)}
+
+    def take(self, steps: Steps, place: Mapping[int, int]) -> None:
+        """Take the next steps; `place` says where a column is in them."""
+        columns = [place[end.column] for end in self._ends]
+        effort, flow = columns
+        powers = [np.abs(values[:, effort] * values[:, flow]) for values in (steps.begin, steps.end)]
+        self._exchanged += float(0.5 * steps.lengths @ (powers[0] + powers[1]))
+        for end, other, missed in zip(self._ends, reversed(columns), self._missed, strict=True):
+            if end.users is not None:
+                uses = [Use(place[1 + x.signal], x.is_late, x.mode) for x in end.users.connections]
+                missed += integral(steps.lengths, steps.residuals(uses), steps.values([other]))[:, 0]
+
+    def figures(self, responses: Mapping[int, Vector]) -> dict[str, float]:
+        """Return the energies so far; see `loop_responses`."""
+        effort, flow = (
+            float(end.users.row(responses) @ missed) if end.users is not None else 0.0
+            for end, missed in zip(self._ends, self._missed, strict=True)
+        )
+        error, exchanged = self._factor * abs(effort - flow), self._factor * self._exchanged
+        relative = error / exchanged if exchanged > 0.0 else 0.0 if error == 0.0 else np.nan
+        return {"energy_error": relative, "energy_error_J": error, "energy_exchanged_J": exchanged}
+
+    def memory(self) -> dict[str, Any]:
+        """Plain data from which another one can go on."""
+        return {"exchanged": self._exchanged, "missed": [missed.tolist() for missed in self._missed]}
+
+    def remember(self, memory: Any) -> None:
+        """Go on from what `memory` gave."""
+        self._exchanged = float(memory["exchanged"])
+        for missed, before in zip(self._missed, memory["missed"], strict=True):
+            missed[:] = before
+
+
+def _position(name: str, signal: str, outline: Outline) -> int:
+    if signal not in outline.names:
+        meant = near_or_some(signal, outline.names)
+        raise CommandError(f"there is no signal '{signal}' for the bond {name}; {meant}", name=signal)
+    return list(outline.names).index(signal)
+
+
+def _users(signal: int, other: int, outline: Outline) -> Members | None:
+    """Who uses a signal on the side of the other one."""
+    sides = {x.source for x in outline.exchanged if x.signal == other}
+    found = [x for x in outline.exchanged if x.signal == signal and (not sides or x.target in sides)]
+    return members(found[0], outline.exchanged) if found else None

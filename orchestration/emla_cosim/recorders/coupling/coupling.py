@@ -1,0 +1,146 @@
+"""The figures of bonds and of other connections, and what a person should read of them."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Indices, Vector
+from ...master.algorithms.exchanged import Exchanged, loop_responses
+from ..recorder import Outline, Pause
+from .bond_energy import BondEnergy
+from .remarks import remarks
+from .residual import Residual, Residuals
+from .window import Window
+
+COUPLING = "coupling"
+"""What metrics.json calls the part with the cost of the exchange."""
+
+EVERY_STEP, THINNED = 2000, 13
+"""So many steps are all looked at for residuals, of later ones every `THINNED`-th: that costs little."""
+
+_BLOCK = 256
+"""So many rows of steps seen apart are taken at once."""
+
+
+class Coupling:
+    """Takes rows, the time in s first, and has what the exchange of values cost so far."""
+
+    def __init__(self, outline: Outline, memory: Any = None) -> None:
+        """Begin, or go on from what `memory` gave; CommandError for bonds that are not there."""
+        self._watched, self._seen = outline.watched, list[Vector]()
+        self._bonds = [BondEnergy(name, bond, outline) for name, bond in outline.bonds.items()]
+        self._residuals = Residuals(outline.exchanged)
+        self._bonded = {name for bond in self._bonds for name in bond.connections}
+        self._judged = _judged(outline.exchanged, self._bonded)
+        self._responses: Mapping[int, Vector] = {}
+        needed = sorted({0, *self._residuals.columns, *(c for bond in self._bonds for c in bond.columns)})
+        self._needed = {column: place for place, column in enumerate(needed)}
+        self._of_bonds = self._part(set().union(*(bond.columns for bond in self._bonds)))
+        self._of_residuals = self._part(self._residuals.columns)
+        self._window = Window(np.array(needed, dtype=np.intp), None if memory is None else memory["window"])
+        if memory is not None:
+            self._remember(memory)
+
+    def write(self, rows: Vector) -> None:
+        """Take the next rows, unless each step is seen apart."""
+        if not self._watched:
+            self._write(rows)
+
+    def see(self, row: Vector) -> None:
+        """Take the row of one step, in which it was done in halves."""
+        self._seen.append(row)
+        if len(self._seen) == _BLOCK:
+            self._write_seen()
+
+    def _write_seen(self) -> None:
+        rows, self._seen = np.array(self._seen), []
+        if len(rows):
+            self._write(rows[np.diff(rows[:, 0], prepend=self._window.time) > 0.0])
+
+    def _write(self, rows: Vector) -> None:
+        if len(self._needed) == 1 or not len(rows):
+            return
+        window = self._window
+        window.show(rows)
+        if window.count:
+            with np.errstate(all="ignore"):
+                self._take(window)
+        window.leave()
+
+    def _take(self, window: Window) -> None:
+        every = np.arange(window.count)
+        if self._bonds:
+            columns, place = self._of_bonds
+            steps = window.steps(every, columns)
+            steps = steps.halved() if self._watched else steps
+            for bond in self._bonds:
+                bond.take(steps, place)
+        number = window.first + every
+        chosen = every[(number < EVERY_STEP) | (number % THINNED == 0)]
+        if self._residuals.connections and len(chosen):
+            columns, place = self._of_residuals
+            weights = np.where(number[chosen] < EVERY_STEP, 1.0, float(THINNED))
+            steps, earlier = (window.steps(chosen, columns, ago) for ago in (0, 1))
+            if self._watched:
+                steps, earlier, weights = steps.halved(), earlier.halved(), np.concatenate((weights, weights))
+            self._residuals.take(steps, earlier, weights, place)
+
+    def pause(self, run: Pause) -> None:
+        """See what the loops learned so far."""
+        if self._judged or self._bonds:
+            self._responses = loop_responses(run.stepping.algorithm)
+
+    def figures(self) -> dict[str, dict[str, float]]:
+        """Return the figures of all rows so far: energies by bond, residuals by connection."""
+        self._write_seen()
+        with np.errstate(all="ignore"):
+            residuals = self._residuals.figures(self._responses)
+        found = {name: _figures(residual) for name, residual in residuals.items()}
+        return found | {bond.name: bond.figures(self._responses) for bond in self._bonds}
+
+    def remarks(self) -> list[str]:
+        """Return sentences that a person should read before all figures; see `remarks`."""
+        self._write_seen()
+        with np.errstate(all="ignore"):
+            energies = {f"{bond.name} ({bond.bond})": bond.figures(self._responses) for bond in self._bonds}
+            residuals = self._residuals.figures(self._responses)
+        free = [x.name for x in self._judged if x.name not in self._bonded]
+        return remarks(energies, residuals, [x.name for x in self._judged], free)
+
+    def memory(self) -> dict[str, Any]:
+        """Plain data from which another one can go on."""
+        self._write_seen()
+        return {
+            "window": self._window.memory(),
+            "bonds": {bond.name: bond.memory() for bond in self._bonds},
+            "residuals": self._residuals.memory(),
+            "responses": {number: found.tolist() for number, found in self._responses.items()},
+        }
+
+    def _remember(self, memory: Any) -> None:
+        for bond in self._bonds:
+            bond.remember(memory["bonds"][bond.name])
+        self._residuals.remember(memory["residuals"])
+        self._responses = {int(n): np.array(found) for n, found in memory["responses"].items()}
+
+    def _part(self, columns: set[int]) -> tuple[Indices, dict[int, int]]:
+        """Positions of these columns, the time first, and where each is then."""
+        chosen = [0, *sorted(columns)]
+        return np.array([self._needed[c] for c in chosen], dtype=np.intp), {
+            c: i for i, c in enumerate(chosen)
+        }
+
+
+def _judged(connections: Sequence[Exchanged], bonded: Collection[str]) -> list[Exchanged]:
+    """The connections in loops, but for those that pass other values of the same motion beside a bond."""
+    pairs = {frozenset((x.source, x.target)) for x in connections if x.name in bonded}
+    return [
+        x
+        for x in connections
+        if x.is_in_loop and (x.name in bonded or frozenset((x.source, x.target)) not in pairs)
+    ]
+
+
+def _figures(residual: Residual) -> dict[str, float]:
+    return {"residual": residual.relative, "accumulated_residual": residual.accumulated}
