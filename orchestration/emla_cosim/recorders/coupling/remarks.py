@@ -8,7 +8,7 @@ from .residual import Residual
 LARGEST_ENERGY_ERROR = 0.02
 """The relative energy of a bond beyond which there is a remark; docs/master.md has the experiments."""
 
-LARGEST_RESIDUAL = 0.02
+LARGEST_RESIDUAL = 0.03
 """The relative residual in a loop beyond which there is a remark; docs/master.md has the experiments."""
 
 LARGEST_ACCUMULATED, GROWS = 0.3, 0.53

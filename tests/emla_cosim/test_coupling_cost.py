@@ -1,0 +1,225 @@
+"""What the exchange cost: against integrals, against exact solutions, and whatever way rows come."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from emla_cosim.errors import CommandError
+from emla_cosim.master.algorithms.exchanged import Exchanged
+from emla_cosim.master.algorithms.extrapolation import Mode
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.recorders.coupling.coupling import EVERY_STEP, Coupling
+from emla_cosim.recorders.recorder import Outline
+from emla_cosim.system.bond import Bond
+from emla_cosim.units import Unit
+from tests.support.coupled_pair import PairRun, rigid_pair, run_pair, spring_pair
+
+EFFORT, FLOW = "b.F", "a.v"
+
+
+def outline(
+    mode: Mode, late: tuple[bool, bool], bond: bool = True, units: Sequence[Unit | None] = (None, None)
+) -> Outline:
+    """A force and a speed that two components exchange."""
+    exchanged = [
+        Exchanged("b.F -> a.F", 0, "b", "a", late[0], mode, True),
+        Exchanged("a.v -> b.v", 1, "a", "b", late[1], mode, True),
+    ]
+    bonds = {"rod": Bond(EFFORT, FLOW)} if bond else {}
+    return Outline([EFFORT, FLOW], units, timing(1.0, 0.01), range(2), exchanged=exchanged, bonds=bonds)
+
+
+def effort(t: float) -> float:
+    return 3.0 + np.sin(7.0 * t)
+
+
+def flow(t: float) -> float:
+    return np.cos(7.0 * t) - 0.3 * t
+
+
+def used(
+    signal: Callable[[float], float],
+    t: float,
+    begin: float,
+    lengths: tuple[float, float],
+    mode: Mode,
+    late: bool,
+) -> float:
+    """What the consumer sees at a time within a step; `lengths` are that of the step before, and its own."""
+    h = lengths[1]
+    now, before, end = signal(begin), signal(begin - lengths[0]), signal(begin + h)
+    if mode == Mode.HOLD:
+        return now if late else end
+    slope = (now - before if late else end - now) / h
+    return now + slope * (0.5 * h if mode == Mode.MIDDLE else t - begin)
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+@pytest.mark.parametrize("late", [(True, True), (True, False), (False, False)])
+def test_energy_and_residual_are_the_integrals_of_what_was_used(mode: Mode, late: tuple[bool, bool]) -> None:
+    h, count = 0.01, 400
+    times = 0.5 + h * np.arange(-2, count + 1)
+    coupling = Coupling(outline(mode, late))
+    coupling.write(np.array([[t, effort(t), flow(t)] for t in times]))
+    free = Coupling(outline(mode, late, bond=False))
+    free.write(np.array([[t, effort(t), flow(t)] for t in times]))
+    created = exchanged = square = 0.0
+    for begin in times[:-1]:
+        known = (h if begin > times[0] else 0.0, h)
+
+        def lost(t: float, begin: float = begin, known: tuple[float, float] = known) -> float:
+            e, f = (used(s, t, begin, known, mode, x) for s, x in ((effort, late[0]), (flow, late[1])))
+            return effort(t) * f - e * flow(t)
+
+        def missed(t: float, begin: float = begin, known: tuple[float, float] = known) -> float:
+            return (used(effort, t, begin, known, mode, late[0]) - effort(t)) ** 2
+
+        created += quad(lost, begin, begin + h)[0]
+        exchanged += quad(lambda t: abs(effort(t) * flow(t)), begin, begin + h)[0]
+        if begin > times[0]:  # the first step follows none that it could last from
+            square += quad(missed, begin, begin + h)[0]
+    found = coupling.figures()["rod"]
+    edge = 0.0 if mode == Mode.HOLD else (7.0 * h) ** 3 * exchanged / 12  # what a parabola does not know
+    assert found["energy_error_J"] == pytest.approx(abs(created), rel=0.02, abs=edge)
+    assert found["energy_exchanged_J"] == pytest.approx(exchanged, rel=0.01)
+    assert found["energy_error"] == found["energy_error_J"] / found["energy_exchanged_J"]
+    values = np.array([effort(t) for t in times[1:]])
+    relative = np.sqrt(square / (h * (count + 2))) / values.std()
+    assert free.figures()["b.F -> a.F"]["residual"] == pytest.approx(relative, rel=0.02)
+
+
+def test_energies_are_in_joules_whatever_the_units() -> None:
+    rows = np.array([[t, effort(t), flow(t)] for t in 0.01 * np.arange(50)])
+    plain = Coupling(outline(Mode.HOLD, (True, True)))
+    plain.write(rows)
+    units = (Unit("kN", (1, 1, -2, 0, 0, 0, 0, 0), 1e3), Unit("mm/s", (0, 1, -1, 0, 0, 0, 0, 0), 1e-3))
+    scaled = Coupling(outline(Mode.HOLD, (True, True), units=units))
+    scaled.write(rows * [1.0, 1e-3, 1e3])
+    assert scaled.figures()["rod"] == pytest.approx(plain.figures()["rod"], rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def growing() -> PairRun:
+    """Jacobi makes this oscillation grow from 0.01 m to metres."""
+    return run_pair(spring_pair(1000.0, 3000.0), "jacobi", stop=4.0, bond=(2, 1))
+
+
+def test_a_run_that_the_coupling_lets_grow_gets_a_remark(growing: PairRun) -> None:
+    assert np.abs(growing.exact[:, 1]).max() < 0.02 and np.abs(growing.rows[:, 1]).max() > 1.0
+    coupling = growing.cost()
+    assert coupling.figures()["pair"]["energy_error"] > 0.05
+    remarks = coupling.remarks()
+    assert "% of the energy exchanged at the bond pair" in remarks[0]
+    assert remarks[-1].endswith("see whether the results change.")
+
+
+def test_so_it_does_where_no_bond_is_named() -> None:
+    run = run_pair(spring_pair(1000.0, 1000.0), "jacobi", stop=3.0)
+    remarks = run.cost().remarks()
+    assert run.error > 1.0
+    assert any("within a step were off by 3" in remark for remark in remarks)
+    assert any("oscillates more and more" in remark for remark in remarks)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "extrapolation", "step", "bonded"),
+    [
+        ("jacobi", "none", 2e-4, True),
+        ("jacobi", "none", 2e-4, False),
+        ("gauss-seidel", "fmu", 1e-3, True),
+        ("strong", "fmu", 1e-3, False),
+    ],
+)
+def test_the_same_pair_computed_well_gets_none(
+    algorithm: str, extrapolation: str, step: float, bonded: bool
+) -> None:
+    bond = (2, 1) if bonded else None
+    run = run_pair(spring_pair(1000.0, 1000.0), algorithm, step, 1.0, extrapolation, bond)
+    assert run.error < 0.04
+    assert run.cost().remarks() == []
+
+
+def test_a_damped_pair_gets_none_where_its_error_is_small() -> None:
+    run = run_pair(spring_pair(10.0, 100.0, 4.2), "jacobi", stop=5.0, bond=(2, 1))
+    assert run.error < 0.01
+    assert run.cost().remarks() == []
+
+
+@pytest.mark.parametrize(("ratio", "bond"), [(1000.0, (3, 1)), (1000.0, None), (100.0, None)])
+def test_held_inputs_of_a_heavy_load_get_a_remark_although_strong_agreed(
+    ratio: float, bond: tuple[int, int] | None
+) -> None:
+    run = run_pair(rigid_pair(ratio), "strong", bond=bond)
+    assert run.error > 0.25
+    assert run.cost().remarks()
+    better = run_pair(rigid_pair(ratio), "strong", extrapolation="fmu", bond=bond, stop=1.0)
+    assert better.error < 1e-4
+    assert better.cost().remarks() == []
+
+
+def test_the_energy_of_a_heavy_load_is_what_the_exact_solution_lacks() -> None:
+    """The force within a step, F = -m a with the acceleration that the held force gives, has this power."""
+    ratio, h = 100.0, 1e-3
+    run = run_pair(rigid_pair(ratio), "strong", bond=(3, 1), stop=2.0)
+    x, v, force = run.rows[:-1, 1], run.rows[:-1, 2], run.rows[1:, 4]
+    created = 0.0
+    for part in (np.arange(20) + 0.5) / 20:  # the first mass between points, under the force that it used
+        s = part * h
+        a = -400.0 * x - 2.0 * v + force
+        place, speed = x + v * s + 0.5 * a * s * s, v + a * s
+        created += h / 20 * float(((-ratio * (-400.0 * place - 2.0 * speed + force) - force) * speed).sum())
+    assert run.cost().figures()["pair"]["energy_error_J"] == pytest.approx(abs(created), rel=0.05)
+
+
+@pytest.mark.parametrize("blocks", [(3,), (2, 137), (1999, 1, 7), (100000,)])
+@pytest.mark.parametrize("resumed", [False, True])
+def test_figures_do_not_depend_on_how_rows_come(
+    growing: PairRun, blocks: tuple[int, ...], resumed: bool
+) -> None:
+    few = replace(growing, rows=growing.rows[: EVERY_STEP + 300])
+    expected, coupling = few.cost().figures(), few.cost(blocks, resumed)
+    json.dumps(coupling.memory())
+    for name, figures in expected.items():
+        assert coupling.figures()[name] == pytest.approx(figures, rel=1e-9), name
+
+
+def test_nor_on_the_start_time() -> None:
+    now, later = (
+        run_pair(spring_pair(1000.0, 1000.0), "gauss-seidel", stop=3.0, bond=(2, 1), start=start)
+        for start in (0.0, 1000.0)
+    )
+    for name, figures in now.cost().figures().items():
+        assert later.cost().figures()[name] == pytest.approx(figures, rel=1e-6, abs=1e-9)
+
+
+def test_noise_is_no_residual() -> None:
+    rng = np.random.default_rng(1)
+    rows = np.column_stack((1e-3 * np.arange(20001), rng.standard_normal((20001, 2))))
+    coupling = Coupling(outline(Mode.HOLD, (True, True), bond=False))
+    coupling.write(rows)
+    assert coupling.remarks() == []
+
+
+def test_a_signal_that_rests_or_is_no_number_gets_no_remark() -> None:
+    for value in (0.0, 5.0, np.nan):
+        coupling = Coupling(outline(Mode.HOLD, (True, True)))
+        coupling.write(np.column_stack((0.1 * np.arange(50), np.full((50, 2), value))))
+        assert coupling.remarks() == []
+
+
+def test_no_rows_and_one_row_have_no_figures() -> None:
+    coupling = Coupling(outline(Mode.HOLD, (True, True)))
+    assert np.isnan(coupling.figures()["b.F -> a.F"]["residual"])
+    coupling.write(np.ones((1, 3)))
+    assert coupling.figures()["rod"]["energy_exchanged_J"] == 0.0
+    assert coupling.remarks() == []
+
+
+@pytest.mark.parametrize("text", ["a.F", "a.F *", "* a.v", "a.F * a.v * a.x", ""])
+def test_a_text_that_is_no_bond_is_refused(text: str) -> None:
+    with pytest.raises(CommandError, match="write two signals"):
+        Bond.read("rod", text)

@@ -1,0 +1,98 @@
+"""Pairs of linear slaves stepped by an algorithm, with what their coupling cost and the exact solution."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from emla_cosim.master.algorithms.exchanged import list_exchanged
+from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.timing import timing
+from emla_cosim.recorders.coupling.coupling import Coupling
+from emla_cosim.recorders.recorder import Outline
+from emla_cosim.system.bond import Bond
+from tests.support.linear import LinearSlave, Whole, Wire, connected
+
+Parts = tuple[list[LinearSlave], list[Wire]]
+
+
+def spring_pair(k: float, kc: float, damping: float = 0.0) -> Parts:
+    """Two masses of 1 kg on springs of k and 1000 N/m, and a spring kc between them, in the second part."""
+    A, load = [[0, 1], [-k, -2 * damping]], [[0, 1], [-kc - 1000.0, -damping]]
+    first = LinearSlave("first", A, [0, 1], [[1, 0], [0, 1]], [[0], [0]], [0.01, 0])
+    B, D = [[0, 0], [kc, damping]], [[-kc, -damping]]
+    second = LinearSlave("second", load, B, [kc, damping], D, [0, 0])
+    return [first, second], [(0, 0, 1, 0), (0, 1, 1, 1), (1, 0, 0, 0)]
+
+
+def rigid_pair(ratio: float) -> Parts:
+    """A mass of 1 kg on a spring, and one fixed to it that answers its acceleration with a force."""
+    k, c = 400.0, 2.0
+    C, D = [[1, 0], [0, 1], [-k, -c]], [[0], [0], [1]]
+    first = LinearSlave("first", [[0, 1], [-k, -c]], [0, 1], C, D, [0.1, 0])
+    return [first, LinearSlave("second", [], [], [], [[-ratio]], [])], [(0, 2, 1, 0), (1, 0, 0, 0)]
+
+
+@dataclass(frozen=True)
+class PairRun:
+    """Rows of a run, the time first, the same in closed form, and what takes the rows."""
+
+    rows: np.ndarray
+    exact: np.ndarray
+    outline: Outline
+    stepping: Any
+
+    @property
+    def error(self) -> float:
+        """The largest error of the first mass's position, as a part of its range."""
+        return float(np.abs(self.rows[:, 1] - self.exact[:, 1]).max() / np.ptp(self.exact[:, 1]))
+
+    def cost(self, blocks: Sequence[int] = (700,), resumed: bool = False) -> Coupling:
+        """Hand the rows over in blocks of these lengths in turn, maybe with a new object for each."""
+        coupling, place, number = Coupling(self.outline), 0, 0
+        while place < len(self.rows):
+            if resumed:
+                coupling = Coupling(self.outline, coupling.memory())
+            length = blocks[number % len(blocks)]
+            coupling.write(self.rows[place : place + length])
+            place, number = place + length, number + 1
+        coupling.pause(SimpleNamespace(stepping=self.stepping))
+        return coupling
+
+
+def run_pair(
+    parts: Parts,
+    algorithm: str,
+    step: float = 1e-3,
+    stop: float = 5.0,
+    extrapolation: str = "none",
+    bond: tuple[int, int] | None = None,
+    start: float = 0.0,
+) -> PairRun:
+    """Run a pair; `bond` has the positions of effort and flow among all outputs."""
+    slaves, wires = parts
+    network = connected(slaves, wires)
+    made = ALGORITHMS[algorithm](extrapolation=extrapolation)
+    made.setup(network)
+    times = timing(start + stop, step, start)
+    stepping = FixedSteps(made, times, compiled=False)
+    names = network.names
+    bonds = {} if bond is None else {"pair": Bond(names[bond[0]], names[bond[1]])}
+    outline = Outline(
+        names, [None] * len(names), times, range(len(names)), exchanged=list_exchanged(made), bonds=bonds
+    )
+    made.initialize(start, times.stop)
+    rows = [np.array([start, *network.signals])]
+    for k in range(times.steps):
+        made.step(times.point(k), times.span(k, 1))
+        rows.append(np.array([times.point(k + 1), *network.signals]))
+    whole = Whole(slaves, wires)
+    onward, states = expm(whole.M * step), [whole.x_0]
+    for _ in range(times.steps):
+        states.append(onward @ states[-1])
+    exact = np.array([[row[0], *(whole.N @ x)] for row, x in zip(rows, states, strict=True)])
+    return PairRun(np.array(rows), exact, outline, stepping)
