@@ -29,6 +29,7 @@ from .origin import Origin
 from .preparation import prepared, until_data_end
 from .progress import Progress
 from .recorders.checkpoints import Checkpoints, resumable
+from .recorders.coupling.bond_energy import applicable
 from .recorders.coupling.coupling import COUPLING
 from .recorders.metrics import SIGNALS, MetricsRecorder
 from .recorders.recorder import Outline, Recorder
@@ -224,6 +225,8 @@ class Simulation:
             if stored is not None:
                 _check_comparable(stored, [assembly.network.names[i] for i in recorded], taking)
             units, parameters = list(self.units.values()), assembly.parameters()
+            exchanged = list_exchanged(algorithm, [c.name for c in system.components if c.samples])
+            bonds = applicable(system.bonds, assembly.network.names, exchanged)
             outline = Outline(
                 assembly.network.names,
                 units,
@@ -233,8 +236,8 @@ class Simulation:
                 parameters,
                 chosen.roles,
                 chosen.criteria,
-                list_exchanged(algorithm, [c.name for c in system.components if c.samples]),
-                {**system.bonds, **{name: Bond.read(name, text) for name, text in chosen.bonds.items()}},
+                exchanged,
+                {**bonds, **{name: Bond.read(name, text) for name, text in chosen.bonds.items()}},
                 watched=chosen.error_tolerance is not None,
             )
             if required:

@@ -1,6 +1,5 @@
 """What the exchange cost: against integrals, against exact solutions, and whatever way rows come."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -182,7 +181,6 @@ def test_figures_do_not_depend_on_how_rows_come(
 ) -> None:
     few = replace(growing, rows=growing.rows[: EVERY_STEP + 300])
     expected, coupling = few.cost().figures(), few.cost(blocks, resumed)
-    json.dumps(coupling.memory())
     for name, figures in expected.items():
         assert coupling.figures()[name] == pytest.approx(figures, rel=1e-9), name
 
@@ -198,7 +196,7 @@ def test_nor_on_the_start_time() -> None:
 
 def test_noise_is_no_residual() -> None:
     rng = np.random.default_rng(1)
-    rows = np.column_stack((1e-3 * np.arange(20001), rng.standard_normal((20001, 2))))
+    rows = np.array(np.column_stack((1e-3 * np.arange(20001), rng.standard_normal((20001, 2)))), dtype=float)
     coupling = Coupling(outline(Mode.HOLD, (True, True), bond=False))
     coupling.write(rows)
     assert coupling.remarks() == []
@@ -207,7 +205,9 @@ def test_noise_is_no_residual() -> None:
 def test_a_signal_that_rests_or_is_no_number_gets_no_remark() -> None:
     for value in (0.0, 5.0, np.nan):
         coupling = Coupling(outline(Mode.HOLD, (True, True)))
-        coupling.write(np.column_stack((0.1 * np.arange(50), np.full((50, 2), value))))
+        rows = np.full((50, 3), value)
+        rows[:, 0] = 0.1 * np.arange(50)
+        coupling.write(rows)
         assert coupling.remarks() == []
 
 

@@ -1,9 +1,8 @@
 """Pairs of linear slaves stepped by an algorithm, with what their coupling cost and the exact solution."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -44,7 +43,7 @@ class PairRun:
     rows: np.ndarray
     exact: np.ndarray
     outline: Outline
-    stepping: Any
+    stepping: FixedSteps
 
     @property
     def error(self) -> float:
@@ -56,11 +55,11 @@ class PairRun:
         coupling, place, number = Coupling(self.outline), 0, 0
         while place < len(self.rows):
             if resumed:
-                coupling = Coupling(self.outline, coupling.memory())
+                coupling = Coupling(self.outline, json.loads(json.dumps(coupling.memory())))
             length = blocks[number % len(blocks)]
             coupling.write(self.rows[place : place + length])
             place, number = place + length, number + 1
-        coupling.pause(SimpleNamespace(stepping=self.stepping))
+        coupling.learn(self.stepping.algorithm)
         return coupling
 
 

@@ -125,7 +125,7 @@ class MetricsRecorder(Recorder):
     def pause(self, run: Pause) -> None:
         """See what the run learned so far of its loops."""
         if self._coupling is not None:
-            self._coupling.pause(run)
+            self._coupling.learn(run.stepping.algorithm)
 
     def memory(self) -> Any:
         """That of all of them."""

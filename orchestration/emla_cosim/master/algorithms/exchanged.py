@@ -1,6 +1,6 @@
 """What the consumer of every continuous connection uses during a step, as far as the master knows it."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,18 +50,23 @@ def list_exchanged(algorithm: Algorithm, samplers: Collection[str] = ()) -> list
     network, exchange = algorithm.network, algorithm.exchange
     sampling = {*samplers, *getattr(algorithm, "step_multiples", ())}
     sampling |= {slave.name for slave, rare in zip(network.slaves, exchange.rare, strict=True) if rare}
-    links = [link for link in network.links if _is_continuous(network, link, sampling)]
-    links = [link for link in links if exchange.smooth[network.signal(link)]]
-    late, loops = {id(link) for link in algorithm.late()}, _loops(links)
-    agreed = _agreed(algorithm)
+    late = {id(link) for link in algorithm.late()}
+    ways = [
+        (first, last, is_late)
+        for first in network.links
+        if first.source not in network.followers and exchange.smooth[network.signal(first)]
+        for last, is_late in _readers(network, first, late)
+        if _is_continuous(network, first, last, sampling)
+    ]
+    loops, agreed = _loops([(first.source, last.target) for first, last, _ in ways]), _agreed(algorithm)
     found = []
-    for link in links:
-        signal, inside = network.signal(link), loops.get(link.source, -1) == loops.get(link.target, -2)
+    for first, last, is_late in ways:
+        signal, inside = network.signal(first), loops.get(first.source, -1) == loops.get(last.target, -2)
         group, place = agreed.get(signal, (-1, -1)) if inside else (-1, -1)
-        names = (network.slaves[link.source].name, network.slaves[link.target].name)
-        mode = exchange.modes[link.target]
-        name = link.name or f"{network.names[signal]} -> {names[1]}[{link.input}]"
-        found.append(Exchanged(name, signal, *names, id(link) in late, mode, inside, group, place))
+        source, target = network.slaves[first.source].name, network.slaves[last.target].name
+        name = f"{network.names[signal]} -> {last.name.partition(' -> ')[2] or f'{target}[{last.input}]'}"
+        mode = exchange.modes[last.target]
+        found.append(Exchanged(name, signal, source, target, is_late, mode, inside, group, place))
     return found
 
 
@@ -86,19 +91,31 @@ def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
     return found
 
 
-def _is_continuous(network: Network, link: Link, sampling: Collection[str]) -> bool:
-    source, target = network.slaves[link.source], network.slaves[link.target]
-    ends = bool(source.continuous_outputs[link.output] and target.continuous_inputs[link.input])
+def _readers(network: Network, link: Link, late: Collection[int]) -> Iterator[tuple[Link, bool]]:
+    """The links by which a signal comes to its users, through what only passes it on, and whether late."""
+    if link.target not in network.followers:
+        yield link, id(link) in late
+        return
+    for onward in network.links:
+        if onward.source == link.target:
+            yield from (
+                (last, is_late or id(link) in late) for last, is_late in _readers(network, onward, late)
+            )
+
+
+def _is_continuous(network: Network, first: Link, last: Link, sampling: Collection[str]) -> bool:
+    source, target = network.slaves[first.source], network.slaves[last.target]
+    ends = bool(source.continuous_outputs[first.output] and target.continuous_inputs[last.input])
     return ends and source.name not in sampling and target.name not in sampling
 
 
-def _loops(links: Collection[Link]) -> dict[int, int]:
+def _loops(ways: Collection[tuple[int, int]]) -> dict[int, int]:
     """The number of the loop of every slave that is in one: strongly connected components (Kosaraju)."""
     readers: dict[int, list[int]] = {}
     sources: dict[int, list[int]] = {}
-    for link in links:
-        readers.setdefault(link.source, []).append(link.target)
-        sources.setdefault(link.target, []).append(link.source)
+    for source, target in ways:
+        readers.setdefault(source, []).append(target)
+        sources.setdefault(target, []).append(source)
     left: set[int] = set()
     order = [slave for start in readers for slave in _finished(start, readers, left)]
     loops, left = {}, set()

@@ -1,6 +1,6 @@
 """The energy that passes a power bond, and what the exchange of values adds to it or takes from it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from ...arrays import Vector
 from ...errors import CommandError, near_or_some
+from ...master.algorithms.exchanged import Exchanged
 from ...system.bond import Bond
 from ..recorder import Outline
 from .members import Members, members
@@ -29,10 +30,16 @@ class BondEnergy:
         """Find the signals and connections of a bond; CommandError where there are none."""
         effort, flow = (_position(name, signal, outline) for signal in (bond.effort, bond.flow))
         self.name, self.bond = name, bond
-        self._ends = (
-            _End(1 + effort, _users(effort, flow, outline)),
-            _End(1 + flow, _users(flow, effort, outline)),
-        )
+        users = _users(effort, flow, outline), _users(flow, effort, outline)
+        if not any(users):
+            raise CommandError(
+                f"the bond {name} needs an effort and a flow that components exchange; no component takes "
+                f"{bond.effort} or {bond.flow} in continuous time.",
+                bond=name,
+            )
+        self._ends = _End(1 + effort, users[0]), _End(1 + flow, users[1])
+        if name in {x.name for x in outline.exchanged}:
+            raise CommandError(f"'{name}' is the name of a connection; call the bond otherwise.", bond=name)
         units = [outline.units[signal] for signal in (effort, flow)]
         self._factor = float(np.prod([1.0 if unit is None else unit.factor for unit in units]))
         self._exchanged = 0.0
@@ -79,6 +86,18 @@ class BondEnergy:
         self._exchanged = float(memory["exchanged"])
         for missed, before in zip(self._missed, memory["missed"], strict=True):
             missed[:] = before
+
+
+def applicable(
+    bonds: Mapping[str, Bond], names: Sequence[str], exchanged: Sequence[Exchanged]
+) -> dict[str, Bond]:
+    """Return those of a system's bonds whose signals there are, with one that is used in continuous time."""
+    used = {names[x.signal] for x in exchanged}
+    return {
+        name: bond
+        for name, bond in bonds.items()
+        if {bond.effort, bond.flow} <= set(names) and used & {bond.effort, bond.flow}
+    }
 
 
 def _position(name: str, signal: str, outline: Outline) -> int:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from ...arrays import Indices, Vector
+from ...master.algorithms.algorithm import Algorithm
 from ...master.algorithms.exchanged import Exchanged, loop_responses
-from ..recorder import Outline, Pause
+from ..recorder import Outline
 from .bond_energy import BondEnergy
 from .remarks import remarks
 from .residual import Residual, Residuals
@@ -86,10 +87,10 @@ class Coupling:
                 steps, earlier, weights = steps.halved(), earlier.halved(), np.concatenate((weights, weights))
             self._residuals.take(steps, earlier, weights, place)
 
-    def pause(self, run: Pause) -> None:
-        """See what the loops learned so far."""
+    def learn(self, algorithm: Algorithm) -> None:
+        """Take over what the algorithm learned of its loops so far."""
         if self._judged or self._bonds:
-            self._responses = loop_responses(run.stepping.algorithm)
+            self._responses = loop_responses(algorithm)
 
     def figures(self) -> dict[str, dict[str, float]]:
         """Return the figures of all rows so far: energies by bond, residuals by connection."""
@@ -115,7 +116,7 @@ class Coupling:
             "window": self._window.memory(),
             "bonds": {bond.name: bond.memory() for bond in self._bonds},
             "residuals": self._residuals.memory(),
-            "responses": {number: found.tolist() for number, found in self._responses.items()},
+            "responses": {str(number): found.tolist() for number, found in self._responses.items()},
         }
 
     def _remember(self, memory: Any) -> None:

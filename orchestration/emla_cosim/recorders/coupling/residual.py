@@ -131,7 +131,7 @@ class Residuals:
             "origin": self._origin.tolist(),
             "moments": self._moments.tolist(),
             "squares": self._squares.tolist(),
-            "products": {number: products.tolist() for number, products in self._products.items()},
+            "products": {str(number): products.tolist() for number, products in self._products.items()},
         }
 
     def remember(self, memory: Any) -> None:
@@ -140,7 +140,7 @@ class Residuals:
         self._origin[:], self._moments[:] = memory["origin"], memory["moments"]
         self._squares[:] = memory["squares"]
         for number, products in self._products.items():
-            products[:] = memory["products"][number]
+            products[:] = memory["products"][str(number)]
 
 
 def _kind(x: Exchanged) -> tuple[int, bool, int]:

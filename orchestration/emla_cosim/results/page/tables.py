@@ -4,11 +4,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from ...recorders.metrics import Shown
 from ..result import Result
 from ..telling import cell, text
 
 MOST = 1000
 """Rows of a table; who needs more has the files."""
+
+
+BONDS = (
+    Shown("energy_error", "energy created or destroyed by the coupling", 100.0, "%"),
+    Shown("energy_error_J", "the same in joules", 1.0, "J"),
+    Shown("energy_exchanged_J", "energy exchanged", 1.0, "J"),
+)
+"""How a person sees the figures of power bonds."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,12 @@ def figures(result: Result) -> Iterator[Figures]:
                 (one.label, tuple(cell(f[one.name], one) for f in found.values()), one.unit) for one in shown
             )
             yield Figures(kind, tuple(found), rows)
+    bonds = {name: found for name, found in result.coupling.items() if BONDS[0].name in found}
+    if bonds:
+        rows = tuple(
+            (one.label, tuple(cell(f[one.name], one) for f in bonds.values()), one.unit) for one in BONDS
+        )
+        yield Figures("power bonds", tuple(bonds), rows)
 
 
 def settings(result: Result) -> list[tuple[str, str]]:

@@ -1,0 +1,131 @@
+"""What the exchange cost in runs of FMUs: where it is told, and that no way of running changes it."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.loading import load
+from tests.support.rigid_load import rigid_load
+
+HOW: dict[str, Any] = {"algorithm": "strong", "step_size": 1e-3, "stop_time": 3.0}
+BOND = {"rod": "load.F_load * mass.v"}
+
+
+@pytest.fixture(scope="module")
+def simulation(fmu_folder: Path) -> Iterator[ec.Simulation]:
+    with load(rigid_load(), fmus=fmu_folder, **HOW).prepare() as prepared:
+        yield prepared
+
+
+@pytest.fixture(scope="module")
+def usual(simulation: ec.Simulation) -> ec.Result:
+    return simulation.run(bonds=BOND)
+
+
+def same(found: ec.Result, expected: ec.Result, share: float = 1e-9) -> None:
+    assert found.coupling.keys() == expected.coupling.keys()
+    for name, figures in expected.coupling.items():
+        assert found.coupling[name] == pytest.approx(figures, rel=share), name
+
+
+def test_a_bond_and_its_remark_are_in_result_files_and_record(usual: ec.Result, tmp_path: Path) -> None:
+    assert usual.coupling["rod"]["energy_error"] > 0.2
+    assert usual.remarks[0].startswith("The coupling created or destroyed 78 %")
+    assert "bond rod (load.F_load * mass.v)" in usual.remarks[0]
+    usual.save(tmp_path, plots=False, report=True)
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["coupling"]["rod"] == usual.coupling["rod"]
+    assert "rod" in (tmp_path / "report.html").read_text()
+    assert json.loads((tmp_path / "run.json").read_text())["settings"]["bonds"] == BOND
+
+
+def test_without_a_bond_the_force_has_the_remark(simulation: ec.Simulation) -> None:
+    found = simulation.run()
+    assert set(found.coupling) == {"mass.a -> load.a_load", "load.F_load -> mass.F"}
+    assert "load.F_load -> mass.F: the values used within a step were off by" in found.remarks[0]
+
+
+def test_the_line_within_a_step_needs_no_remark(simulation: ec.Simulation) -> None:
+    found = simulation.run(bonds=BOND, extrapolation="fmu")
+    assert found.coupling["rod"]["energy_error"] < 1e-3
+    assert not found.remarks
+
+
+@pytest.mark.parametrize(
+    "how",
+    [{"output_interval": 0.5}, {"compiled": False}, {"threads": 2}, {"signals": ["mass.x"]}],
+    ids=lambda how: next(iter(how)),
+)
+def test_no_way_of_running_changes_figures(
+    simulation: ec.Simulation, usual: ec.Result, how: dict[str, Any]
+) -> None:
+    same(simulation.run(bonds=BOND, **how), usual)
+
+
+def test_nor_do_parts_and_a_second_start(simulation: ec.Simulation, usual: ec.Result) -> None:
+    simulation.start(bonds=BOND)
+    for time in (0.001, 0.5, 2.999):
+        simulation.advance(time)
+        assert set(simulation.so_far().coupling) == set(usual.coupling)
+    simulation.advance(3.0)
+    same(simulation.finish(), usual)
+    same(simulation.run(bonds=BOND, start_time=100.0, stop_time=103.0), usual, 1e-6)
+
+
+def test_nor_do_processes_of_their_own(usual: ec.Result, fmu_folder: Path) -> None:
+    with load(rigid_load(), fmus=fmu_folder, **HOW).prepare(isolate=True) as apart:
+        short = apart.run(bonds=BOND, stop_time=0.2)
+        assert set(short.coupling) == set(usual.coupling)
+        same(short, apart.run(bonds=BOND, stop_time=0.2, output_interval=0.1))
+
+
+def test_nor_does_a_checkpoint(simulation: ec.Simulation, usual: ec.Result, tmp_path: Path) -> None:
+    place = tmp_path / "half.checkpoint"
+    simulation.run(bonds=BOND, stop_time=1.234, checkpoint=place)
+    same(simulation.run(bonds=BOND, resume=place), usual)
+
+
+def test_under_error_control_every_step_counts(simulation: ec.Simulation) -> None:
+    """Rows 0.25 s apart would see nothing of the steps between."""
+    how = {"bonds": BOND, "error_tolerance": 1e-4, "stop_time": 1.0}
+    every, few = simulation.run(**how), simulation.run(**how, output_interval=0.25)
+    assert every.steps > 20
+    assert few.coupling["rod"]["energy_error"] == pytest.approx(
+        every.coupling["rod"]["energy_error"], rel=0.3
+    )
+
+
+def test_a_figure_can_be_required(simulation: ec.Simulation) -> None:
+    with pytest.raises(ec.RunError, match=r"not as required: rod\.energy_error < 0\.02"):
+        simulation.run(bonds=BOND, require=["rod.energy_error < 0.02"])
+    with pytest.raises(ec.CommandError, match=r"no figure 'rod\.energy_eror'"):
+        simulation.run(bonds=BOND, require=["rod.energy_eror < 0.02"])
+
+
+@pytest.mark.parametrize(
+    ("bonds", "problem"),
+    [
+        ({"rod": "load.F_load * mass.w"}, "there is no signal 'mass.w' for the bond rod"),
+        ({"rod": "load.F_load"}, "write two signals"),
+        ({"rod": "mass.x * mass.v"}, "no component takes"),
+        ({"mass.a -> load.a_load": "load.F_load * mass.v"}, "is the name of a connection"),
+    ],
+)
+def test_a_bond_that_is_not_there_is_refused(
+    simulation: ec.Simulation, bonds: dict[str, str], problem: str
+) -> None:
+    with pytest.raises(ec.CommandError, match=problem):
+        simulation.run(bonds=bonds)
+
+
+def test_what_samples_is_no_connection_of_this_kind(fmu_folder: Path) -> None:
+    names = {"lift": set(), "hdrm-coupled": {"lift", "tilt", "telescope"}}
+    for name, bonds in names.items():
+        with load(name, fmus=fmu_folder, stop_time=0.01).prepare() as prepared:
+            found = prepared.run().coupling
+        assert {of for of, figures in found.items() if "energy_error" in figures} == bonds
+        assert not any("controller" in of or "observer" in of for of in found)
