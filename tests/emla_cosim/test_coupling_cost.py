@@ -11,7 +11,8 @@ from emla_cosim.errors import CommandError
 from emla_cosim.master.algorithms.exchanged import Exchanged
 from emla_cosim.master.algorithms.extrapolation import Mode
 from emla_cosim.master.stepping.timing import timing
-from emla_cosim.recorders.coupling.coupling import EVERY_STEP, Coupling
+from emla_cosim.recorders.coupling.coupling import Coupling
+from emla_cosim.recorders.coupling.window import EVERY_STEP
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.system.bond import Bond
 from emla_cosim.units import Unit

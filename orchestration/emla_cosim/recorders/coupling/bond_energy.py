@@ -61,11 +61,11 @@ class BondEnergy:
         columns = [place[end.column] for end in self._ends]
         effort, flow = columns
         powers = [np.abs(values[:, effort] * values[:, flow]) for values in (steps.begin, steps.end)]
-        self._exchanged += float(0.5 * steps.lengths @ (powers[0] + powers[1]))
+        self._exchanged += float(0.5 * steps.weighted @ (powers[0] + powers[1]))
         for end, other, missed in zip(self._ends, reversed(columns), self._missed, strict=True):
             if end.users is not None:
                 uses = [Use(place[1 + x.signal], x.is_late, x.mode) for x in end.users.connections]
-                missed += integral(steps.lengths, steps.residuals(uses), steps.values([other]))[:, 0]
+                missed += integral(steps.weighted, steps.residuals(uses), steps.values([other]))[:, 0]
 
     def figures(self, responses: Mapping[int, Vector]) -> dict[str, float]:
         """Return the energies so far; see `loop_responses`."""

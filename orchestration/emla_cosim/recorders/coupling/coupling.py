@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Indices, Vector
+from ...arrays import Vector
 from ...master.algorithms.algorithm import Algorithm
 from ...master.algorithms.exchanged import Exchanged, loop_responses
 from ..recorder import Outline
@@ -17,11 +17,8 @@ from .window import Window
 COUPLING = "coupling"
 """What metrics.json calls the part with the cost of the exchange."""
 
-EVERY_STEP, THINNED = 2000, 13
-"""So many steps are all looked at for residuals, of later ones every `THINNED`-th: that costs little."""
-
-_BLOCK = 256
-"""So many rows of steps seen apart are taken at once."""
+_BLOCK, _BATCH = 256, 2000
+"""So many rows of steps seen apart are taken at once, and so many steps are added up at once."""
 
 
 class Coupling:
@@ -31,14 +28,14 @@ class Coupling:
         """Begin, or go on from what `memory` gave; CommandError for bonds that are not there."""
         self._watched, self._seen = outline.watched, list[Vector]()
         self._bonds = [BondEnergy(name, bond, outline) for name, bond in outline.bonds.items()]
+        self._exchanged = bool(outline.exchanged)
         self._residuals = Residuals(outline.exchanged)
         self._bonded = {name for bond in self._bonds for name in bond.connections}
         self._judged = _judged(outline.exchanged, self._bonded)
         self._responses: Mapping[int, Vector] = {}
+        self._algorithm: Algorithm | None = None
         needed = sorted({0, *self._residuals.columns, *(c for bond in self._bonds for c in bond.columns)})
         self._needed = {column: place for place, column in enumerate(needed)}
-        self._of_bonds = self._part(set().union(*(bond.columns for bond in self._bonds)))
-        self._of_residuals = self._part(self._residuals.columns)
         self._window = Window(np.array(needed, dtype=np.intp), None if memory is None else memory["window"])
         if memory is not None:
             self._remember(memory)
@@ -54,6 +51,13 @@ class Coupling:
         if len(self._seen) == _BLOCK:
             self._write_seen()
 
+    def _complete(self) -> None:
+        """Add up the steps that wait, and take over what was learned of loops."""
+        self._write_seen()
+        self._take()
+        if self._algorithm is not None and self._exchanged:
+            self._responses = loop_responses(self._algorithm)
+
     def _write_seen(self) -> None:
         rows, self._seen = np.array(self._seen), []
         if len(rows):
@@ -62,39 +66,30 @@ class Coupling:
     def _write(self, rows: Vector) -> None:
         if len(self._needed) == 1 or not len(rows):
             return
-        window = self._window
-        window.show(rows)
-        if window.count:
-            with np.errstate(all="ignore"):
-                self._take(window)
-        window.leave()
+        self._window.show(rows)
+        if self._window.waiting >= _BATCH:
+            self._take()
 
-    def _take(self, window: Window) -> None:
-        every = np.arange(window.count)
-        if self._bonds:
-            columns, place = self._of_bonds
-            steps = window.steps(every, columns)
-            steps = steps.halved() if self._watched else steps
-            for bond in self._bonds:
-                bond.take(steps, place)
-        number = window.first + every
-        chosen = every[(number < EVERY_STEP) | (number % THINNED == 0)]
-        if self._residuals.connections and len(chosen):
-            columns, place = self._of_residuals
-            weights = np.where(number[chosen] < EVERY_STEP, 1.0, float(THINNED))
-            steps, earlier = (window.steps(chosen, columns, ago) for ago in (0, 1))
+    def _take(self) -> None:
+        """Add up the steps that wait."""
+        if not self._window.waiting:
+            return
+        with np.errstate(all="ignore"):
+            steps, earlier = self._window.take()
             if self._watched:
-                steps, earlier, weights = steps.halved(), earlier.halved(), np.concatenate((weights, weights))
-            self._residuals.take(steps, earlier, weights, place)
+                steps, earlier = steps.halved(), earlier.halved()
+            for bond in self._bonds:
+                bond.take(steps, self._needed)
+            if self._exchanged:
+                self._residuals.take(steps, earlier, self._needed)
 
     def learn(self, algorithm: Algorithm) -> None:
-        """Take over what the algorithm learned of its loops so far."""
-        if self._judged or self._bonds:
-            self._responses = loop_responses(algorithm)
+        """See later what this algorithm, which makes the steps, learned of its loops."""
+        self._algorithm = algorithm
 
     def figures(self) -> dict[str, dict[str, float]]:
         """Return the figures of all rows so far: energies by bond, residuals by connection."""
-        self._write_seen()
+        self._complete()
         with np.errstate(all="ignore"):
             residuals = self._residuals.figures(self._responses)
         found = {name: _figures(residual) for name, residual in residuals.items()}
@@ -102,7 +97,7 @@ class Coupling:
 
     def remarks(self) -> list[str]:
         """Return sentences that a person should read before all figures; see `remarks`."""
-        self._write_seen()
+        self._complete()
         with np.errstate(all="ignore"):
             energies = {f"{bond.name} ({bond.bond})": bond.figures(self._responses) for bond in self._bonds}
             residuals = self._residuals.figures(self._responses)
@@ -111,7 +106,7 @@ class Coupling:
 
     def memory(self) -> dict[str, Any]:
         """Plain data from which another one can go on."""
-        self._write_seen()
+        self._complete()
         return {
             "window": self._window.memory(),
             "bonds": {bond.name: bond.memory() for bond in self._bonds},
@@ -124,13 +119,6 @@ class Coupling:
             bond.remember(memory["bonds"][bond.name])
         self._residuals.remember(memory["residuals"])
         self._responses = {int(n): np.array(found) for n, found in memory["responses"].items()}
-
-    def _part(self, columns: set[int]) -> tuple[Indices, dict[int, int]]:
-        """Positions of these columns, the time first, and where each is then."""
-        chosen = [0, *sorted(columns)]
-        return np.array([self._needed[c] for c in chosen], dtype=np.intp), {
-            c: i for i, c in enumerate(chosen)
-        }
 
 
 def _judged(connections: Sequence[Exchanged], bonded: Collection[str]) -> list[Exchanged]:

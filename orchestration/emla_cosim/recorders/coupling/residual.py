@@ -61,12 +61,9 @@ class Residuals:
         inside = (x.signal for group in self._groups.values() for x in group)
         return {1 + signal for signal in (*self._signals, *inside)}
 
-    def take(self, steps: Steps, earlier: Steps, weights: Vector, place: Mapping[int, int]) -> None:
-        """Take some of the next steps, the ones before each, and how often each counts.
-
-        `place` says where a column is in them.
-        """
-        lengths = weights * steps.lengths
+    def take(self, steps: Steps, earlier: Steps, place: Mapping[int, int]) -> None:
+        """Take the next steps, and the ones before each; `place` says where a column is in them."""
+        lengths, weights = steps.weighted, steps.counts
         columns = [place[1 + signal] for signal in self._signals]
         values = steps.end[:, columns]
         change = values - steps.begin[:, columns]

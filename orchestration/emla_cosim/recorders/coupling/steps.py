@@ -30,13 +30,16 @@ class Use:
 class Steps:
     """Steps with the values before, at their beginning and at their end: rows with the time in s first.
 
+    `counts` says for how many steps each stands; `weighted` are the lengths times these.
+
     `lengths` are those of the steps in s, `ratio` those over the lengths of the steps before,
     0 for the first step.
     """
 
-    def __init__(self, before: Vector, begin: Vector, end: Vector) -> None:
-        self.before, self.begin, self.end = before, begin, end
+    def __init__(self, before: Vector, begin: Vector, end: Vector, counts: Vector) -> None:
+        self.before, self.begin, self.end, self.counts = before, begin, end, counts
         self.lengths: Vector = end[:, 0] - begin[:, 0]
+        self.weighted: Vector = counts * self.lengths
         previous = begin[:, 0] - before[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             self.ratio: Vector = np.where(previous > 0.0, self.lengths / previous, 0.0)[:, None]
@@ -65,6 +68,7 @@ class Steps:
             np.concatenate((earlier, self.begin)),
             np.concatenate((self.begin, half)),
             np.concatenate((half, self.end)),
+            np.concatenate((self.counts, self.counts)),
         )
 
     def _at(self, place: float) -> Vector:

@@ -1,4 +1,4 @@
-"""The steps of a run, block by block, with what came before each."""
+"""Steps picked from rows that come in blocks, with the points before each."""
 
 from typing import Any
 
@@ -7,24 +7,26 @@ import numpy as np
 from ...arrays import Indices, Vector
 from .steps import Steps
 
-BEFORE = 3
-"""Points before a block that are kept: those of the last step, and of what its slope comes from."""
+EVERY_STEP, THINNED = 500, 31
+"""So many steps are all looked at, of later ones every `THINNED`-th, which stands for so many."""
+
+POINTS = 4
+"""Of each step: its end, its beginning, and two before, which know the step before and its slope."""
 
 
 class Window:
-    """Makes steps of rows that come in blocks, the time in s first; only some columns are needed.
-
-    `first` is the number of the first step that the present rows end, `count` how many they end.
-    """
+    """Picks steps of rows, the time in s first, of which some columns are needed, until they are taken."""
 
     def __init__(self, columns: Indices, memory: Any = None) -> None:
         """Begin, or go on from what `memory` gave."""
-        self.first = self.count = 0
         self._columns = columns
-        self._last: Vector = np.empty((0, len(columns)))  # the points before `_rows`
-        self._rows: Vector = np.empty((0, len(columns)))
+        self._number = 0  # of the step that the next row ends
+        self._last: Vector = np.empty((0, len(columns)))  # the points before the next row
+        self._points, self._counts = list[Vector](), list[Vector]()
+        self.waiting = 0
+        """Steps that wait to be taken."""
         if memory is not None:
-            self.first = int(memory["step"])
+            self._number = int(memory["step"])
             self._last = np.array(memory["last"], dtype=float).reshape(-1, len(columns))
 
     @property
@@ -33,36 +35,36 @@ class Window:
         return float(self._last[-1, 0]) if len(self._last) else -np.inf
 
     def show(self, rows: Vector) -> None:
-        """Take the next rows."""
+        """Pick steps of the next rows."""
         if not len(self._last):
-            self._last, rows = rows[[0] * BEFORE][:, self._columns], rows[1:]
-        self._rows, self.count = rows, len(rows)
+            self._last, rows = rows[[0] * (POINTS - 1)][:, self._columns], rows[1:]
+        every = np.arange(len(rows))
+        number = self._number + every
+        chosen = every[(number < EVERY_STEP) | (number % THINNED == 0)]
+        if len(chosen):
+            self._points.append(self._picked(rows, chosen[:, None] + np.arange(POINTS)))
+            self._counts.append(np.where(number[chosen] < EVERY_STEP, 1.0, float(THINNED)))
+            self.waiting += len(chosen)
+        self._last = self._picked(rows, len(rows) + np.arange(POINTS - 1))
+        self._number += len(rows)
 
-    def steps(self, which: Indices, columns: Indices, ago: int = 0) -> Steps:
-        """Return some of the steps, by their position, with some of the needed columns, by their position.
-
-        Where it is 1 `ago`, the steps before them instead.
-        """
-        first = BEFORE - 2 - ago
-        return Steps(*(self._picked(which + first + place, columns) for place in range(3)))
-
-    def leave(self) -> None:
-        """The present rows go; the last of them stay."""
-        every = np.arange(len(self._columns))
-        points = self.count + np.arange(BEFORE)
-        self._last, self._rows = self._picked(points, every), self._rows[:0]
-        self.first, self.count = self.first + self.count, 0
+    def take(self) -> tuple[Steps, Steps]:
+        """Hand over the steps that wait, and the steps before them."""
+        points, counts = np.concatenate(self._points), np.concatenate(self._counts)
+        self._points, self._counts, self.waiting = [], [], 0
+        two, one, begin, end = points.transpose(1, 0, 2)
+        return Steps(one, begin, end, counts), Steps(two, one, begin, counts)
 
     def memory(self) -> dict[str, Any]:
-        """Plain data from which another one can go on."""
-        return {"step": self.first, "last": self._last.tolist()}
+        """Plain data from which another one can go on, where no steps wait."""
+        return {"step": self._number, "last": self._last.tolist()}
 
-    def _picked(self, points: Indices, columns: Indices) -> Vector:
+    def _picked(self, rows: Vector, points: Indices) -> Vector:
         """Points by their position: those from before, then the rows."""
-        early = points < BEFORE
-        if not len(self._rows):
-            return self._last[np.ix_(points, columns)]
-        found = self._rows[np.ix_(np.maximum(points - BEFORE, 0), self._columns[columns])]
+        early = points < POINTS - 1
+        if early.all():
+            return self._last[points]
+        found = rows[np.maximum(points - (POINTS - 1), 0)[..., None], self._columns]
         if early.any():
-            found[early] = self._last[np.ix_(points[early], columns)]
+            found[early] = self._last[points[early]]
         return found
