@@ -106,12 +106,13 @@ ELSEWHERE = {"system", "description", "mapping", "output", "output_format", "plo
     "input",
     "report",
     "parameters",
+    "bonds",
     "roles",
     "trajectory",
 }
 """Keys of the tests below; `parameters` is in test_parameter_tables.py, `mapping` in test_replacement.py,
 `trajectory` in test_machine.py, `actuator` in test_actuator.py, `input` in test_inputs.py,
-`roles` in test_roles.py."""
+`roles` in test_roles.py, `bonds` in test_coupling_of_runs.py."""
 
 
 @pytest.mark.parametrize("key", SETTINGS)
