@@ -239,10 +239,11 @@ def test_every_command_that_runs_gives_the_note(emla: Emla, fmu_folder: Path) ->
     for name, arguments in commands.items():
         done = emla(*arguments, "--output", name)
         text = done.stdout + done.stderr
-        assert done.exit_code == 0, text
+        expected = 1 if name == "tune" else 0  # too short for a joint to be held, which tunings require
+        assert done.exit_code == expected, text
         assert text.count(STALE) == 1, name
         done = emla(*arguments, "--follow-models", "--output", f"{name} too") if name != "rerun" else done
-        assert done.exit_code == 0, done.output
+        assert done.exit_code == expected, done.output
         assert name == "rerun" or STALE not in done.stdout + done.stderr
     for file in ("sweep/sweep.json", "tune/tune.json"):
         (note, *_) = json.loads(Path(file).read_text())["notes"]
