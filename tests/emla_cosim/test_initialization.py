@@ -188,6 +188,50 @@ def test_a_loop_is_solved_whatever_its_gain(gain: float) -> None:
     assert initial(ring(lambda u: gain * u + 1.0)) == pytest.approx([1.0 / (1.0 - gain)] * 2, rel=1e-10)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("start", [0.0, -3e5])
+@pytest.mark.parametrize("offset", [1e-3, 1.0, 2e6])
+@pytest.mark.parametrize("gain", [1e-6, 1e-3, 1.0 - 1e-6, 1.0 + 1e-6, 2e4, 1e8, 1e12])
+def test_a_linear_loop_of_any_gain_is_solved(sign: float, gain: float, offset: float, start: float) -> None:
+    """A load of 20,000 times the driving mass is such a loop; the error is that of one rounded evaluation."""
+    a = sign * gain
+    network = ring(lambda u: a * u + offset)
+    network.slaves[0].inputs[:] = start
+    exact, eps = offset / (1.0 - a), np.finfo(float).eps
+    rounding = 8.0 * eps * (abs(a * exact) + abs(offset)) * max(1.0, 1.0 / abs(1.0 - a))
+    assert initial(network) == pytest.approx([exact] * 2, rel=1e-10, abs=rounding)
+
+
+@pytest.mark.parametrize("size", [2, 3, 5])
+@pytest.mark.parametrize("seed", range(4))
+def test_small_linear_systems_of_mixed_scales_are_solved(size: int, seed: int) -> None:
+    """Newtons beside micrometres: gains between 1e-6 and 1e6."""
+    random = np.random.default_rng(seed)
+    scale = 10.0 ** random.uniform(-3.0, 3.0, size)
+    A = random.normal(size=(size, size)) * scale[:, None] / scale
+    A *= 10.0 ** random.uniform(-2.0, 2.0)
+    b = random.normal(size=size) * scale
+    gates = [gate(f"g{i}", size, lambda u, i=i: float(A[i] @ u + b[i])) for i in range(size)]
+    found = initial(Network(gates, [link(s, t, s) for t in range(size) for s in range(size)]))
+    assert found / scale == pytest.approx(np.linalg.solve(np.eye(size) - A, b) / scale, rel=1e-8)
+
+
+def test_a_gain_of_one_with_nothing_added_keeps_the_start_value() -> None:
+    network = ring(lambda u: u)
+    network.slaves[0].inputs[:] = 7.0
+    assert initial(network).tolist() == [7.0, 7.0]
+
+
+def test_a_neutral_direction_does_not_hide_the_solution_of_the_others() -> None:
+    """a = a keeps its start value; b = 1 + a - 0.5 b is solved beside it."""
+    a = gate("a", 1, lambda u: u[0])
+    a.inputs[:] = 3.0
+    b = gate("b", 2, lambda u: 1.0 + u[0] - 0.5 * u[1])
+    b.inputs[0] = 3.0
+    network = Network([a, b], [link(0, 0), link(0, 1), link(1, 1, 1)])
+    assert initial(network) == pytest.approx([3.0, 8.0 / 3.0], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     "output",
     [
@@ -236,7 +280,9 @@ def test_a_loop_without_solution_is_named(change: float) -> None:
     a, b = gate("a", 1, lambda u: u[0] + change), gate("b", 1, lambda u: u[0])
     bystander = gate("bystander", 0, lambda u: 1.0)
     with pytest.raises(
-        RunError, match=r"initial values of the loop a -> b -> a do not settle .*: b\[0\] still change\."
+        RunError,
+        match=r"^the initial values of the loop a -> b -> a have no solution: a change of b\[0\] comes back "
+        r"unchanged \(the gain round the loop is 1\), so that a difference of 1 always remains\.",
     ):
         begun(Network([a, bystander, b], [link(2, 0), link(0, 2)]), GaussSeidel(), TIMES)
 

@@ -5,13 +5,8 @@ import numpy as np
 from ...arrays import Vector
 from ...errors import RunError, listed
 from ..network import Link, Network
-from .quasi_newton import NoAgreementError, QuasiNewton
+from .newton import Newton, NoSolutionError
 from .scale import Scale
-
-TOLERANCE = 1e-12
-"""Values in a loop agree when they differ by this fraction of their size."""
-
-SWEEPS = 50
 
 
 def initialize(network: Network, start_time: float, stop_time: float | None) -> None:
@@ -62,22 +57,30 @@ def _settle(network: Network, group: list[int], scale: Scale) -> None:
         sweep()
         return network.signals[cut]
 
-    def agreed(difference: Vector) -> bool:
-        sizes = scale.present_sizes(cut)  # not the largest so far: tries on the way may be huge
-        return bool((np.abs(difference) / sizes <= TOLERANCE).all())
+    def sizes(values: Vector) -> Vector:
+        return np.abs(values) + scale.floor[cut]  # not the largest so far: tries on the way may be huge
 
     try:
-        QuasiNewton(len(cut)).solve(network.signals[cut], answer, agreed, SWEEPS, scale.present_sizes(cut))
-    except NoAgreementError as failure:
-        raise RunError(_no_agreement(network, group, cut, failure)) from failure
+        solution = Newton(answer, sizes).solve(network.signals[cut])
+        network.signals[cut] = solution  # the answer has rounding errors times the gain of the loop
+    except NoSolutionError as failure:
+        raise RunError(_no_solution(network, group, cut, failure)) from failure
 
 
-def _no_agreement(network: Network, group: list[int], cut: np.ndarray, failure: NoAgreementError) -> str:
+def _no_solution(network: Network, group: list[int], cut: np.ndarray, failure: NoSolutionError) -> str:
+    loop = network.loop_name(group)
+    if failure.singular.any():
+        names = listed([network.names[s] for s in cut[failure.singular]])
+        gap = failure.gap[failure.singular]
+        return (
+            f"the initial values of the loop {loop} have no solution: a change of {names} comes back "
+            f"unchanged (the gain round the loop is 1), so that a difference of {np.abs(gap).max():.3g} "
+            "always remains. Change a parameter of the loop, or remove a connection."
+        )
     lost = [network.names[s] for s in cut[~np.isfinite(failure.gap)]]
     moving = [network.names[s] for s in cut[failure.gap != 0.0]]
     problem = f"{listed(lost)} became infinite or no number" if lost else f"{listed(moving)} still change"
     return (
-        f"the initial values of the loop {network.loop_name(group)} do not settle in "
-        f"{failure.sweeps} exchanges: {problem}. Set other start values, or break the loop of "
-        "direct feedthrough."
+        f"the initial values of the loop {loop} do not settle in {failure.calls} exchanges: {problem}. "
+        "Set start values of its inputs nearer to the solution, or remove a connection."
     )

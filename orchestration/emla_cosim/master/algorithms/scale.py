@@ -33,11 +33,6 @@ class Scale:
         """The sizes of these signals."""
         return self.largest[which] + self.floor[which]
 
-    def present_sizes(self, which: Indices) -> Vector:
-        """The sizes of these signals by their present values alone."""
-        sizes = np.abs(self._signals[which])
-        return np.where(np.isfinite(sizes), sizes, 0.0) + self.floor[which]
-
     def relative(self, difference: Vector, which: Indices) -> Vector:
         """Absolute differences of these signals, relative to the signals' sizes."""
         return np.abs(difference) / self.sizes(which)

@@ -1,0 +1,174 @@
+"""Newton's method for values that must agree with themselves, with derivatives from differences.
+
+A loop of slaves answers a guess x with F(x); x = F(x) is the solution. The method solves
+
+    (1 - F') dx = F(x) - x
+
+and goes along dx as far as the correction at the new point is smaller (natural monotonicity test). So
+the scale of values and equations makes no difference, and a linear loop is solved in one step whatever
+its gain. The derivatives F' stay as they are while the corrections shrink fast.
+
+P. Deuflhard: Newton Methods for Nonlinear Problems, Springer 2011, section 3.3,
+doi:10.1007/978-3-642-23899-4.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Vector
+
+TOLERANCE = 1e-12
+"""Values agree when they differ, and would be corrected, by no more than this part of their size."""
+
+ITERATIONS = 50
+
+_DIFFERENCE = 1e-4
+"""Difference for the derivatives, as a part of a value's size."""
+
+_ROUNDING = 8.0 * np.finfo(float).eps
+_ROUGH = 1e-6
+"""Corrections below this part of a value that shrink no more are rounding errors."""
+
+_FAST = 0.1
+"""While each correction is at most this part of the one before, the derivatives are kept."""
+
+_HALVINGS = 8
+
+
+class NoSolutionError(Exception):
+    """The guesses and answers do not agree.
+
+    Args:
+        gap: F(x) - x at the last guess, shape (n,).
+        calls: Number of calls of F.
+        singular: Values, shape (n,), whose changes come back unchanged, as true; all false where the
+            derivatives are not the cause.
+
+    """
+
+    def __init__(self, gap: Vector, calls: int, singular: np.ndarray) -> None:
+        super().__init__(gap, calls, singular)
+        self.gap, self.calls, self.singular = gap, calls, singular
+
+
+@dataclass
+class _Inverse:
+    """(1 - F')^-1 without the directions that rounding hides; those are in `hidden`, one per column."""
+
+    matrix: Vector
+    hidden: Vector
+
+
+class Newton:
+    """Solve x = F(x).
+
+    Args:
+        answer: F, from shape (n,) to shape (n,).
+        sizes: Return the sizes of values, shape (n,), positive, in the unit of each.
+
+    """
+
+    def __init__(self, answer: Callable[[Vector], Vector], sizes: Callable[[Vector], Vector]) -> None:
+        self._answer, self._sizes, self._calls = answer, sizes, 0
+
+    def solve(self, guess: Vector) -> Vector:
+        """Return the solution x, shape (n,); F was called with it last.
+
+        Args:
+            guess: Where to begin, shape (n,).
+
+        Raises:
+            NoSolutionError: There is no solution, or none was found.
+
+        """
+        x, inverse, last = guess.copy(), None, np.inf
+        found = self._value(x)
+        for _ in range(ITERATIONS):
+            gap = found - x
+            if not np.isfinite(gap).all():
+                break
+            if not gap.any():
+                return x
+            inverse = inverse or self._inverse(x, found)
+            correction = inverse.matrix @ gap
+            size = self._weigh(x, correction)
+            if self._agree(x, gap, size, last):
+                x = x + correction  # also what a loop amplifies agrees then
+                self._value(x)
+                return x
+            step, found, inverse = self._go(x, correction, size, inverse)
+            x, last = x + step * correction, size
+        raise NoSolutionError(found - x, self._calls, np.zeros(len(x), dtype=bool))
+
+    def _value(self, x: Vector) -> Vector:
+        self._calls += 1
+        with np.errstate(all="ignore"):
+            return np.array(self._answer(x), dtype=float)
+
+    def _weigh(self, x: Vector, difference: Vector) -> float:
+        """The largest difference relative to the values' sizes; infinite where it is no number."""
+        with np.errstate(all="ignore"):
+            largest = float((np.abs(difference) / self._sizes(x)).max())
+        return largest if np.isfinite(largest) else np.inf
+
+    def _agree(self, x: Vector, gap: Vector, correction: float, last: float) -> bool:
+        if correction <= TOLERANCE and self._weigh(x, gap) <= TOLERANCE:
+            return True
+        return correction <= _ROUGH and correction >= 0.5 * last
+
+    def _go(
+        self, x: Vector, correction: Vector, size: float, inverse: _Inverse
+    ) -> tuple[float, Vector, _Inverse | None]:
+        """Find how far to go along a correction: all the way where no part of it helps.
+
+        Returns:
+            The part of the correction; F there; the inverse if it still serves.
+
+        """
+        for halvings in range(_HALVINGS):
+            step = 0.5**halvings
+            tried = x + step * correction
+            found = self._value(tried)
+            following = self._weigh(x, inverse.matrix @ (found - tried))
+            if following <= (1.0 - 0.25 * step) * size or (size <= _ROUGH and following < np.inf):
+                return step, found, inverse if following <= _FAST * size else None
+        return 1.0, self._value(x + correction), None
+
+    def _inverse(self, x: Vector, found: Vector) -> _Inverse:
+        """Return the inverse at a point, from large differences where small ones say too little."""
+        sizes, gap = self._sizes(x), found - x
+        inverse = self._differences(x, found, _DIFFERENCE * sizes)
+        if inverse.hidden.size:
+            inverse = self._differences(x, found, np.maximum(sizes, np.abs(gap)))
+        if inverse.hidden.size:
+            lost = gap - self._undone(inverse, gap)
+            if self._weigh(x, lost) > TOLERANCE:
+                main = np.abs(inverse.hidden).max(axis=1)
+                raise NoSolutionError(gap, self._calls, main > 0.1 * main.max())
+        return inverse
+
+    def _undone(self, inverse: _Inverse, gap: Vector) -> Vector:
+        """The part of a gap that a correction takes away."""
+        return self._slopes @ (inverse.matrix @ gap)
+
+    def _differences(self, x: Vector, found: Vector, steps: Vector) -> _Inverse:
+        count, sizes = len(x), self._sizes(x)
+        slopes, noise = np.eye(count), np.zeros((count, count))
+        for j in range(count):
+            moved = x.copy()
+            moved[j] += steps[j]
+            step = moved[j] - x[j]
+            there = self._value(moved)
+            slopes[:, j] -= (there - found) / step
+            noise[:, j] = _ROUNDING * np.maximum(np.abs(found), np.abs(there)) / step
+        if not np.isfinite(slopes).all():
+            raise NoSolutionError(np.full(count, np.nan), self._calls, np.zeros(count, dtype=bool))
+        self._slopes = slopes
+        rows = (np.abs(slopes) + noise) @ sizes + np.finfo(float).tiny  # how much each equation moves
+        scaled, rounding = slopes * sizes / rows[:, None], noise * sizes / rows[:, None]
+        left, values, right = np.linalg.svd(scaled)
+        seen = values > max(float(np.linalg.norm(rounding)), _ROUNDING * float(values[0]))
+        matrix = (sizes[:, None] * right[seen].T / values[seen]) @ (left[:, seen].T / rows)
+        return _Inverse(matrix, right[~seen].T)
