@@ -1,7 +1,8 @@
 """Steps as long as the error allows, found by doing every step twice: whole, and in halves."""
 
 import math
-from collections.abc import Mapping
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,24 +21,69 @@ from .timing import Timing, clock
 SMALLEST = 1e-6
 """The smallest step, as a fraction of the first one."""
 
+ROUNDING_ERROR = 1e-12
+"""Errors below this part of a signal are rounding errors, which no shorter step makes smaller."""
+
+LARGEST_SHARE, SHORTEST_LIMIT = 50, 10
+"""By default no step is longer than this part of the run's time, or so many first steps if that is longer."""
+
+EARLY = 10
+"""So many first steps count as passed when a run begins."""
+
+JUST_BEFORE = 1e-3
+"""The step that ends at an event, as a part of the first step."""
+
+WORTH_A_REMARK = 10.0
+"""The sum of all errors, in tolerances, from which on it is worth a remark."""
+
 
 class ErrorControl(Stepping):
     """Step doubling with rollback.
 
     The difference between one step and two of half the length, divided by 2^p - 1 for an
-    algorithm of order p, estimates the error of the halves, which are kept. A step is accepted
-    when this error is at most `tolerance` of the size of every continuous signal that a slave
-    reads, or that belongs to a slave which nobody reads; see `Scale`. A signal that jumps is not
-    judged there, once the step has become short.
+    algorithm of order p, estimates the error of the halves, which are kept. Errors are relative to the
+    sizes of all continuous signals; see `Scale`. A signal that jumps is not judged there, once the step
+    has become short.
+
+    With order 2 the error *per unit step* is kept: a step of length h may make the part
+
+        tolerance h / (t - t_start + h + 10 h_first)
+
+    of it, with t where the step begins. All steps together then make at most tolerance ln(1 + T / 10 h_first)
+    in the time T, seven times the tolerance after 10,000 first steps, wherever the run stops. With order 1
+    (held inputs) that would need steps in proportion to the tolerance: there every step may make an error of
+    the tolerance, and `remarks` say how many times the tolerance they add up to.
 
     The first step tried is that of `times`. With an `interval` in s, its multiples are met
     exactly and only they are recorded; without, every accepted step is.
+
+    L. F. Shampine: Local error control in codes for ordinary differential equations, Appl. Math. Comput. 3
+    (1977), doi:10.1016/0096-3003(77)90003-2, on errors per step and per unit step.
     """
 
     def __init__(
-        self, algorithm: Algorithm, times: Timing, tolerance: float, interval: float | None = None
+        self,
+        algorithm: Algorithm,
+        times: Timing,
+        tolerance: float,
+        interval: float | None = None,
+        largest: float | None = None,
+        events: Sequence[float] = (),
     ) -> None:
-        """Take an algorithm that is set up; CommandError where its slaves cannot go back."""
+        """Take an algorithm that is set up.
+
+        Args:
+            algorithm: The algorithm.
+            times: Where the run begins and ends; its step is the first one to try.
+            tolerance: What the error may be, as a part of each signal's size.
+            interval: Time between recorded rows in s; None records every accepted step.
+            largest: The longest step in s; None is a fiftieth of the run's time.
+            events: Times in s at which inputs jump or bend; steps end there.
+
+        Raises:
+            CommandError: A slave cannot go back or vary its step, or steps more rarely than others.
+
+        """
         super().__init__(algorithm, times)
         if any(algorithm.exchange.rare):
             raise CommandError("step multiples need fixed steps; leave out the error tolerance or them.")
@@ -45,7 +91,11 @@ class ErrorControl(Stepping):
         require(slaves, "rolls_back", "canGetAndSetFMUstate", "error control")
         require(slaves, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
         self.tolerance = tolerance
-        self.control = StepControl(times.step, algorithm.accuracy, SMALLEST * times.step)
+        self._per_unit = algorithm.accuracy > 1
+        longest = largest or max((times.stop - times.start) / LARGEST_SHARE, SHORTEST_LIMIT * times.step)
+        power = algorithm.accuracy + (0 if self._per_unit else 1)
+        self.control = StepControl(min(times.step, longest), power, SMALLEST * times.step, longest)
+        self._events = _event_points(events, times)
         self._output = None if interval is None else clock(times.start, interval)
         self._end = _last_point(times, interval)
         self._time = times.start
@@ -57,6 +107,8 @@ class ErrorControl(Stepping):
         self._judged = _judged(algorithm)
         self._jumped = np.zeros(len(self._judged), dtype=bool)
         """Which signals were found to jump in the last step."""
+        self._sum: Vector = np.zeros(len(self._judged))
+        """Errors of all steps so far, relative to the sizes, added up."""
         self._unread = ~np.isin(self._judged, algorithm.network.read)
 
     @property
@@ -81,7 +133,7 @@ class ErrorControl(Stepping):
         for _ in range(most):
             if self.reached(until):
                 return
-            point, output = self._next_point(until)
+            point, output, event = self._next_point(until)
             step = self.control.propose(point - self._time)
             met = step == point - self._time
             end = point if met else self._time + step
@@ -92,12 +144,31 @@ class ErrorControl(Stepping):
             if self.watch is not None:
                 self.watch(end, self.algorithm.network.signals)
             self._points += met and output
+            if met and event:
+                self.algorithm.exchange.begin(end)  # no line goes over a jump
             if (met and output) or self._output is None:
                 self.record(rows)
 
     def report(self) -> dict[str, Any]:
-        """Also how many steps were rejected."""
-        return {**super().report(), "rejected_steps": self.control.rejected}
+        """Also how many steps were rejected, the longest allowed in s, and what the errors add up to."""
+        return {
+            **super().report(),
+            "rejected_steps": self.control.rejected,
+            "largest_step_s": self.control.largest,
+            "estimated_error": float(self._sum.max(initial=0.0)),
+        }
+
+    def remarks(self) -> list[str]:
+        """Say so where the errors of all steps add up to far more than the tolerance."""
+        if not self._sum.max(initial=0.0) > WORTH_A_REMARK * self.tolerance:
+            return []
+        worst, total = self.algorithm.network.names[self._judged[self._sum.argmax()]], self._sum.max()
+        return [
+            f"the errors of all steps add up to {total:.2g} of the size of {worst}, "
+            f"{total / self.tolerance:.2g} times the error tolerance {self.tolerance:.3g}: with held inputs the "
+            "tolerance bounds the error of one step only. Set --extrapolation fmu if the FMUs interpolate "
+            "inputs, or a smaller tolerance."
+        ]
 
     def memory(self) -> dict[str, Vector]:
         """Also where the simulation is, and what the step control knows."""
@@ -110,6 +181,7 @@ class ErrorControl(Stepping):
             "control/tried": np.array([step, *errors]),
             "control/jumped": self._jumped.astype(float),
             "control/largest": self._scale.largest,
+            "control/sum": self._sum,
         }
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
@@ -121,6 +193,7 @@ class ErrorControl(Stepping):
         control.step, control.last_error = step, last_error
         control.accepted, control.rejected = int(accepted), int(rejected)
         self._scale.largest[:] = memory["control/largest"]
+        self._sum[:] = memory["control/sum"]
         step, *errors = memory["control/tried"]
         self._rejected = None if np.isnan(step) else (float(step), np.array(errors))
         self._jumped = memory["control/jumped"] > 0.0
@@ -129,13 +202,18 @@ class ErrorControl(Stepping):
         """Free the saved states."""
         self._start.close()
 
-    def _next_point(self, until: float) -> tuple[float, bool]:
-        """The next time in s to be met exactly, and whether it is one to be recorded."""
+    def _next_point(self, until: float) -> tuple[float, bool, bool]:
+        """The next time in s to be met exactly, whether it is one to be recorded, and whether an event."""
         following = math.inf if self._output is None else self._output.point(self._points + 1)
         recorded = min(following, self._end)
-        if until < recorded - ROUNDING * self.times.step:
-            return until, False
-        return recorded, True
+        k = bisect_right(self._events, self._time)
+        event = self._events[k] if k < len(self._events) else math.inf
+        rounding = ROUNDING * self.times.step
+        if until < min(recorded, event) - rounding:
+            return until, False, False
+        if event < recorded:
+            return event, False, True
+        return recorded, True, event == recorded
 
     def _tried(self, step: float, end: float) -> bool:
         """Whether the step to `end` was done and is good enough; if not, everything is as before."""
@@ -150,16 +228,18 @@ class ErrorControl(Stepping):
             except RunError:
                 raise discarded from None
             return False
-        jumps = self._jumps(step, errors)
+        allowed = self._allowed(step)
+        jumps = self._jumps(step, errors, allowed)
         judged = np.where(jumps, 0.0, errors)
         try:
-            accepted = self.control.judge(step, float(judged.max(initial=0.0)) / self.tolerance)
+            accepted = self.control.judge(step, float(judged.max(initial=0.0)) / allowed)
         except RunError as too_small:
             name = self.algorithm.network.names[self._judged[judged.argmax()]]
             failure = self.algorithm.network.not_finite(self._time + step)
             raise failure or RunError(f"{too_small} {name} differs most.") from None
         if accepted:
-            self._rejected, self._jumped = None, jumps
+            self._rejected, self._jumped = None, jumps & ~self._unread
+            self._sum += judged
         else:
             self._rejected = self._rejected or (step, errors)
             self._start.restore()
@@ -180,24 +260,36 @@ class ErrorControl(Stepping):
         errors[self._unread & ~np.isfinite(errors)] = 0.0  # what nobody reads may be infinite
         return errors
 
-    def _jumps(self, step: float, errors: Vector) -> NDArray[np.bool_]:
+    def _allowed(self, step: float) -> float:
+        """The error that a step from here may make, relative to the sizes."""
+        if not self._per_unit:
+            return self.tolerance
+        passed = self._time - self.times.start + step + EARLY * self.times.step
+        return max(self.tolerance * step / passed, ROUNDING_ERROR)
+
+    def _jumps(self, step: float, errors: Vector, allowed: float) -> NDArray[np.bool_]:
         """Which signals jump: their error is too large, and as large as in a much longer step.
 
-        Not those that did so in the step before, because an unstable coupling looks the same.
+        Not those that did so in the step before, because an unstable coupling looks the same; it shows in
+        signals that are read. One that is not, such as noise, may jump as often as it likes.
         """
         if self._rejected is None or step > 0.5 * self._rejected[0]:
             return np.zeros(len(errors), dtype=bool)
-        return (errors > self.tolerance) & (errors > 0.9 * self._rejected[1]) & ~self._jumped
+        return (errors > allowed) & (errors > 0.9 * self._rejected[1]) & ~self._jumped
+
+
+def _event_points(events: Sequence[float], times: Timing) -> list[float]:
+    """The times of events within the run, each with a point just before it, in order.
+
+    The step over a jump is so short that what is made of its two ends makes no difference.
+    """
+    inside = [t for t in events if times.start < t <= times.stop]
+    return sorted({t - before for t in inside for before in (0.0, JUST_BEFORE * times.step)})
 
 
 def _judged(algorithm: Algorithm) -> Indices:
-    """Continuous signals that are read, and all continuous signals of slaves of which none is read."""
-    network = algorithm.network
-    judged = np.zeros(len(network.signals), dtype=bool)
-    judged[network.read] = True
-    for part in network.parts:
-        judged[part] |= not judged[part].any()
-    return np.flatnonzero(judged & algorithm.exchange.smooth)
+    """All continuous signals: also what nobody reads tells of states, such as the speed behind a force."""
+    return np.flatnonzero(algorithm.exchange.smooth)
 
 
 def _last_point(times: Timing, interval: float | None) -> float:

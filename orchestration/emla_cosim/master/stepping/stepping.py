@@ -69,6 +69,10 @@ class Stepping(ABC):
         """How the steps were made, as plain data for run.json."""
         return {"steps": self.steps, **self.algorithm.report()}
 
+    def remarks(self) -> list[str]:
+        """Sentences on how the steps were made that a reader of results should know."""
+        return []
+
     def memory(self) -> dict[str, Vector]:
         """What the stepping and its algorithm remember besides the signals, as arrays by name."""
         return self.algorithm.memory()
