@@ -32,6 +32,8 @@ def run_times(options: Options, name: str) -> Timing:
     """The communication points of a run; CommandError where nobody says how long it is or its steps."""
     if options.stop_time is None:
         raise CommandError(f"'{name}' does not say when to stop; give --stop-time.")
+    if options.largest_step is not None and options.error_tolerance is None:
+        raise CommandError("--largest-step bounds the steps of --error-tolerance; set both, or neither.")
     if options.step_size is None:
         raise CommandError(f"'{name}' does not say how long a step is; give --step-size.")
     return timing(options.stop_time, options.step_size, options.start_time or 0.0)

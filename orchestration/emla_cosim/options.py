@@ -170,11 +170,18 @@ class Options:
         takes=Algorithm,
     )
     error_tolerance: float | None = _stepping(
-        help="Let the step size follow the error, which may be this much of each signal's size. Default: "
-        "fixed steps.",
+        help="Let the step size follow the error, which may become this much of each signal's size over the "
+        "run. Default: fixed steps.",
         above=0.0,
         below=1.0,
         identity="error tolerance",
+    )
+    largest_step: float | None = _stepping(
+        help="Longest step of --error-tolerance. Default: a fiftieth of the run's time, or the distance of "
+        "rows in data of --input.",
+        unit="s",
+        above=0.0,
+        identity="largest step",
     )
     isolate: Sequence[str] | bool = _system(
         [],

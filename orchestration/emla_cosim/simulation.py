@@ -14,12 +14,13 @@ from .errors import CommandError, RunError, called_as_in
 from .experiment import isolated, run_times, selected, steps_per_row
 from .files import present_folder
 from .fmu.variables import find_variable, start_value
+from .inputs.events import input_events, row_distance
 from .master.algorithms.algorithm import Algorithm
 from .master.algorithms.exchanged import list_exchanged
 from .master.assembly import Assembly
 from .master.stepping.checkpoint import checkpoint_place
 from .master.stepping.compilation import compile_kernel
-from .master.stepping.error_control import ErrorControl
+from .master.stepping.error_control import ErrorControl, default_largest_step
 from .master.stepping.fixed_steps import FixedSteps
 from .master.stepping.pacing import Pacing
 from .master.stepping.stepping import ROUNDING, Stepping
@@ -210,7 +211,7 @@ class Simulation:
         self._error = None
         recorded = selected(chosen.signals, assembly.network.names)
         algorithm.setup(assembly.network)
-        stepping = _stepping(algorithm, chosen, times)
+        stepping = _stepping(algorithm, chosen, times, assembly.parameters)
         try:
             metrics, resumed = MetricsRecorder(), None
             taking = [metrics, *([TimeSeries()] if recorders is None else _recorders(recorders))]
@@ -461,7 +462,7 @@ class Simulation:
             table=next((r for r in going.recorders if isinstance(r, Table)), None),
             metrics=going.metrics.figures(),
             shown={name: kind.shown for name, kind in going.metrics.kinds.items()},
-            remarks=going.metrics.remarks(),
+            remarks=[*going.metrics.remarks(), *stepping.remarks()],
             steps=run.steps,
             simulated_s=run.simulated_s,
             end_s=stepping.time,
@@ -544,8 +545,15 @@ def _freed(stepping: Stepping) -> None:
     stepping.algorithm.close()
 
 
-def _stepping(algorithm: Algorithm, options: Options, times: Timing) -> Stepping:
+def _stepping(
+    algorithm: Algorithm, options: Options, times: Timing, parameters: Callable[[], Mapping[str, float]]
+) -> Stepping:
     """The stepping for an algorithm that is set up; CommandError where times do not fit."""
-    if options.error_tolerance is not None:
-        return ErrorControl(algorithm, times, options.error_tolerance, options.output_interval)
-    return FixedSteps(algorithm, times, options.compiled, options.threads)
+    if options.error_tolerance is None:
+        return FixedSteps(algorithm, times, options.compiled, options.threads)
+    events = input_events(options.input, options.fault, parameters(), times.stop)
+    largest = options.largest_step
+    if largest is None:
+        largest = min(default_largest_step(times), row_distance(options.input))
+    tolerance, interval = options.error_tolerance, options.output_interval
+    return ErrorControl(algorithm, times, tolerance, interval, largest, events)

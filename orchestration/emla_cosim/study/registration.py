@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from importlib.resources import files
 
+from ..inputs.events import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
 from ..requirements import RENAMED
 from ..results.animation import ANIMATIONS
@@ -19,6 +20,7 @@ from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .metrics import RENAMED as RENAMED_FIGURES
 from .metrics import joint_metrics
 from .roles import tracked
+from .schedules import scheduled_times
 from .sketch.film import ManipulatorAnimation
 from .sketch.picture import ManipulatorPicture
 from .tuning_plans import tuning_plans
@@ -37,6 +39,8 @@ def register() -> None:
         REMARKS.append(remarks)
     if followed_model_parameters not in FOLLOWERS:
         FOLLOWERS.append(followed_model_parameters)
+    if scheduled_times not in SCHEDULES:
+        SCHEDULES.append(scheduled_times)
     for name in own:
         SCENARIOS[name] = _text("scenarios", name)
     for name in ("study-robustness",):

@@ -30,8 +30,14 @@ LARGEST_SHARE, SHORTEST_LIMIT = 50, 10
 EARLY = 10
 """So many first steps count as passed when a run begins."""
 
-JUST_BEFORE = 1e-3
+JUST_BEFORE = 1e-5
 """The step that ends at an event, as a part of the first step."""
+
+SHORT = 1e-3
+"""Steps shorter than this part of the first one may make that part of the tolerance, too."""
+
+BENT = 0.1
+"""The part of the tolerance that a step may make over a bend, and where errors do not add up."""
 
 WORTH_A_REMARK = 10.0
 """The sum of all errors, in tolerances, from which on it is worth a remark."""
@@ -92,7 +98,7 @@ class ErrorControl(Stepping):
         require(slaves, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
         self.tolerance = tolerance
         self._per_unit = algorithm.accuracy > 1
-        longest = largest or max((times.stop - times.start) / LARGEST_SHARE, SHORTEST_LIMIT * times.step)
+        longest = largest or default_largest_step(times)
         power = algorithm.accuracy + (0 if self._per_unit else 1)
         self.control = StepControl(min(times.step, longest), power, SMALLEST * times.step, longest)
         self._events = _event_points(events, times)
@@ -104,12 +110,17 @@ class ErrorControl(Stepping):
         self._scale = Scale(algorithm.network)
         self._rejected: tuple[float, Vector] | None = None
         """The first step tried from here, and its errors, if it was rejected."""
+        self._last_rejected: tuple[float, Vector] | None = None
+        """The same of the last one."""
         self._judged = _judged(algorithm)
         self._jumped = np.zeros(len(self._judged), dtype=bool)
         """Which signals were found to jump in the last step."""
         self._sum: Vector = np.zeros(len(self._judged))
         """Errors of all steps so far, relative to the sizes, added up."""
         self._unread = ~np.isin(self._judged, algorithm.network.read)
+        late = {link.target for link in algorithm.late() if link.direct}
+        self._instant = np.isin(algorithm.exchange.owners[self._judged], list(late))
+        """Which signals show at once what is followed along a line: that error does not add up."""
 
     @property
     def time(self) -> float:
@@ -137,7 +148,8 @@ class ErrorControl(Stepping):
             step = self.control.propose(point - self._time)
             met = step == point - self._time
             end = point if met else self._time + step
-            if not self._tried(step, end):
+            leap = event and met and step <= 2.0 * JUST_BEFORE * self.times.step
+            if not self._tried(step, end, leap):
                 continue
             self.algorithm.network.check_finite(end)
             self._time = end
@@ -163,11 +175,15 @@ class ErrorControl(Stepping):
         if not self._sum.max(initial=0.0) > WORTH_A_REMARK * self.tolerance:
             return []
         worst, total = self.algorithm.network.names[self._judged[self._sum.argmax()]], self._sum.max()
+        reason = (
+            "inputs bend or jump too often. Set a smaller tolerance, or shorter steps by --largest-step."
+            if self._per_unit
+            else "with held inputs the tolerance bounds the error of one step only. Set --extrapolation fmu if "
+            "the FMUs interpolate inputs, or a smaller tolerance."
+        )
         return [
             f"the errors of all steps add up to {total:.2g} of the size of {worst}, "
-            f"{total / self.tolerance:.2g} times the error tolerance {self.tolerance:.3g}: with held inputs the "
-            "tolerance bounds the error of one step only. Set --extrapolation fmu if the FMUs interpolate "
-            "inputs, or a smaller tolerance."
+            f"{total / self.tolerance:.2g} times the error tolerance {self.tolerance:.3g}: {reason}"
         ]
 
     def memory(self) -> dict[str, Vector]:
@@ -175,10 +191,12 @@ class ErrorControl(Stepping):
         control = self.control
         progress = [self._time, self._points, control.step, control.last_error]
         counts = [control.accepted, control.rejected]
-        step, errors = self._rejected or (np.nan, np.full(len(self._judged), np.nan))
+        nothing = (np.nan, np.full(len(self._judged), np.nan))
+        (step, errors), (last_step, last_errors) = self._rejected or nothing, self._last_rejected or nothing
         return super().memory() | {
             "control": np.array([*progress, *counts], dtype=float),
             "control/tried": np.array([step, *errors]),
+            "control/tried_last": np.array([last_step, *last_errors]),
             "control/jumped": self._jumped.astype(float),
             "control/largest": self._scale.largest,
             "control/sum": self._sum,
@@ -194,8 +212,8 @@ class ErrorControl(Stepping):
         control.accepted, control.rejected = int(accepted), int(rejected)
         self._scale.largest[:] = memory["control/largest"]
         self._sum[:] = memory["control/sum"]
-        step, *errors = memory["control/tried"]
-        self._rejected = None if np.isnan(step) else (float(step), np.array(errors))
+        self._rejected = _remembered_try(memory["control/tried"])
+        self._last_rejected = _remembered_try(memory["control/tried_last"])
         self._jumped = memory["control/jumped"] > 0.0
 
     def close(self) -> None:
@@ -215,8 +233,11 @@ class ErrorControl(Stepping):
             return event, False, True
         return recorded, True, event == recorded
 
-    def _tried(self, step: float, end: float) -> bool:
-        """Whether the step to `end` was done and is good enough; if not, everything is as before."""
+    def _tried(self, step: float, end: float, leap: bool) -> bool:
+        """Whether the step to `end` was done and is good enough; if not, everything is as before.
+
+        One that is a `leap` over an event is good enough.
+        """
         self._start.take()
         self._scale.see()
         try:
@@ -228,20 +249,26 @@ class ErrorControl(Stepping):
             except RunError:
                 raise discarded from None
             return False
+        if leap and np.isfinite(errors).all():
+            self._rejected = self._last_rejected = None
+            self.control.accepted += 1
+            return True
         allowed = self._allowed(step)
         jumps = self._jumps(step, errors, allowed)
         judged = np.where(jumps, 0.0, errors)
+        once = self._instant | self._bends(step, errors) | (step < SHORT * self.times.step)
+        shares = judged / np.where(once, max(BENT * self.tolerance, allowed), allowed)
         try:
-            accepted = self.control.judge(step, float(judged.max(initial=0.0)) / allowed)
+            accepted = self.control.judge(step, float(shares.max(initial=0.0)))
         except RunError as too_small:
-            name = self.algorithm.network.names[self._judged[judged.argmax()]]
+            name = self.algorithm.network.names[self._judged[shares.argmax()]]
             failure = self.algorithm.network.not_finite(self._time + step)
             raise failure or RunError(f"{too_small} {name} differs most.") from None
         if accepted:
-            self._rejected, self._jumped = None, jumps & ~self._unread
-            self._sum += judged
+            self._rejected, self._last_rejected, self._jumped = None, None, jumps & ~self._unread
+            self._sum += np.where(self._instant & self._per_unit, 0.0, judged)
         else:
-            self._rejected = self._rejected or (step, errors)
+            self._rejected, self._last_rejected = self._rejected or (step, errors), (step, errors)
             self._start.restore()
         return accepted
 
@@ -276,6 +303,26 @@ class ErrorControl(Stepping):
         if self._rejected is None or step > 0.5 * self._rejected[0]:
             return np.zeros(len(errors), dtype=bool)
         return (errors > allowed) & (errors > 0.9 * self._rejected[1]) & ~self._jumped
+
+    def _bends(self, step: float, errors: Vector) -> NDArray[np.bool_]:
+        """Which errors go with the step itself: a line is followed over a bend.
+
+        No step is short enough for those per unit step.
+        """
+        if self._last_rejected is None:
+            return np.zeros(len(errors), dtype=bool)
+        longer, found = self._last_rejected
+        return errors > 0.6 * step / longer * found
+
+
+def _remembered_try(memory: Vector) -> tuple[float, Vector] | None:
+    """A rejected step and its errors; None where there was none."""
+    return None if np.isnan(memory[0]) else (float(memory[0]), memory[1:].copy())
+
+
+def default_largest_step(times: Timing) -> float:
+    """Return the longest step in s that a run takes by default: a fiftieth of it, or ten first steps."""
+    return max((times.stop - times.start) / LARGEST_SHARE, SHORTEST_LIMIT * times.step)
 
 
 def _event_points(events: Sequence[float], times: Timing) -> list[float]:

@@ -1,0 +1,83 @@
+"""Times at which inputs jump or bend, and how often they change: known before a run begins."""
+
+import contextlib
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ..arrays import Vector
+from ..errors import CommandError
+from ..system.fault import Fault
+from .data import read_data
+from .input import Input
+
+Schedule = Callable[[Mapping[str, float]], Iterable[float]]
+"""From the parameters by full name to times in s at which something in a component begins or ends."""
+
+SCHEDULES: list[Schedule] = []
+"""What knows of schedules that components follow by themselves."""
+
+MOST = 100_000
+"""Where inputs jump more often than this, steps no longer end at every jump."""
+
+
+def input_events(
+    sources: Sequence[Input], faults: Sequence[Fault], parameters: Mapping[str, float], stop: float
+) -> list[float]:
+    """Return the times at which inputs jump or bend.
+
+    Args:
+        sources: Data that drive signals; those with held values jump where a row differs from the one before.
+        faults: Faults of signals, which begin and end.
+        parameters: All parameters by full name, for `SCHEDULES`.
+        stop: Stop time in s.
+
+    Returns:
+        Times in s, in no order.
+
+    """
+    found = [t for schedule in SCHEDULES for t in schedule(parameters)]
+    for fault in faults:
+        found += [fault.start, fault.start + (math.inf if fault.duration is None else fault.duration)]
+    for source in sources:
+        if source.interpolation == "held":
+            found += _repeated(source, _jumps(source), stop)
+        elif (times := _times(source)).size:
+            found += [float(times[0]), float(times[-1])]
+    return [t for t in found if math.isfinite(t)]
+
+
+def row_distance(sources: Sequence[Input]) -> float:
+    """Return the shortest of the data's median distances between rows in s; infinite without data."""
+    distances = [np.diff(_times(source)) for source in sources if source.interpolation != "held"]
+    return min((float(np.median(d)) for d in distances if d.size), default=math.inf)
+
+
+def _times(source: Input) -> Vector:
+    return read_data(source).times(source.time)[1]
+
+
+def _jumps(source: Input) -> Vector:
+    """Times of the rows that differ from the row before in any column of numbers."""
+    data = read_data(source)
+    position, times = data.times(source.time)
+    differs = np.zeros(len(times), dtype=bool)
+    for other in range(len(data.headers)):
+        if other != position:
+            with contextlib.suppress(CommandError):  # a column of texts, which drives nothing
+                values = data.numbers(other)
+                differs[1:] |= values[1:] != values[:-1]
+    return times[differs]
+
+
+def _repeated(source: Input, jumps: Vector, stop: float) -> list[float]:
+    """The jumps, and those of all repetitions up to the stop time; none where they are too many."""
+    times = _times(source)
+    period = float(times[-1] - times[0]) if len(times) > 1 else 0.0
+    rounds = 0
+    if source.end == "repeat" and period > 0.0 and stop > times[-1]:
+        rounds = math.ceil((stop - float(times[-1])) / period)
+    if (rounds + 1) * (len(jumps) + 1) > MOST:
+        return []
+    return [float(t) + k * period for k in range(rounds + 1) for t in (*jumps, times[-1])]
