@@ -33,7 +33,7 @@ EARLY = 10
 JUST_BEFORE = 1e-5
 """The step that ends at an event, as a part of the first step."""
 
-SHORT = 1e-3
+SHORT = 1e-5
 """Steps shorter than this part of the first one may make that part of the tolerance, too."""
 
 BENT = 0.1
@@ -178,8 +178,8 @@ class ErrorControl(Stepping):
         reason = (
             "inputs bend or jump too often. Set a smaller tolerance, or shorter steps by --largest-step."
             if self._per_unit
-            else "with held inputs the tolerance bounds the error of one step only. Set --extrapolation fmu if "
-            "the FMUs interpolate inputs, or a smaller tolerance."
+            else "with held inputs the tolerance bounds the error of one step only. Set --extrapolation fmu "
+            "if the FMUs interpolate inputs, or a smaller tolerance."
         )
         return [
             f"the errors of all steps add up to {total:.2g} of the size of {worst}, "
