@@ -46,6 +46,7 @@ from .sweep.plan import Plan as Plan
 from .sweep.reading import read_sweep as read_sweep
 from .sweep.result import SweepResult as SweepResult
 from .sweep.sweeping import sweep as sweep
+from .system.bond import Bond as Bond
 from .system.fault import Fault as Fault
 from .system.model import Component as Component
 from .system.model import Connection as Connection
