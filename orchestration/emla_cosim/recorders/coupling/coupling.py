@@ -37,6 +37,11 @@ class Coupling:
         needed = sorted({0, *self._residuals.columns, *(c for bond in self._bonds for c in bond.columns)})
         self._needed = {column: place for place, column in enumerate(needed)}
         self._window = Window(np.array(needed, dtype=np.intp), None if memory is None else memory["window"])
+        # what noise creates and destroys cancels only where every step counts
+        bonded = sorted({0, *(c for bond in self._bonds for c in bond.columns)})
+        self._bonded_columns = {column: place for place, column in enumerate(bonded)}
+        remembered = None if memory is None else memory["bond_window"]
+        self._bond_window = Window(np.array(bonded, dtype=np.intp), remembered, thinned=1)
         if memory is not None:
             self._remember(memory)
 
@@ -67,19 +72,23 @@ class Coupling:
         if len(self._needed) == 1 or not len(rows):
             return
         self._window.show(rows)
-        if self._window.waiting >= _BATCH:
+        if self._bonds:
+            self._bond_window.show(rows)
+        if max(self._window.waiting, self._bond_window.waiting) >= _BATCH:
             self._take()
 
     def _take(self) -> None:
         """Add up the steps that wait."""
-        if not self._window.waiting:
-            return
         with np.errstate(all="ignore"):
+            if self._bond_window.waiting:
+                steps, _ = self._bond_window.take()
+                for bond in self._bonds:
+                    bond.take(steps.halved() if self._watched else steps, self._bonded_columns)
+            if not self._window.waiting:
+                return
             steps, earlier = self._window.take()
             if self._watched:
                 steps, earlier = steps.halved(), earlier.halved()
-            for bond in self._bonds:
-                bond.take(steps, self._needed)
             if self._exchanged:
                 self._residuals.take(steps, earlier, self._needed)
 
@@ -109,6 +118,7 @@ class Coupling:
         self._complete()
         return {
             "window": self._window.memory(),
+            "bond_window": self._bond_window.memory(),
             "bonds": {bond.name: bond.memory() for bond in self._bonds},
             "residuals": self._residuals.memory(),
             "responses": {str(number): found.tolist() for number, found in self._responses.items()},

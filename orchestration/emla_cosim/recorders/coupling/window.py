@@ -17,9 +17,9 @@ POINTS = 4
 class Window:
     """Picks steps of rows, the time in s first, of which some columns are needed, until they are taken."""
 
-    def __init__(self, columns: Indices, memory: Any = None) -> None:
+    def __init__(self, columns: Indices, memory: Any = None, thinned: int = THINNED) -> None:
         """Begin, or go on from what `memory` gave."""
-        self._columns = columns
+        self._columns, self._thinned = columns, thinned
         self._number = 0  # of the step that the next row ends
         self._last: Vector = np.empty((0, len(columns)))  # the points before the next row
         self._points, self._counts = list[Vector](), list[Vector]()
@@ -40,10 +40,10 @@ class Window:
             self._last, rows = rows[[0] * (POINTS - 1)][:, self._columns], rows[1:]
         every = np.arange(len(rows))
         number = self._number + every
-        chosen = every[(number < EVERY_STEP) | (number % THINNED == 0)]
+        chosen = every[(number < EVERY_STEP) | (number % self._thinned == 0)]
         if len(chosen):
             self._points.append(self._picked(rows, chosen[:, None] + np.arange(POINTS)))
-            self._counts.append(np.where(number[chosen] < EVERY_STEP, 1.0, float(THINNED)))
+            self._counts.append(np.where(number[chosen] < EVERY_STEP, 1.0, float(self._thinned)))
             self.waiting += len(chosen)
         self._last = self._picked(rows, len(rows) + np.arange(POINTS - 1))
         self._number += len(rows)
