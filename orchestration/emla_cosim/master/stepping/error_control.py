@@ -36,6 +36,9 @@ JUST_BEFORE = 1e-5
 SHORT = 1e-5
 """Steps shorter than this part of the first one may make that part of the tolerance, too."""
 
+UNREAD = 1e-2
+"""What nobody reads makes no step shorter than this part of the first one: it may be a flag that jumps."""
+
 BENT = 0.1
 """The part of the tolerance that a step may make over a bend, and where errors do not add up."""
 
@@ -255,6 +258,8 @@ class ErrorControl(Stepping):
             return True
         allowed = self._allowed(step)
         jumps = self._jumps(step, errors, allowed)
+        if step < UNREAD * self.times.step:
+            jumps |= self._unread
         judged = np.where(jumps, 0.0, errors)
         once = self._instant | self._bends(step, errors) | (step < SHORT * self.times.step)
         shares = judged / np.where(once, max(BENT * self.tolerance, allowed), allowed)
