@@ -51,21 +51,22 @@ class BondEnergy:
         return {end.users.connections[end.users.own].name for end in self._ends if end.users is not None}
 
     @property
-    def columns(self) -> set[int]:
-        """The columns that are needed of rows with the time first."""
-        users = (x for end in self._ends if end.users is not None for x in end.users.connections)
-        return {*(end.column for end in self._ends), *(1 + x.signal for x in users)}
+    def uses(self) -> set[Use]:
+        """How the connections of the bond are used: columns are those of rows with the time first."""
+        return {_use(x) for end in self._ends if end.users is not None for x in end.users.connections}
 
-    def take(self, steps: Steps, place: Mapping[int, int]) -> None:
-        """Take the next steps; `place` says where a column is in them."""
-        columns = [place[end.column] for end in self._ends]
-        effort, flow = columns
-        powers = [np.abs(values[:, effort] * values[:, flow]) for values in (steps.begin, steps.end)]
-        self._exchanged += float(0.5 * steps.weighted @ (powers[0] + powers[1]))
-        for end, other, missed in zip(self._ends, reversed(columns), self._missed, strict=True):
+    @property
+    def columns(self) -> tuple[int, int]:
+        """The columns of effort and flow, of rows with the time first."""
+        effort, flow = self._ends
+        return effort.column, flow.column
+
+    def take(self, exchanged: float, missed: Mapping[tuple[Use, int], float]) -> None:
+        """Add what was exchanged, and the integrals of what was used wrongly times the other signal."""
+        self._exchanged += exchanged
+        for end, other, sums in zip(self._ends, reversed(self.columns), self._missed, strict=True):
             if end.users is not None:
-                uses = [Use(place[1 + x.signal], x.is_late, x.mode) for x in end.users.connections]
-                missed += integral(steps.weighted, steps.residuals(uses), steps.values([other]))[:, 0]
+                sums += [missed[_use(x), other] for x in end.users.connections]
 
     def figures(self, responses: Mapping[int, Vector]) -> dict[str, float]:
         """Return the energies so far; see `loop_responses`."""
@@ -98,6 +99,39 @@ def applicable(
         for name, bond in bonds.items()
         if {bond.effort, bond.flow} <= set(names) and used & {bond.effort, bond.flow}
     }
+
+
+class BondEnergies:
+    """Adds up the energies of all bonds; what several of them need is computed once."""
+
+    def __init__(self, bonds: Sequence[BondEnergy]) -> None:
+        self._bonds = bonds
+        signals = sorted({column for bond in bonds for column in bond.columns})
+        uses = sorted({use for bond in bonds for use in bond.uses}, key=lambda use: (use.column, use.is_late))
+        self.columns = sorted({0, *signals, *(use.column for use in uses)})
+        """The columns that are needed of rows with the time first."""
+        place = {column: i for i, column in enumerate(self.columns)}
+        self._keys = [[(use, column) for column in signals] for use in uses]
+        self._uses = [Use(place[use.column], use.is_late, use.mode) for use in uses]
+        self._signals = [place[column] for column in signals]
+        self._efforts, self._flows = ([place[bond.columns[i]] for bond in bonds] for i in range(2))
+
+    def take(self, steps: Steps) -> None:
+        """Take the next steps, which have the `columns`."""
+        powers = [np.abs(x[:, self._efforts] * x[:, self._flows]) for x in (steps.begin, steps.end)]
+        exchanged = 0.5 * steps.weighted @ (powers[0] + powers[1])
+        products = integral(steps.weighted, steps.residuals(self._uses), steps.values(self._signals))
+        missed = {
+            key: value
+            for keys, row in zip(self._keys, products.tolist(), strict=True)
+            for key, value in zip(keys, row, strict=True)
+        }
+        for bond, energy in zip(self._bonds, exchanged.tolist(), strict=True):
+            bond.take(energy, missed)
+
+
+def _use(x: Exchanged) -> Use:
+    return Use(1 + x.signal, x.is_late, x.mode)
 
 
 def _position(name: str, signal: str, outline: Outline) -> int:

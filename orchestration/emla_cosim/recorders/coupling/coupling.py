@@ -9,10 +9,10 @@ from ...arrays import Vector
 from ...master.algorithms.algorithm import Algorithm
 from ...master.algorithms.exchanged import Exchanged, loop_responses
 from ..recorder import Outline
-from .bond_energy import BondEnergy
+from .bond_energy import BondEnergies, BondEnergy
 from .remarks import remarks
 from .residual import Residual, Residuals
-from .window import Window
+from .window import EveryStep, Window
 
 COUPLING = "coupling"
 """What metrics.json calls the part with the cost of the exchange."""
@@ -34,14 +34,13 @@ class Coupling:
         self._judged = _judged(outline.exchanged, self._bonded)
         self._responses: Mapping[int, Vector] = {}
         self._algorithm: Algorithm | None = None
-        needed = sorted({0, *self._residuals.columns, *(c for bond in self._bonds for c in bond.columns)})
+        needed = sorted({0, *self._residuals.columns})
         self._needed = {column: place for place, column in enumerate(needed)}
         self._window = Window(np.array(needed, dtype=np.intp), None if memory is None else memory["window"])
         # what noise creates and destroys cancels only where every step counts
-        bonded = sorted({0, *(c for bond in self._bonds for c in bond.columns)})
-        self._bonded_columns = {column: place for place, column in enumerate(bonded)}
+        self._energies = BondEnergies(self._bonds)
         remembered = None if memory is None else memory["bond_window"]
-        self._bond_window = Window(np.array(bonded, dtype=np.intp), remembered, thinned=1)
+        self._bond_window = EveryStep(np.array(self._energies.columns, dtype=np.intp), remembered)
         if memory is not None:
             self._remember(memory)
 
@@ -69,7 +68,7 @@ class Coupling:
             self._write(rows[np.diff(rows[:, 0], prepend=self._window.time) > 0.0])
 
     def _write(self, rows: Vector) -> None:
-        if len(self._needed) == 1 or not len(rows):
+        if not (self._exchanged or self._bonds) or not len(rows):
             return
         self._window.show(rows)
         if self._bonds:
@@ -81,9 +80,8 @@ class Coupling:
         """Add up the steps that wait."""
         with np.errstate(all="ignore"):
             if self._bond_window.waiting:
-                steps, _ = self._bond_window.take()
-                for bond in self._bonds:
-                    bond.take(steps.halved() if self._watched else steps, self._bonded_columns)
+                steps = self._bond_window.take()
+                self._energies.take(steps.halved() if self._watched else steps)
             if not self._window.waiting:
                 return
             steps, earlier = self._window.take()

@@ -17,9 +17,9 @@ POINTS = 4
 class Window:
     """Picks steps of rows, the time in s first, of which some columns are needed, until they are taken."""
 
-    def __init__(self, columns: Indices, memory: Any = None, thinned: int = THINNED) -> None:
+    def __init__(self, columns: Indices, memory: Any = None) -> None:
         """Begin, or go on from what `memory` gave."""
-        self._columns, self._thinned = columns, thinned
+        self._columns = columns
         self._number = 0  # of the step that the next row ends
         self._last: Vector = np.empty((0, len(columns)))  # the points before the next row
         self._points, self._counts = list[Vector](), list[Vector]()
@@ -40,10 +40,10 @@ class Window:
             self._last, rows = rows[[0] * (POINTS - 1)][:, self._columns], rows[1:]
         every = np.arange(len(rows))
         number = self._number + every
-        chosen = every[(number < EVERY_STEP) | (number % self._thinned == 0)]
+        chosen = every[(number < EVERY_STEP) | (number % THINNED == 0)]
         if len(chosen):
             self._points.append(self._picked(rows, chosen[:, None] + np.arange(POINTS)))
-            self._counts.append(np.where(number[chosen] < EVERY_STEP, 1.0, float(self._thinned)))
+            self._counts.append(np.where(number[chosen] < EVERY_STEP, 1.0, float(THINNED)))
             self.waiting += len(chosen)
         self._last = self._picked(rows, len(rows) + np.arange(POINTS - 1))
         self._number += len(rows)
@@ -68,3 +68,33 @@ class Window:
         if early.any():
             found[early] = self._last[points[early]]
         return found
+
+
+class EveryStep:
+    """All steps of rows, the time in s first, of which some columns are needed, until they are taken."""
+
+    def __init__(self, columns: Indices, memory: Any = None) -> None:
+        """Begin, or go on from what `memory` gave."""
+        self._columns = columns
+        last = np.empty((0, len(columns))) if memory is None else np.array(memory, dtype=float)
+        self._rows = [last.reshape(-1, len(columns))]
+        self.waiting = 0
+        """Steps that wait to be taken."""
+
+    def show(self, rows: Vector) -> None:
+        """Take the next rows."""
+        if not len(self._rows[0]):
+            self._rows = [rows[[0, 0]][:, self._columns]]  # nothing is known of a step before the first
+            rows = rows[1:]
+        self._rows.append(rows[:, self._columns])
+        self.waiting += len(rows)
+
+    def take(self) -> Steps:
+        """Hand over the steps that wait."""
+        rows = np.concatenate(self._rows)
+        self._rows, self.waiting = [rows[-2:]], 0
+        return Steps(rows[:-2], rows[1:-1], rows[2:], np.ones(len(rows) - 2))
+
+    def memory(self) -> Any:
+        """Plain data from which another one can go on, where no steps wait."""
+        return self._rows[0].tolist()
