@@ -72,6 +72,19 @@ def test_a_terminal_loses_no_letter_of_a_name(
     assert max(len(line) for line in shown.splitlines() if "─" in line) <= columns
 
 
+@pytest.mark.parametrize("content", ['system = "lift"\n', "[1, 2]", '{"format": "other"}', "\x00"])
+def test_a_file_of_something_else_is_not_replaced(emla: Emla, content: str) -> None:
+    Path("mine.toml").write_text(content)
+    text = sentence(emla("info", "lift", "--json", "mine.toml"), 2)
+    assert "'mine.toml' exists and was not written by emla info" in text
+    assert Path("mine.toml").read_text() == content
+    Path("link").symlink_to("nowhere")
+    assert "is a link to nothing" in sentence(emla("info", "lift", "--json", "link"), 2)
+    assert not Path("nowhere").exists()
+    for _ in range(2):
+        assert emla("info", "lift", "--json", "ours.json").exit_code == 0
+
+
 def test_json_goes_where_it_is_asked_for(emla: Emla) -> None:
     shown = json.loads(emla("info", "lift", "--match", "*.R_s", "--json").stdout)
     assert [v["name"] for v in shown["variables"]] == ["lift.plant.motor.R_s", "lift.controller.model.R_s"]

@@ -17,7 +17,7 @@ from ..files import check_places
 from ..info.informing import info
 from ..info.parts import FmuInfo
 from ..info.shown import ShownRow, line, shown_rows
-from ..info.told import Info, start_text
+from ..info.told import Info, check_replaceable, start_text
 from ..loading import load
 from ..option import INFO
 from ..report.text import shortened
@@ -60,6 +60,7 @@ def command(
         with suppress(CommandError):  # which telling says
             used |= load(source, **given).options.files_read()
         check_places({json: "the JSON file"}, used)
+        check_replaceable(json)
     with BarProgress() as progress:
         found = info(source, progress, **given)
     if match:

@@ -17,6 +17,7 @@ from .parts import ComponentInfo, ConnectionInfo, FmuInfo, VariableInfo
 if TYPE_CHECKING:
     import polars
 
+FORMAT = "emla-info"
 VERSION = 1
 """Of what the fields mean."""
 
@@ -99,11 +100,28 @@ class Info:
         """All but the variables."""
         told = asdict(replace(self, variables=()))
         del told["variables"]
-        return plain({"format": "emla-info", "version": VERSION, **told})
+        return plain({"format": FORMAT, "version": VERSION, **told})
 
     def save_json(self, path: str | Path) -> None:
-        """Write `as_json` to a file; CommandError where none can be written, RunError where that fails."""
+        """Write `as_json` to a file; CommandError where none can be written, RunError where that fails.
+
+        A file of something else is not replaced, see `check_replaceable`.
+        """
+        check_replaceable(Path(path))
         write_text(self.as_json(), Path(path), "the JSON file")
+
+
+def check_replaceable(path: Path) -> None:
+    """Raise CommandError for a file that `Info.save_json` did not write, and for a link to nothing."""
+    if path.is_symlink() and not path.exists():
+        raise CommandError(f"the JSON file '{path}' is a link to nothing; name another file.")
+    try:
+        content = path.read_bytes() if path.is_file() else b""
+        is_ours = not content or json.loads(content).get("format") == FORMAT
+    except (OSError, ValueError, AttributeError):
+        is_ours = False
+    if not is_ours:
+        raise CommandError(f"'{path}' exists and was not written by emla info; name another file.")
 
 
 def start_text(value: float | int | bool | str) -> str:
