@@ -211,7 +211,8 @@ class Simulation:
         self._error = None
         recorded = selected(chosen.signals, assembly.network.names)
         algorithm.setup(assembly.network)
-        stepping = _stepping(algorithm, chosen, times, assembly.parameters)
+        sampled = any(c.samples for c in system.components)
+        stepping = _stepping(algorithm, chosen, times, assembly.parameters, sampled)
         try:
             metrics, resumed = MetricsRecorder(), None
             taking = [metrics, *([TimeSeries()] if recorders is None else _recorders(recorders))]
@@ -546,7 +547,11 @@ def _freed(stepping: Stepping) -> None:
 
 
 def _stepping(
-    algorithm: Algorithm, options: Options, times: Timing, parameters: Callable[[], Mapping[str, float]]
+    algorithm: Algorithm,
+    options: Options,
+    times: Timing,
+    parameters: Callable[[], Mapping[str, float]],
+    sampled: bool,
 ) -> Stepping:
     """The stepping for an algorithm that is set up; CommandError where times do not fit."""
     if options.error_tolerance is None:
@@ -556,4 +561,4 @@ def _stepping(
     if largest is None:
         largest = min(default_largest_step(times), row_distance(options.input))
     tolerance, interval = options.error_tolerance, options.output_interval
-    return ErrorControl(algorithm, times, tolerance, interval, largest, events)
+    return ErrorControl(algorithm, times, tolerance, interval, largest, events, sampled)

@@ -37,10 +37,13 @@ SHORT = 1e-5
 """Steps shorter than this part of the first one may make that part of the tolerance, too."""
 
 UNREAD = 1e-2
-"""What nobody reads makes no step shorter than this part of the first one: it may be a flag that jumps."""
+"""What nobody reads of an FMU that is read makes no step shorter than this part of the first one: it may be a flag that jumps."""
 
 BENT = 0.1
 """The part of the tolerance that a step may make over a bend, and where errors do not add up."""
+
+CRAWLING, CRAWLING_STEPS = 1e-2, 200
+"""So many steps in a row, each below this part of the first one, show that something jumps at every point."""
 
 WORTH_A_REMARK = 10.0
 """The sum of all errors, in tolerances, from which on it is worth a remark."""
@@ -61,7 +64,9 @@ class ErrorControl(Stepping):
     of it, with t where the step begins. All steps together then make at most tolerance ln(1 + T / 10 h_first)
     in the time T, seven times the tolerance after 10,000 first steps, wherever the run stops. With order 1
     (held inputs) that would need steps in proportion to the tolerance: there every step may make an error of
-    the tolerance, and `remarks` say how many times the tolerance they add up to.
+    the tolerance, and `remarks` say how many times the tolerance they add up to. So it is where a component
+    is `sampled`, or steps show that something jumps at every point; there only signals that are read are
+    judged, and those of slaves that nobody reads.
 
     The first step tried is that of `times`. With an `interval` in s, its multiples are met
     exactly and only they are recorded; without, every accepted step is.
@@ -78,6 +83,7 @@ class ErrorControl(Stepping):
         interval: float | None = None,
         largest: float | None = None,
         events: Sequence[float] = (),
+        sampled: bool = False,
     ) -> None:
         """Take an algorithm that is set up.
 
@@ -88,6 +94,7 @@ class ErrorControl(Stepping):
             interval: Time between recorded rows in s; None records every accepted step.
             largest: The longest step in s; None is a fiftieth of the run's time.
             events: Times in s at which inputs jump or bend; steps end there.
+            sampled: Whether a component computes at communication points, as a digital controller does.
 
         Raises:
             CommandError: A slave cannot go back or vary its step, or steps more rarely than others.
@@ -100,7 +107,8 @@ class ErrorControl(Stepping):
         require(slaves, "rolls_back", "canGetAndSetFMUstate", "error control")
         require(slaves, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
         self.tolerance = tolerance
-        self._per_unit = algorithm.accuracy > 1
+        self._sampled = sampled
+        self._per_unit = algorithm.accuracy > 1 and not sampled
         longest = largest or default_largest_step(times)
         power = algorithm.accuracy + (0 if self._per_unit else 1)
         self.control = StepControl(min(times.step, longest), power, SMALLEST * times.step, longest)
@@ -121,6 +129,12 @@ class ErrorControl(Stepping):
         self._sum: Vector = np.zeros(len(self._judged))
         """Errors of all steps so far, relative to the sizes, added up."""
         self._unread = ~np.isin(self._judged, algorithm.network.read)
+        self._looked_at = ~self._unread | _of_unread_parts(algorithm)[self._judged] | (not sampled)
+        """Which of the signals make a step too long."""
+        self._beside = self._unread & ~_of_unread_parts(algorithm)[self._judged]
+        """Which signals nobody reads, of slaves of which something is read."""
+        self._short_steps = 0
+        """Steps in a row that were far shorter than the first one."""
         late = {link.target for link in algorithm.late() if link.direct}
         self._instant = np.isin(algorithm.exchange.owners[self._judged], list(late))
         """Which signals show at once what is followed along a line: that error does not add up."""
@@ -171,11 +185,12 @@ class ErrorControl(Stepping):
             "rejected_steps": self.control.rejected,
             "largest_step_s": self.control.largest,
             "estimated_error": float(self._sum.max(initial=0.0)),
+            "error_per_unit_step": self._per_unit,
         }
 
     def remarks(self) -> list[str]:
         """Say so where the errors of all steps add up to far more than the tolerance."""
-        if not self._sum.max(initial=0.0) > WORTH_A_REMARK * self.tolerance:
+        if self._sampled or not self._sum.max(initial=0.0) > WORTH_A_REMARK * self.tolerance:
             return []
         worst, total = self.algorithm.network.names[self._judged[self._sum.argmax()]], self._sum.max()
         reason = (
@@ -203,6 +218,7 @@ class ErrorControl(Stepping):
             "control/jumped": self._jumped.astype(float),
             "control/largest": self._scale.largest,
             "control/sum": self._sum,
+            "control/sampled": np.array([float(self._sampled), float(self._short_steps)]),
         }
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
@@ -215,6 +231,10 @@ class ErrorControl(Stepping):
         control.accepted, control.rejected = int(accepted), int(rejected)
         self._scale.largest[:] = memory["control/largest"]
         self._sum[:] = memory["control/sum"]
+        was_sampled, short = memory["control/sampled"]
+        if was_sampled and not self._sampled:
+            self._judge_each_step()
+        self._short_steps = int(short)
         self._rejected = _remembered_try(memory["control/tried"])
         self._last_rejected = _remembered_try(memory["control/tried_last"])
         self._jumped = memory["control/jumped"] > 0.0
@@ -259,8 +279,8 @@ class ErrorControl(Stepping):
         allowed = self._allowed(step)
         jumps = self._jumps(step, errors, allowed)
         if step < UNREAD * self.times.step:
-            jumps |= self._unread
-        judged = np.where(jumps, 0.0, errors)
+            jumps |= self._beside
+        judged = np.where(jumps | ~self._looked_at, 0.0, errors)
         once = self._instant | self._bends(step, errors) | (step < SHORT * self.times.step)
         shares = judged / np.where(once, max(BENT * self.tolerance, allowed), allowed)
         try:
@@ -270,8 +290,11 @@ class ErrorControl(Stepping):
             failure = self.algorithm.network.not_finite(self._time + step)
             raise failure or RunError(f"{too_small} {name} differs most.") from None
         if accepted:
-            self._rejected, self._last_rejected, self._jumped = None, None, jumps & ~self._unread
+            self._rejected, self._last_rejected, self._jumped = None, None, jumps & ~self._beside
             self._sum += np.where(self._instant & self._per_unit, 0.0, judged)
+            self._short_steps = self._short_steps + 1 if step < CRAWLING * self.times.step else 0
+            if self._per_unit and self._short_steps == CRAWLING_STEPS:
+                self._judge_each_step()
         else:
             self._rejected, self._last_rejected = self._rejected or (step, errors), (step, errors)
             self._start.restore()
@@ -291,6 +314,12 @@ class ErrorControl(Stepping):
         errors = self._scale.relative(difference, self._judged)
         errors[self._unread & ~np.isfinite(errors)] = 0.0  # what nobody reads may be infinite
         return errors
+
+    def _judge_each_step(self) -> None:
+        """Give up the error per unit step: something jumps at every communication point."""
+        self._per_unit, self._sampled = False, True
+        self.control.power = self.algorithm.accuracy + 1
+        self._looked_at = ~self._unread | _of_unread_parts(self.algorithm)[self._judged]
 
     def _allowed(self, step: float) -> float:
         """The error that a step from here may make, relative to the sizes."""
@@ -337,6 +366,17 @@ def _event_points(events: Sequence[float], times: Timing) -> list[float]:
     """
     inside = [t for t in events if times.start < t <= times.stop]
     return sorted({t - before for t in inside for before in (0.0, JUST_BEFORE * times.step)})
+
+
+def _of_unread_parts(algorithm: Algorithm) -> NDArray[np.bool_]:
+    """Which signals belong to a slave that nobody reads."""
+    network = algorithm.network
+    read = np.zeros(len(network.signals), dtype=bool)
+    read[network.read] = True
+    found = np.zeros(len(read), dtype=bool)
+    for part in network.parts:
+        found[part] = not read[part].any()
+    return found
 
 
 def _judged(algorithm: Algorithm) -> Indices:
