@@ -37,7 +37,7 @@ SHORT = 1e-5
 """Steps shorter than this part of the first one may make that part of the tolerance, too."""
 
 UNREAD = 1e-2
-"""What nobody reads of an FMU that is read makes no step shorter than this part of the first one: it may be a flag that jumps."""
+"""Of FMUs that are read, what nobody reads makes no step shorter than this part of the first one."""
 
 BENT = 0.1
 """The part of the tolerance that a step may make over a bend, and where errors do not add up."""
