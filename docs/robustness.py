@@ -125,7 +125,7 @@ def sweep_tilt(folder: Path) -> None:
     """Run the factors of tilt alone as a Saltelli sample."""
     plan = plan_of("study-robustness")
     vary = {n: d for n, d in plan.vary.items() if n.startswith(("*.", "tilt."))}
-    set_ = {n: v for n, v in plan.options["set"].items() if n.startswith("tilt.")}
+    set_ = {n: v for n, v in plan.options.get("set", {}).items() if n.startswith("tilt.")}
     alone = replace(
         plan,
         scenario="tilt",
