@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 import emla_cosim as ec
 from emla_cosim.arrays import Vector
 from emla_cosim.results.style import BLUE, GREY, ORANGE, RED, save, tidied
+from emla_cosim.study.registration import register
 from emla_cosim.study.systems import STUDY
 from emla_cosim.sweep.columns import factor, figure_values, influence
 from emla_cosim.sweep.plan import plan_of
@@ -123,6 +124,7 @@ def told(joints: Sequence[Joint]) -> Iterable[str]:
 
 def sweep_tilt(folder: Path) -> None:
     """Run the factors of tilt alone as a Saltelli sample."""
+    register()
     plan = plan_of("study-robustness")
     vary = {n: d for n, d in plan.vary.items() if n.startswith(("*.", "tilt."))}
     set_ = {n: v for n, v in plan.options.get("set", {}).items() if n.startswith("tilt.")}
