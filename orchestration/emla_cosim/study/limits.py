@@ -38,11 +38,8 @@ RANGES = (
 
 
 @dataclass(frozen=True)
-class Trip:
-    """The first value beyond the threshold of a limit.
-
-    `signal` has its full name, `value`, `limit` and `threshold` are in its `unit`; `what` says what it is.
-    """
+class Exceeded:
+    """A value beyond a limit: `value`, `limit` and `threshold` are in `unit`, `what` says what is limited."""
 
     signal: str
     time_s: float
@@ -51,6 +48,10 @@ class Trip:
     threshold: float
     unit: str
     what: str
+
+
+class Trip(Exceeded):
+    """The first value beyond the threshold of a limit."""
 
     def sentence(self, joint: str) -> str:
         """Say when the joint tripped, and why."""
@@ -61,17 +62,8 @@ class Trip:
         )
 
 
-@dataclass(frozen=True)
-class Touch:
-    """A limit that was exceeded by less than its threshold: when first, and by the largest value."""
-
-    signal: str
-    time_s: float
-    value: float
-    limit: float
-    threshold: float
-    unit: str
-    what: str
+class Touch(Exceeded):
+    """A limit that was exceeded by less than its threshold: when first, and the largest value."""
 
     def sentence(self, joint: str) -> str:
         """Say which limit the joint touched."""
