@@ -90,6 +90,24 @@ def instead(name: str, known: Collection[str]) -> str:
     return near_or_some(name, known)
 
 
+class UnknownFigureError(CommandError, KeyError):
+    """A figure that there is not, by a name that older versions had."""
+
+    __str__ = Exception.__str__  # KeyError shows its message as Python writes it
+
+
+class NamedFigures(dict[str, Any]):
+    """Figures by name, which know the names that older versions had.
+
+    `figures["converged"]` raises UnknownFigureError, which is a KeyError, with the new name.
+    """
+
+    def __missing__(self, name: str) -> Any:
+        if name in RENAMED:
+            raise UnknownFigureError(f"there is no figure '{name}'; {instead(name, self)}", name=name)
+        raise KeyError(name)
+
+
 def unmet(requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]) -> str | None:
     """A sentence with all that is not as required, and what it is; None where everything is."""
     known = by_name(figures, run)

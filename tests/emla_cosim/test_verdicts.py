@@ -15,6 +15,7 @@ import emla_cosim as ec
 from emla_cosim.errors import CommandError
 from emla_cosim.study.criteria import Criteria, criteria_of
 from emla_cosim.study.metrics import JointMetrics
+from emla_cosim.study.registration import register
 from emla_fmu.parameters import EMLAS
 
 SIGNALS = ("plant.x_L", "plant.v_L", "plant.tau_m", "reference.x_d", "reference.v_d")
@@ -305,6 +306,21 @@ def test_an_oscillation_survives_a_checkpoint_and_counts_from_evaluation_on() ->
     before = np.where(T[:, np.newaxis] < 0.3, rows, limit_cycle(120.0, 0.0))
     before[:, 0] = T
     assert judged(before, parameters=PARAMETERS)["held"] is True
+
+
+def test_a_script_that_asks_for_an_old_name_gets_the_new_one() -> None:
+    register()
+    metrics = JointMetrics(NAMES)
+    figures = metrics.figures()["j"]
+    with pytest.raises(KeyError) as caught:
+        figures["converged"]
+    assert (
+        str(caught.value)
+        == "there is no figure 'converged'; 'converged' is called 'held' now: docs/metrics.md."
+    )
+    with pytest.raises(KeyError, match="unheard_of"):
+        figures["unheard_of"]
+    assert figures.get("converged") is None
 
 
 # ---- criteria ----------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import numpy as np
 from ..arrays import Mask, Vector, counts
 from ..recorders.metrics import HELD, Figures, Metrics, Shown
 from ..recorders.recorder import Outline
+from ..requirements import NamedFigures
 from .criteria import criteria_of
 from .limits import LimitWatch
 from .oscillation import OscillationWatch
@@ -318,7 +319,7 @@ class JointMetrics(Metrics):
 
     def figures(self) -> Figures:
         """Return the figures by joint, of what was recorded so far."""
-        return {joint: asdict(self._figures(i, joint)) for i, joint in enumerate(self._joints)}
+        return {joint: NamedFigures(asdict(self._figures(i, joint))) for i, joint in enumerate(self._joints)}
 
     def _figures(self, number: int, joint: str) -> JointFigures:
         largest = self._tracking.largest[:, number]
