@@ -39,7 +39,7 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
     assert "lift.plant.x_L" in frame.columns
     assert frame["time"].to_numpy() == pytest.approx(np.arange(401) * 1e-3)
     metrics = json.loads((folder / "metrics.json").read_text())
-    assert set(metrics) == {"joints", "signals", "run"}
+    assert set(metrics) == {"joints", "signals", "coupling", "run"}
     assert set(metrics["joints"]["lift"]) == {
         "held", "reason", "trip", "limits_touched", "excursions", "oscillation",
         "settling_time_s", "evaluated_from_s", "convergence_time_s",
