@@ -73,6 +73,7 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
     "order": (f"order = {ORDER}", "order", ORDER),
     "real_time": ("real_time = 100", "real_time_factor", 100.0),
     "flavour": ('flavour = "python"', "flavour", "python"),
+    "largest_step": ("error_tolerance = 0.01\nlargest_step = 2e-4", "largest_step_s", 2e-4),
     "criteria": ('[criteria]\n"lift.position_window" = "2 mm"', "criteria", {"lift.position_window": "2 mm"}),
     "step_multiples": ('[step_multiples]\n"lift.controller" = 2', "step_multiples", {"lift.controller": 2}),
     "set": ('[set]\n"lift.plant.motor.R_s" = 0.2', "set", {"lift.plant.motor.R_s": 0.2}),
@@ -96,6 +97,7 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
     ),
     "controller": ('controller = "rsba"', "controller", "rsba"),
     "gains": ('gains = "published"', "gains", "published"),
+    "follow_models": ("follow_models = true", "follow_models", True),
     "isolate": ('isolate = ["lift.plant"]', "isolate", ["lift.plant"]),
 }
 """Keys by what they bring to the settings in run.json."""
