@@ -30,6 +30,8 @@ def _assert_whole(path: Path) -> None:
             assert archive.testzip() is None, path
     elif path.suffix == ".json":
         json.loads(path.read_text(encoding="utf-8"))
+    elif path.suffix == ".html":
+        assert path.read_text(encoding="utf-8").rstrip().endswith("</html>"), path
     elif path.suffix == ".csv":
         assert_whole_rows(path)
     elif path.suffix == ".png":
