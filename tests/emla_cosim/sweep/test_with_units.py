@@ -120,7 +120,7 @@ def test_the_unit_is_that_which_the_system_has(tmp_path: Path) -> None:
 def test_table_record_and_axes_of_a_sweep_have_numbers(emla: Emla, fmu_folder: Path) -> None:
     done = emla(
         "sweep", "lift", "--vary", f"{LEAD}=19 mm:21 mm:3", "--vary", f"{L_D}=1 mH,2 mH",
-        "--stop-time", "0.002", "--workers", "1", "--output", "out", "--fmus", str(fmu_folder),
+        "--stop-time", "0.35", "--workers", "1", "--output", "out", "--fmus", str(fmu_folder),
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     assert f"--set {LEAD}=0.019" in done.stdout
