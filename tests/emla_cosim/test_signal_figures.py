@@ -89,7 +89,7 @@ def test_a_run_counts_every_point_and_keeps_what_is_recorded(fmu_folder: Path, t
         assert [figures[n] for n in NAMES] == pytest.approx(right, rel=1e-12, abs=0), name
     result.save(tmp_path, plots=False)
     kept = json.loads((tmp_path / "metrics.json").read_text())
-    assert kept["signals"] == result.signals and list(kept) == ["joints", "signals", "run"]
+    assert kept["signals"] == result.signals and list(kept) == ["joints", "coupling", "signals", "run"]
 
 
 @pytest.fixture(scope="module")

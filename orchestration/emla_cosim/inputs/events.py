@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,12 +11,7 @@ from ..errors import CommandError
 from ..system.fault import Fault
 from .data import read_data
 from .input import Input
-
-Schedule = Callable[[Mapping[str, float]], Iterable[float]]
-"""From the parameters by full name to times in s at which something in a component begins or ends."""
-
-SCHEDULES: list[Schedule] = []
-"""What knows of schedules that components follow by themselves."""
+from .schedules import SCHEDULES
 
 MOST = 100_000
 """Where inputs jump more often than this, steps no longer end at every jump."""

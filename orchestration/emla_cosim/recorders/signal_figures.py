@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Vector, stored
 from .recorder import Outline
 
 MINIMUM, MAXIMUM, RMS, FINAL = NAMES = ("minimum", "maximum", "rms", "final")
@@ -33,7 +33,7 @@ class SignalFigures:
         self._values = np.full((len(NAMES), len(self._names)), np.nan)
         if memory is not None:
             self._rows = int(memory["rows"])
-            self._values = np.array([memory[name] for name in NAMES], dtype=float).reshape(self._values.shape)
+            self._values = stored([memory[name] for name in NAMES], self._values.shape)
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""

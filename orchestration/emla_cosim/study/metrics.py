@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask, Vector, counts
+from ..arrays import Mask, Vector, counts, stored
 from ..recorders.metrics import HELD, Figures, Metrics, Shown
 from ..recorders.recorder import Outline
 from ..requirements import NamedFigures
@@ -264,11 +264,9 @@ class JointMetrics(Metrics):
         return {"own": own, **{name: getattr(self, f"_{name}").memory() for name in _PARTS}}
 
     def remember(self, memory: Any) -> None:
-        """Go on from what was computed before."""
+        """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
         for name in _STATE:
-            value = np.array(memory["own"][name], dtype=float)
-            if value.shape != np.shape(getattr(self, name)):
-                raise ValueError(f"'{name}' is that of other joints")
+            value = stored(memory["own"][name], np.shape(getattr(self, name)))
             setattr(self, name, value if value.ndim else float(value))
         self._rows = int(self._rows)
         for name in _PARTS:

@@ -7,6 +7,7 @@ joint without the torque. So both are looked at, in windows of 0.1 s: the part o
 phase with the acceleration, and the torque that this acceleration takes of the inertia.
 """
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask, Vector, counts
+from ..arrays import Mask, Vector, counts, stored
 
 WINDOW = 0.1
 """Length in s of the windows that are looked at; the slowest oscillation that is found has 10 Hz."""
@@ -42,8 +43,6 @@ _STATE = (
     "lowest",
 )
 _SUMS = ("rows", "x", "a", "tau", "x x", "x a", "x tau", "a a", "a tau", "tau tau", "crossings")
-_UPPER = np.triu_indices(4)
-"""Where the first ten of these are in the products of 1, x, a and tau."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +82,14 @@ class OscillationWatch:
     def __init__(self, inertias: Sequence[float], limits: Sequence[float], ripples: Sequence[float]) -> None:
         joints = len(inertias)
         self._inertias, self._limits, self._ripples = map(np.array, (inertias, limits, ripples))
+        one, x, a, tau = (
+            np.zeros(joints, int),
+            np.ones(joints, int),
+            *np.arange(2, 2 + 2 * joints).reshape(2, -1),
+        )
+        pairs = itertools.combinations_with_replacement((one, x, a, tau), 2)
+        self._places = tuple(np.array(side) for side in zip(*pairs, strict=True))
+        """Where the first ten sums are in the products of 1, x, and a and tau of all joints."""
         self._start = np.nan
         self._window = 0
         self._last = np.full((2, joints), np.nan)
@@ -138,9 +145,10 @@ class OscillationWatch:
             self._start, first = float(time[0]), 1  # the first row of a run has no acceleration
         joints, rows = torque.shape
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            products = np.empty((joints, 4, rows))
-            products[:, 0], products[:, 1], products[:, 3] = 1.0, time, torque
-            acceleration = products[:, 2]
+            factors = np.empty((2 + 3 * joints, rows))
+            factors[0], factors[1] = 1.0, time
+            acceleration = factors[2 : 2 + joints]
+            factors[2 + joints : 2 + 2 * joints], factors[2 + 2 * joints :] = torque, error
             acceleration[:, 0] = speed_error[:, 0] - self._last[0]
             np.subtract(speed_error[:, 1:], speed_error[:, :-1], out=acceleration[:, 1:])
             acceleration /= steps
@@ -153,8 +161,8 @@ class OscillationWatch:
                 end = int(np.searchsorted(time, self._begin + WINDOW * (1.0 + 1e-6), side="right"))
                 if end > first:
                     part = slice(first, end)
-                    products[:, 1, part] -= self._begin
-                    self._add(products[:, :, part], crossings[:, part], error[:, part])
+                    factors[1, part] -= self._begin
+                    self._add(factors[:, part], crossings[:, part])
                     first = end
                 if end < rows:
                     self._judge(since)
@@ -169,53 +177,59 @@ class OscillationWatch:
         """When the present window begins, in s."""
         return self._start + WINDOW * self._window
 
-    def _add(self, products: Vector, crossings: Mask, error: Vector) -> None:
-        """Add rows to the present window: 1, time from its beginning, acceleration and torque by joint."""
-        self._sums[:10] += (products @ products.transpose(0, 2, 1))[:, *_UPPER].T
+    def _add(self, factors: Vector, crossings: Mask) -> None:
+        """Add rows to the present window: 1, time from its beginning, then by joint a, tau and error."""
+        joints = len(self._inertias)
+        multiplied = factors[: 2 + 2 * joints]
+        self._sums[:10] += (multiplied @ multiplied.T)[self._places]
         self._sums[10] += counts(crossings)
-        torque = products[:, 3]
-        self._highest = np.maximum(self._highest, [torque.max(axis=1), error.max(axis=1)])
-        self._lowest = np.minimum(self._lowest, [torque.min(axis=1), error.min(axis=1)])
+        swinging = factors[2 + joints :]
+        self._highest = np.maximum(self._highest, swinging.max(axis=1).reshape(2, joints))
+        self._lowest = np.minimum(self._lowest, swinging.min(axis=1).reshape(2, joints))
 
     def _judge(self, since: Vector) -> None:
         """Judge the present window, which is complete, and begin the next one."""
-        rows, x, a, tau, xx, xa, x_tau, aa, a_tau, tau_tau, crossings = self._sums
         self._largest = np.fmax(self._largest, np.maximum(self._highest[0], -self._lowest[0]))
-        limit = np.where(np.isnan(self._limits), self._largest, self._limits)
-        judged = (rows >= _FEWEST) & (self._begin >= since - 1e-9)
+        limits = np.where(np.isnan(self._limits), self._largest, self._limits)
+        judged = (self._sums[0] >= _FEWEST) & (self._begin >= since - 1e-9)
         self._judged += judged
         swings = self._highest - self._lowest
-        if not (judged & (swings[0] > self._ripples * limit)).any():  # no rms is larger than the swing
-            self._streaks[:] = 0.0
-            self._clear()
-            return
-        n = np.maximum(rows, 1.0)
-        # all without their straight lines: what is slower than the window is no oscillation
-        spread = np.maximum(xx / n - (x / n) ** 2, 1e-30)
-        with_a, with_tau = xa / n - x * a / n**2, x_tau / n - x * tau / n**2
-        rms_a = np.sqrt(np.maximum(aa / n - (a / n) ** 2 - with_a**2 / spread, 0.0))
-        rms_tau = np.sqrt(np.maximum(tau_tau / n - (tau / n) ** 2 - with_tau**2 / spread, 0.0))
-        covariance = a_tau / n - a * tau / n**2 - with_a * with_tau / spread
-        in_phase = np.where(rms_a > 0.0, covariance / rms_a, 0.0)
-        taken = np.where(
-            np.isnan(self._inertias),
-            np.where(in_phase >= _IN_PHASE * rms_tau, np.inf, 0.0),
-            self._inertias * rms_a,
-        )
-        shaking = np.minimum(in_phase, taken)
-        ripple = np.where(limit > 0.0, shaking / limit, 0.0)
-        loud = judged & (ripple > self._ripples)
-        ones = np.ones(len(n))
-        added = np.stack([ones, 0.0 * ones, crossings, shaking**2, ripple**2])
-        grown = np.concatenate([self._streaks[:5] + added, np.maximum(self._streaks[5:], swings)])
-        grown[1] = np.where(self._streaks[0] > 0.0, self._streaks[1], self._begin)
-        self._streaks = np.where(loud, grown, 0.0)
-        mean, worst = (s[4] / np.maximum(s[0], 1.0) for s in (self._streaks, self._worst))
-        is_worst = (self._streaks[0] >= SUSTAINED) & (
-            (mean > worst) | (self._streaks[1] == self._worst[1])  # or the same one, which goes on
-        )
-        self._worst = np.where(is_worst, self._streaks, self._worst)
+        may_be_loud = judged & (limits > 0.0) & (swings[0] > self._ripples * limits)  # no rms is larger
+        for joint in np.flatnonzero(may_be_loud).tolist():
+            shaking = self._shaking(joint)
+            ripple = shaking / float(limits[joint])
+            if ripple > self._ripples[joint]:
+                self._follow(joint, shaking, ripple, swings[:, joint])
+            else:
+                may_be_loud[joint] = False
+        self._streaks[:, ~may_be_loud] = 0.0
         self._clear()
+
+    def _shaking(self, joint: int) -> float:
+        """Return the rms in N m of the torque that shakes a joint in the present window."""
+        n, x, a, tau, xx, xa, x_tau, aa, a_tau, tau_tau, _ = self._sums[:, joint].tolist()
+        # all without their straight lines: what is slower than the window is no oscillation
+        spread = max(xx / n - x * x / (n * n), 1e-30)
+        with_a, with_tau = xa / n - x * a / (n * n), x_tau / n - x * tau / (n * n)
+        rms_a = math.sqrt(max(aa / n - a * a / (n * n) - with_a * with_a / spread, 0.0))
+        rms_tau = math.sqrt(max(tau_tau / n - tau * tau / (n * n) - with_tau * with_tau / spread, 0.0))
+        covariance = a_tau / n - a * tau / (n * n) - with_a * with_tau / spread
+        in_phase = covariance / rms_a if rms_a > 0.0 else 0.0
+        inertia = float(self._inertias[joint])
+        if math.isnan(inertia):
+            return in_phase if in_phase >= _IN_PHASE * rms_tau else 0.0
+        return min(in_phase, inertia * rms_a)
+
+    def _follow(self, joint: int, shaking: float, ripple: float, swings: Vector) -> None:
+        """Add the present window, which is loud, to the joint's streak."""
+        streak, worst = self._streaks[:, joint], self._worst[:, joint]
+        if not streak[0]:
+            streak[1] = self._begin
+        streak += (1.0, 0.0, self._sums[10, joint], shaking * shaking, ripple * ripple, 0.0, 0.0)
+        streak[5:] = np.maximum(streak[5:], swings)
+        goes_on = streak[1] == worst[1]
+        if streak[0] >= SUSTAINED and (goes_on or streak[4] / streak[0] > worst[4] / max(worst[0], 1.0)):
+            worst[:] = streak
 
     def memory(self) -> dict[str, Any]:
         """Return all that changes, as plain data."""
@@ -225,7 +239,5 @@ class OscillationWatch:
         """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
         for name in _STATE:
             before = getattr(self, f"_{name}")
-            value = np.array(memory[name], dtype=float)
-            if value.shape != np.shape(before):
-                raise ValueError(f"'{name}' has another shape")
+            value = stored(memory[name], np.shape(before))
             setattr(self, f"_{name}", value if np.ndim(before) else type(before)(value))

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from importlib.resources import files
 
-from ..inputs.events import SCHEDULES
+from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
 from ..requirements import RENAMED
 from ..results.animation import ANIMATIONS

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Vector, stored
 from .criteria import Criteria
 
 _ROUNDING = 1e-9
@@ -63,6 +63,6 @@ class Settling:
         return {"entered": self._entered, "settled": self._settled}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
-        """Go on from what `memory` gave."""
-        self._entered = [float(x) for x in memory["entered"]]
-        self._settled = [bool(x) for x in memory["settled"]]
+        """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
+        self._entered = stored(memory["entered"], (len(self._times),)).tolist()
+        self._settled = [bool(x) for x in stored(memory["settled"], (len(self._times),))]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask, Vector, counts
+from ..arrays import Mask, Vector, counts, stored
 
 AT_REST = 1e-6
 """A reference that is slower than this, in m/s, is at rest."""
@@ -108,7 +108,8 @@ class Tracking:
     def remember(self, memory: Mapping[str, Any]) -> None:
         """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
         for name in _STATE:
-            getattr(self, name)[...] = np.array(memory[name], dtype=float)
+            values = getattr(self, name)
+            values[...] = stored(memory[name], values.shape)
 
 
 _STATE = ("largest", "_squares", "_durations", "excursions", "_was_outside", "_farthest", "counts")

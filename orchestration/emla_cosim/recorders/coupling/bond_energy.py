@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
+from ...arrays import Vector, stored
 from ...errors import CommandError, near_or_some
 from ...master.algorithms.exchanged import Exchanged
 from ...system.bond import Bond
@@ -86,7 +86,7 @@ class BondEnergy:
         """Go on from what `memory` gave."""
         self._exchanged = float(memory["exchanged"])
         for missed, before in zip(self._missed, memory["missed"], strict=True):
-            missed[:] = before
+            missed[:] = stored(before, missed.shape)
 
 
 def applicable(

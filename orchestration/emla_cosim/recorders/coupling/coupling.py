@@ -119,14 +119,12 @@ class Coupling:
             "bond_window": self._bond_window.memory(),
             "bonds": {bond.name: bond.memory() for bond in self._bonds},
             "residuals": self._residuals.memory(),
-            "responses": {str(number): found.tolist() for number, found in self._responses.items()},
         }
 
     def _remember(self, memory: Any) -> None:
         for bond in self._bonds:
             bond.remember(memory["bonds"][bond.name])
         self._residuals.remember(memory["residuals"])
-        self._responses = {int(n): np.array(found) for n, found in memory["responses"].items()}
 
 
 def _judged(connections: Sequence[Exchanged], bonded: Collection[str]) -> list[Exchanged]:

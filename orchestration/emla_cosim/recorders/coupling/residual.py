@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
+from ...arrays import Vector, stored
 from ...master.algorithms.exchanged import Exchanged
 from .members import members
 from .steps import PRODUCTS, Steps, Use, integral
@@ -134,10 +134,14 @@ class Residuals:
     def remember(self, memory: Any) -> None:
         """Go on from what `memory` gave."""
         self._time, self._start = float(memory["time"]), float(memory["start"])
-        self._origin[:], self._moments[:] = memory["origin"], memory["moments"]
-        self._squares[:] = memory["squares"]
+        for name, values in (
+            ("origin", self._origin),
+            ("moments", self._moments),
+            ("squares", self._squares),
+        ):
+            values[:] = stored(memory[name], values.shape)
         for number, products in self._products.items():
-            products[:] = memory["products"][str(number)]
+            products[:] = stored(memory["products"][str(number)], products.shape)
 
 
 def _kind(x: Exchanged) -> tuple[int, bool, int]:

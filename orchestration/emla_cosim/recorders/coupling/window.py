@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Indices, Vector
+from ...arrays import Indices, Vector, stored
 from .steps import Steps
 
 EVERY_STEP, THINNED = 500, 31
@@ -27,7 +27,7 @@ class Window:
         """Steps that wait to be taken."""
         if memory is not None:
             self._number = int(memory["step"])
-            self._last = np.array(memory["last"], dtype=float).reshape(-1, len(columns))
+            self._last = _points(memory["last"], POINTS - 1, columns)
 
     @property
     def time(self) -> float:
@@ -76,8 +76,7 @@ class EveryStep:
     def __init__(self, columns: Indices, memory: Any = None) -> None:
         """Begin, or go on from what `memory` gave."""
         self._columns = columns
-        last = np.empty((0, len(columns))) if memory is None else np.array(memory, dtype=float)
-        self._rows = [last.reshape(-1, len(columns))]
+        self._rows = [np.empty((0, len(columns))) if memory is None else _points(memory, 2, columns)]
         self.waiting = 0
         """Steps that wait to be taken."""
 
@@ -98,3 +97,8 @@ class EveryStep:
     def memory(self) -> Any:
         """Plain data from which another one can go on, where no steps wait."""
         return self._rows[0].tolist()
+
+
+def _points(memory: Any, count: int, columns: Indices) -> Vector:
+    """The points before the next row, or none, from a memory."""
+    return stored(memory, (count, len(columns)), (0, len(columns)))
