@@ -46,7 +46,7 @@ def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
         status = _waited(child)
         whole = black_box.present().ended and os.WIFEXITED(status)
         if not whole:
-            rescue(how_it_ended(os.waitstatus_to_exitcode(status)))
+            _rescued(rescue, how_it_ended(os.waitstatus_to_exitcode(status)))
     finally:
         ask_no_more()
         if folder is not None:
@@ -101,6 +101,28 @@ def _waited(child: int) -> int:
         signal.signal(number, pass_on)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
     return os.waitpid(child, 0)[1]
+
+
+def _rescued(rescue: Callable[[str], None], how: str) -> None:
+    """Call `rescue` in one more child: what it loads may end its process, too, where memory has ended."""
+    try:
+        child = os.fork()
+    except OSError:
+        rescue(how)
+        return
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            rescue(how)
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(0)
+        os._exit(1)
+    if end := os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]):
+        with contextlib.suppress(OSError):
+            print(
+                f"Error: the run ended: {how}. What it computed could not be saved: {how_it_ended(end)}.",
+                file=sys.stderr,
+            )
 
 
 def _temporary_folder() -> str | None:

@@ -110,7 +110,7 @@ class NamedFigures(dict[str, Any]):
 
 def unmet(requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]) -> str | None:
     """A sentence with all that is not as required, and what it is; None where everything is."""
-    known = by_name(figures, run)
+    known = by_name(figures, run) if requirements else {}
     failing = [r for r in requirements if not r.met_by(known.get(r.figure))]
     if not failing:
         return None

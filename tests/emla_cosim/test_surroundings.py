@@ -181,6 +181,22 @@ def test_too_little_memory_is_one_sentence(megabytes: int, fmu_folder: Path, tmp
     assert done.stderr.count(b"Error: ") == (done.returncode > 0), done.stderr
 
 
+@pytest.mark.parametrize("end", ["os.abort()", "raise MemoryError", "os._exit(3)"])
+def test_a_rescue_that_fails_too_is_one_sentence(end: str, tmp_path: Path) -> None:
+    code = f"""
+import os
+from emla_cosim.guard import guarded
+def rescue(how):
+    {end}
+guarded(os.abort, rescue)
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith(
+        "Error: the run ended: SIGABRT. What it computed could not be saved: "
+    )
+
+
 def test_a_host_without_room_for_a_guard_runs_without_one(fmu_folder: Path, tmp_path: Path) -> None:
     without = (
         "import os\n"

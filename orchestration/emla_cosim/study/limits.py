@@ -91,12 +91,11 @@ class LimitWatch:
     def __init__(
         self,
         criteria: Mapping[str, Criteria],
-        columns: Mapping[str, int],
-        parameters: Mapping[str, float],
+        columns: Named[int],
+        parameters: Named[float],
         roles: Mapping[str, str],
     ) -> None:
         """Take the criteria by joint, the columns of signals and the values of parameters by full name."""
-        columns, parameters = Named(columns), Named(parameters)
         self._watched = [
             watched
             for joint, criteria_of_it in criteria.items()
