@@ -203,6 +203,20 @@ def test_noise_is_no_residual() -> None:
     assert coupling.remarks() == []
 
 
+@pytest.mark.parametrize("growth", [0.7, 1.0, 1.3])
+def test_residuals_that_change_their_sign_at_every_step_count(growth: float) -> None:
+    """As an exchange makes them that is unstable, or nearly; beside a slow signal that is larger."""
+    steps = np.arange(200)
+    ripple = 3.0 * (-1.0) ** steps * growth ** (steps - (0 if growth <= 1.0 else 199))
+    slow = 10.0 * np.sin(steps / 40)
+    rows = np.column_stack((1e-3 * steps, slow, slow + ripple))
+    coupling = Coupling(outline(Mode.HOLD, (True, True), bond=False))
+    coupling.write(rows)
+    figures = coupling.figures()
+    smooth, rippled = (figures[name]["residual"] for name in ("b.F -> a.F", "a.v -> b.v"))
+    assert smooth < 0.03 < rippled
+
+
 def test_a_signal_that_rests_or_is_no_number_gets_no_remark() -> None:
     for value in (0.0, 5.0, np.nan):
         coupling = Coupling(outline(Mode.HOLD, (True, True)))

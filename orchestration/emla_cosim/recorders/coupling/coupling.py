@@ -84,11 +84,11 @@ class Coupling:
                 self._energies.take(steps.halved() if self._watched else steps)
             if not self._window.waiting:
                 return
-            steps, earlier = self._window.take()
+            lately = self._window.take()
             if self._watched:
-                steps, earlier = steps.halved(), earlier.halved()
+                lately = [steps.halved() for steps in lately]
             if self._exchanged:
-                self._residuals.take(steps, earlier, self._needed)
+                self._residuals.take(lately, self._needed)
 
     def learn(self, algorithm: Algorithm) -> None:
         """See later what this algorithm, which makes the steps, learned of its loops."""

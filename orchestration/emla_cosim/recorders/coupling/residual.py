@@ -1,5 +1,6 @@
 """What consumers of connections used, less what their sources had, and how that adds up in an oscillation."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,15 @@ from ...arrays import Vector, stored
 from ...master.algorithms.exchanged import Exchanged
 from .members import members
 from .steps import PRODUCTS, Steps, Use, integral
+
+LAGS = 3
+"""The residuals of a step are multiplied with those of the same step, the step before and the one before it."""
+
+ALTERNATING = 0.3
+"""Correlation over two steps of residuals that alternate; that of white noise is 0, and 0.05 by chance."""
+
+UNRESOLVED = 0.8
+"""Residuals beyond this part of the signal's variation count in any case; pure white noise has 0.69."""
 
 SMALLEST_SHARE = 0.01
 """A signal that varies by less than this part of its size is judged as if it varied by so much."""
@@ -22,7 +32,9 @@ class Residual:
     `relative` is the rms of the residual over how much the signal varies. `radians` is how far the signal
     oscillates, at its mean frequency, for as long as its motion lasts. `centre` is when it moves, as a part
     of the time: 0.5 for an oscillation that stays as it is, more for one that grows. Of residuals and of
-    motion only what lasts from one step to the next counts, which leaves noise out.
+    motion only what lasts from one step to the next counts, which leaves noise out; residuals that change
+    their sign from step to step and keep it over two steps count, too: no noise does that, but an unstable
+    exchange does. So do residuals nearly as large as the signal's variation, whatever they are.
     """
 
     relative: float
@@ -48,8 +60,8 @@ class Residuals:
             self._kinds.setdefault(_kind(x), len(self._kinds))
         self._members = dict(zip((x.name for x in self.connections), own, strict=True))
         self._groups = groups
-        self._squares = np.zeros(len(self._kinds))
-        self._products = {number: np.zeros((len(inside),) * 2) for number, inside in groups.items()}
+        self._squares = np.zeros((LAGS, len(self._kinds)))
+        self._products = {number: np.zeros((LAGS, len(inside), len(inside))) for number, inside in groups.items()}
         self._signals = sorted({x.signal for x in self.connections})
         self._origin: Vector = np.zeros(len(self._signals))
         self._moments = np.zeros((5, len(self._signals)))
@@ -61,8 +73,9 @@ class Residuals:
         inside = (x.signal for group in self._groups.values() for x in group)
         return {1 + signal for signal in (*self._signals, *inside)}
 
-    def take(self, steps: Steps, earlier: Steps, place: Mapping[int, int]) -> None:
-        """Take the next steps, and the ones before each; `place` says where a column is in them."""
+    def take(self, lately: Sequence[Steps], place: Mapping[int, int]) -> None:
+        """Take the next steps, and the two before each; `place` says where a column is in them."""
+        steps = lately[0]
         lengths, weights = steps.weighted, steps.counts
         columns = [place[1 + signal] for signal in self._signals]
         values = steps.end[:, columns]
@@ -82,12 +95,12 @@ class Residuals:
         self._time += float(lengths.sum())
         if self._kinds:
             uses = [Use(place[c], late, mode) for c, late, mode in self._kinds]
-            now, before = steps.residuals(uses), earlier.residuals(uses)
-            self._squares += _products(lengths, now, before)
+            now, *before = (steps.residuals(uses) for steps in lately)
+            self._squares += [_products(lengths, now, then) for then in (now, *before)]
         for number, inside in self._groups.items():
             uses = [Use(place[1 + x.signal], x.is_late, x.mode) for x in inside]
-            now, before = steps.residuals(uses), earlier.residuals(uses)
-            self._products[number] += integral(lengths, now, before)
+            now, *before = (steps.residuals(uses) for steps in lately)
+            self._products[number] += [integral(lengths, now, then) for then in (now, *before)]
 
     def figures(self, responses: Mapping[int, Vector]) -> dict[str, Residual]:
         """Return what each connection cost so far; see `loop_responses`."""
@@ -111,12 +124,12 @@ class Residuals:
         found = {}
         for x in self.connections:
             if x.group < 0:
-                lasting = self._squares[self._kinds[_kind(x)]]
+                products = self._squares[:, self._kinds[_kind(x)]]
             else:
                 row = self._members[x.name].row(responses)
-                lasting = row @ self._products[x.group] @ row
-            rms = float(np.sqrt(max(lasting, 0.0) / self._time))
+                products = row @ self._products[x.group] @ row
             extent, *motion = by_signal[x.signal]
+            rms = _lasting(*(products / self._time).tolist(), extent)
             found[x.name] = Residual(rms / extent if rms else rms, *motion)
         return found
 
@@ -142,6 +155,13 @@ class Residuals:
             values[:] = stored(memory[name], values.shape)
         for number, products in self._products.items():
             products[:] = stored(memory["products"][str(number)], products.shape)
+
+
+def _lasting(same: float, next_: float, next_but_one: float, extent: float) -> float:
+    """The rms of the residuals that count, from the means of their products over 0, 1 and 2 steps."""
+    rms = math.sqrt(max(same, 0.0))
+    alternates = next_ < 0.0 and next_but_one > ALTERNATING * same
+    return rms if alternates or rms > UNRESOLVED * extent else math.sqrt(max(next_, 0.0))
 
 
 def _kind(x: Exchanged) -> tuple[int, bool, int]:

@@ -10,8 +10,8 @@ from .steps import Steps
 EVERY_STEP, THINNED = 500, 31
 """So many steps are all looked at, of later ones every `THINNED`-th, which stands for so many."""
 
-POINTS = 4
-"""Of each step: its end, its beginning, and two before, which know the step before and its slope."""
+POINTS = 5
+"""Of each step: its end, its beginning, and three before, which know the two steps before and their slopes."""
 
 
 class Window:
@@ -48,12 +48,12 @@ class Window:
         self._last = self._picked(rows, len(rows) + np.arange(POINTS - 1))
         self._number += len(rows)
 
-    def take(self) -> tuple[Steps, Steps]:
-        """Hand over the steps that wait, and the steps before them."""
+    def take(self) -> tuple[Steps, Steps, Steps]:
+        """Hand over the steps that wait, the steps before them, and those before these."""
         points, counts = np.concatenate(self._points), np.concatenate(self._counts)
         self._points, self._counts, self.waiting = [], [], 0
-        two, one, begin, end = points.transpose(1, 0, 2)
-        return Steps(one, begin, end, counts), Steps(two, one, begin, counts)
+        three, two, one, begin, end = points.transpose(1, 0, 2)
+        return Steps(one, begin, end, counts), Steps(two, one, begin, counts), Steps(three, two, one, counts)
 
     def memory(self) -> dict[str, Any]:
         """Plain data from which another one can go on, where no steps wait."""
