@@ -20,8 +20,8 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "orchestration"), str(ROOT / "src")]  # what is released, whatever is installed
 
-from emla_cosim.errors import CosimError  # noqa: E402
-from emla_cosim.models import FLAVOURS, MODELS, PLATFORMS, build, fmu_path  # noqa: E402
+from emla_cosim.base.errors import CosimError  # noqa: E402
+from emla_cosim.fmu.models import FLAVOURS, MODELS, PLATFORMS, build, fmu_path  # noqa: E402
 from fmublock.archive import write_archive  # noqa: E402
 from fmublock.files import written_whole  # noqa: E402
 

@@ -22,7 +22,7 @@ from benchmarks.rounds import ROOT
 from benchmarks.row import ring
 from benchmarks.run import README
 from benchmarks.table import in_readme, three_digits
-from emla_cosim.simulation import Simulation
+from emla_cosim.run.simulation import Simulation
 
 SIZES = (5, 15, 50, 150, 500, 1500)
 ROUNDS = 5

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from emla_cosim.fmu.file import FmuFile, open_fmu
-from emla_cosim.loading import load
-from emla_cosim.models import build
+from emla_cosim.fmu.models import build
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 
 from .job import Component, Input, Job, Output, StartValue

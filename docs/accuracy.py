@@ -16,9 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from emla_cosim.loading import load
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.slaves.fmu_slave import FmuSlave
+from emla_cosim.study.loading import load
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
 
 HERE = Path(__file__).parent

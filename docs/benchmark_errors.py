@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import emla_cosim as ec
-from emla_cosim.errors import RunError
+from emla_cosim.base.errors import RunError
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from tests.support import crane, oscillator
 

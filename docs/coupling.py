@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from emla_cosim.arrays import Vector
-from emla_cosim.loading import load
-from emla_cosim.simulation import Simulation
+from emla_cosim.base.arrays import Vector
+from emla_cosim.run.simulation import Simulation
+from emla_cosim.study.loading import load
 from tests.support.coupled_machine import SAMPLE, positions
 
 HERE = Path(__file__).parent

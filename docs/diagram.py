@@ -9,10 +9,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from emla_cosim.loading import load
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
 from emla_cosim.ssp.documents.structure import Connection, Connector, Element, SystemElement
 from emla_cosim.ssp.reader.package import opened
+from emla_cosim.study.loading import load
 
 HERE = Path(__file__).parent
 JOINT = "lift"

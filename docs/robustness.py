@@ -17,12 +17,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import emla_cosim as ec
-from emla_cosim.arrays import Vector
-from emla_cosim.results.style import BLUE, GREY, ORANGE, RED, save, tidied
+from emla_cosim.base.arrays import Vector
 from emla_cosim.study.registration import register
 from emla_cosim.study.systems import STUDY
-from emla_cosim.sweep.columns import factor, figure_values, influence
-from emla_cosim.sweep.plan import plan_of
+from emla_cosim.sweeps.columns import factor, figure_values, influence
+from emla_cosim.sweeps.plan import plan_of
+from emla_cosim.views.plots.style import BLUE, GREY, ORANGE, RED, save, tidied
 from emla_fmu.parameters import EMLAS
 
 HERE = Path(__file__).parent

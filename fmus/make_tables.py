@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from emla_cosim.models import MODELS
+from emla_cosim.fmu.models import MODELS
 from fmublock.documentation import with_variables
 
 FMUS = Path(__file__).parent

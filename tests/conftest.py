@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
-from emla_cosim.models import MODELS, build, fmu_path
+from emla_cosim.fmu.models import MODELS, build, fmu_path
 from fmublock.cache import VARIABLE
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.handwritten_fmu import build_handwritten_fmu
@@ -23,7 +23,7 @@ from tests.support.toy_fmu import build_toy
 if TYPE_CHECKING:  # these take a while to load
     from distributed import Client
 
-    from emla_cosim.sweep.local_cluster import Place
+    from emla_cosim.sweeps.local_cluster import Place
 
 use_memory_disk()
 
@@ -124,7 +124,7 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def machine() -> "Iterator[Place]":
     """A local cluster of two workers for a file of tests; one that idles costs a twentieth of a core."""
-    from emla_cosim.sweep.local_cluster import local_cluster
+    from emla_cosim.sweeps.local_cluster import local_cluster
 
     with ExitStack() as stack:
         with chdir(ROOT):  # it outlives the folders of tests
@@ -144,7 +144,7 @@ def cluster(machine: "Place") -> "Iterator[Client]":
 @pytest.fixture
 def on_one_cluster(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sweeps that would start a cluster go to that one: it takes 3 s, and sweep/ tests it often enough."""
-    farm = import_module("emla_cosim.sweep.farm")
+    farm = import_module("emla_cosim.sweeps.farm")
     monkeypatch.setattr(farm, "local_cluster", lambda _: nullcontext(request.getfixturevalue("machine")))
 
 

@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from docs.weight import PARTS
-from emla_cosim.cli import COMMANDS
+from emla_cosim.cli.app import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -163,7 +163,7 @@ found = {}
 for command in sys.argv[1:]:
     out, into = os.pipe()
     if os.fork() == 0:
-        importlib.import_module(f"emla_cosim.commands.{command}")
+        importlib.import_module(f"emla_cosim.cli.commands.{command}")
         os.write(into, json.dumps([m for m in sys.modules if "." not in m]).encode())
         os._exit(0)
     os.close(into)

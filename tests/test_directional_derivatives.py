@@ -10,7 +10,7 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from emla_cosim.models import MODELS
+from emla_cosim.fmu.models import MODELS
 from fmublock import Block
 from tests.support.points import POINTS, Point
 from tests.support.sessions import Session, continuous_states, refused, set_continuous_states

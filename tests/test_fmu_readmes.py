@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.models import MODELS, fmu_path
+from emla_cosim.fmu.models import MODELS, fmu_path
 from fmublock import Block, Output, Parameter
 from fmublock.documentation import html_page, with_variables
 from fmublock.symbols import symbol_of

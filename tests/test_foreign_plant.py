@@ -12,7 +12,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.ssp.ssd import read_ssm
 from fmpy.validation import validate_fmu
 
-from emla_cosim.loading import load
+from emla_cosim.study.loading import load
 from tests.support.paths import FOREIGN_MAPPING
 from tests.support.sessions import DISCARD, Session, opened, refused
 

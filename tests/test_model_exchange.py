@@ -12,7 +12,7 @@ import pytest
 from fmpy import fmi2, simulate_fmu
 from fmpy.fmi2 import FMU2Model, FMU2Slave
 
-from emla_cosim.models import MODELS, fmu_path
+from emla_cosim.fmu.models import MODELS, fmu_path
 from tests.support.sessions import (
     DISCARD,
     ERROR,

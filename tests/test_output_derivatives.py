@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 
-from emla_cosim.models import MODELS
+from emla_cosim.fmu.models import MODELS
 from tests.support.sessions import Session, refused
 
 

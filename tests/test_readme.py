@@ -8,8 +8,8 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from emla_cosim.loading import load
-from emla_cosim.models import MODELS
+from emla_cosim.fmu.models import MODELS
+from emla_cosim.study.loading import load
 from fmublock import build
 from tests.support.pages import fences
 

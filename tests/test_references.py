@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fmpy.util import read_csv, read_ref_opt_file
 
-from emla_cosim.models import FLAVOURS, MODELS, build
+from emla_cosim.fmu.models import FLAVOURS, MODELS, build
 from fmus import make_references
 
 FMUS = Path(__file__).parents[1] / "fmus"

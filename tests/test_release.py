@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.models import FLAVOURS, MODELS, PLATFORMS, fmu_path
+from emla_cosim.fmu.models import FLAVOURS, MODELS, PLATFORMS, fmu_path
 from fmublock.platforms import host_platform
 from tests.support.paths import ROOT
 
@@ -115,7 +115,7 @@ def test_the_packages_are_whole(made: Path, tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
         points = archive.read(f"emla_cosim-{VERSION}.dist-info/entry_points.txt").decode()
-    assert "[pytest11]" in points and "emla = emla_cosim.program:main" in points
+    assert "[pytest11]" in points and "emla = emla_cosim.cli.program:main" in points
     references = {p.relative_to(ROOT) for p in ROOT.glob("fmus/*/*_*") if p.is_file()}
     assert len(references) > 15
     assert {f"emla_cosim/documents/{path.as_posix()}" for path in references} <= names

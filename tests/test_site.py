@@ -10,7 +10,7 @@ import pytest
 from lxml import html
 
 import fmublock
-from emla_cosim.options import table
+from emla_cosim.run.options import table
 from tests.support.paths import ROOT
 
 pytest.importorskip("mkdocs", reason="the extra 'docs' is not installed")

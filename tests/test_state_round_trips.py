@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emla_cosim.models import FLAVOURS, MODELS, fmu_path
+from emla_cosim.fmu.models import FLAVOURS, MODELS, fmu_path
 from tests.support.runs import Elsewhere, Job, Run, Step
 from tests.support.sessions import ERROR, FATAL, OK, Session, refused, status
 

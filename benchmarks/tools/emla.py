@@ -3,9 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from emla_cosim.loading import load
 from emla_cosim.recorders.csv_file import CsvFile
 from emla_cosim.recorders.time_series import TimeSeries
+from emla_cosim.study.loading import load
 
 from ..job import Job
 from ..study import SCENARIO

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from emla_cosim.verify.catalogue import CHECKS
+from emla_cosim.verification.catalogue import CHECKS
 
 PLACE = "<!-- table of checks -->"
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from emla_cosim.option import OUTPUT, RUN, STEPPING, SYSTEM, Option
-from emla_cosim.options import table
+from emla_cosim.base.option import OUTPUT, RUN, STEPPING, SYSTEM, Option
+from emla_cosim.run.options import table
 
 _VALUES = {"Path": "PATH", "float": "NUMBER", "str": "NAME"}
 

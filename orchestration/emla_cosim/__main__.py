@@ -1,5 +1,5 @@
 """`python -m emla_cosim` is `emla`."""
 
-from .program import main
+from .cli.program import main
 
 main()

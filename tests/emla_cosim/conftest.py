@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from emla_cosim.cli import app
+from emla_cosim.cli.app import app
 from tests.support.commands import Emla, widen_terminal
 from tests.support.few_figures import draw_empty
 

@@ -18,11 +18,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import emla_cosim as ec
-from emla_cosim.run_record import plain
-from emla_cosim.scenarios.scenario import Scenario
+from emla_cosim.run.run_record import plain
+from emla_cosim.run.scenarios.scenario import Scenario
 from emla_cosim.study.actuator.entries import TABLES
-from emla_cosim.sweep.shipment import Preparation
-from emla_cosim.sweep.targets import as_arguments
+from emla_cosim.sweeps.shipment import Preparation
+from emla_cosim.sweeps.targets import as_arguments
 from tests.support.commands import Emla
 from tests.support.paths import ROOT
 from tests.support.scenario_runs import run_scenario

@@ -9,7 +9,7 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.errors import CommandError, RunError
+from emla_cosim.base.errors import CommandError, RunError
 from tests.support.commands import Emla, sentence
 
 SHORT = ("--stop-time", "0.05", "--no-plots")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from emla_cosim.errors import CommandError, RunError
-from emla_cosim.progress import Progress
-from emla_cosim.results.animation import Film, Pixels, check_animated, write_gif
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.base.progress import Progress
+from emla_cosim.views.animation import Film, Pixels, check_animated, write_gif
 
 
 class Square(Film):

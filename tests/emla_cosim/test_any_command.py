@@ -17,7 +17,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from typer.testing import CliRunner
 
-from emla_cosim.cli import app
+from emla_cosim.cli.app import app
 from tests.support.command_lines import FMUS, FOLDER, Surroundings, commands, place, surroundings
 from tests.support.odd_files import Materials
 from tests.support.whole_files import assert_whole

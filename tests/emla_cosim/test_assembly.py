@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.errors import CommandError
-from emla_cosim.loading import load
+from emla_cosim.base.errors import CommandError
+from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.slaves.slave import SlaveError
-from emla_cosim.models import fmu_path
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, Connection, System
 
 

@@ -7,7 +7,7 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.study.certificate import JointCertificate, certificate_rows, certify
 from fmublock import Block, Output, Parameter
 from rsba_fmu.gains import ROBUST

@@ -23,8 +23,8 @@ from hypothesis import HealthCheck, given, settings
 from typer.testing import CliRunner, Result
 
 import emla_cosim.recorders.checkpoints
-from emla_cosim.cli import app
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
+from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
 from emla_cosim.master.stepping.stepping import Stepping
 from tests.support.faulty_fmu import Fault

@@ -17,9 +17,9 @@ import polars
 import pytest
 from typer.testing import CliRunner
 
-from emla_cosim.cli import app
-from emla_cosim.models import PLATFORMS
-from emla_cosim.scenarios.built_in import SCENARIOS
+from emla_cosim.cli.app import app
+from emla_cosim.fmu.models import PLATFORMS
+from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.figures import JOINT_FIGURES
 from tests.support.commands import Emla, sentence
 

@@ -11,12 +11,12 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.compare.cases import Case, robustness_cases, stability_maps
-from emla_cosim.compare.entrants import entrants
-from emla_cosim.compare.parts import parts
-from emla_cosim.loading import load
+from emla_cosim.comparison.cases import Case, robustness_cases, stability_maps
+from emla_cosim.comparison.entrants import entrants
+from emla_cosim.comparison.parts import parts
+from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
-from emla_cosim.sweep.shipment import Preparation
+from emla_cosim.sweeps.shipment import Preparation
 from tests.support.commands import Emla, sentence
 
 pytestmark = pytest.mark.usefixtures("on_one_cluster")

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.errors import RunError
-from emla_cosim.loading import load
+from emla_cosim.base.errors import RunError
+from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.group import loop_derivatives
 from emla_cosim.master.algorithms.quasi_newton import QuasiNewton
 from emla_cosim.master.algorithms.strong import HALVINGS, Strong
@@ -20,7 +20,7 @@ from emla_cosim.master.slaves.slave import SlaveError, StepDiscardedError
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.master.stretches import simulate
-from emla_cosim.models import fmu_path
+from emla_cosim.study.loading import load
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import counts_of, faulty, loop_with_a_fault, open_system, wired
 from tests.support.lanes import in_lanes

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.option import RUN
-from emla_cosim.options import table
-from emla_cosim.scenarios.built_in import SCENARIOS
+from emla_cosim.base.option import RUN
+from emla_cosim.run.options import table
+from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.registration import register
 
 CALLED_FROM = "import shellingham; shellingham.detect_shell = lambda: ('{}', ''); "
-PROGRAM = "import sys; sys.argv[0] = 'emla'; from emla_cosim.program import main; main()"
+PROGRAM = "import sys; sys.argv[0] = 'emla'; from emla_cosim.cli.program import main; main()"
 
 
 def emla(*arguments: str, **environment: str | None) -> subprocess.CompletedProcess[str]:

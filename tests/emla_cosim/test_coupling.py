@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from emla_cosim.errors import CommandError, RunError
+from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.quasi_newton import NoAgreementError, QuasiNewton
 from emla_cosim.master.algorithms.registry import ALGORITHMS

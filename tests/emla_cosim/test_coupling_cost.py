@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.units import Unit
 from emla_cosim.master.algorithms.exchanged import Exchanged
 from emla_cosim.master.algorithms.extrapolation import Mode
 from emla_cosim.master.stepping.timing import timing
@@ -15,7 +16,6 @@ from emla_cosim.recorders.coupling.coupling import Coupling
 from emla_cosim.recorders.coupling.window import EVERY_STEP
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.system.bond import Bond
-from emla_cosim.units import Unit
 from tests.support.coupled_pair import PairRun, rigid_pair, run_pair, spring_pair
 
 EFFORT, FLOW = "b.F", "a.v"

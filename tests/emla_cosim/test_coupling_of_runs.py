@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.loading import load
+from emla_cosim.study.loading import load
 from tests.support.rigid_load import rigid_load
 
 HOW: dict[str, Any] = {"algorithm": "strong", "step_size": 1e-3, "stop_time": 3.0}

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.results.drawing import changing, drawn_panels
-from emla_cosim.results.panels import ShownLine, ShownPanel
-from emla_cosim.results.plotting import Bound, Curve, Panel, Picture
-from emla_cosim.results.telling import headline
+from emla_cosim.views.plots.drawing import changing, drawn_panels
+from emla_cosim.views.plots.panels import ShownLine, ShownPanel
+from emla_cosim.views.plots.plotting import Bound, Curve, Panel, Picture
+from emla_cosim.views.telling import headline
 
 TIME = np.linspace(0.0, 10.0, 2001)
 MOVE = np.minimum(TIME, 1.0)

@@ -19,12 +19,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import emla_cosim as ec
-from emla_cosim import black_box
-from emla_cosim.loading import load
+from emla_cosim.base.units import LinearTransformation
 from emla_cosim.master.slaves.calls import CALLS, code_of, decoded
 from emla_cosim.master.stepping.layout import PRESENT
+from emla_cosim.sandbox import black_box
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import Alias, System
-from emla_cosim.units import LinearTransformation
 from tests.support.command_server import Call, CommandServer
 from tests.support.faulty_fmu import Fault, build_faulty_fmu
 from tests.support.faulty_systems import line_with_a_fault
@@ -187,7 +187,7 @@ def test_a_run_that_is_killed_between_its_last_row_and_its_files_gets_them(
     package: Path, tmp_path: Path
 ) -> None:
     keep = (
-        "import os, signal, emla_cosim.results.output_folder as o, emla_cosim.program as p\n"
+        "import os, signal, emla_cosim.views.output_folder as o, emla_cosim.cli.program as p\n"
         "parent, whole = os.getpid(), o.OutputFolder.keep\n"
         "def keep(*given):\n"
         "    if os.getpid() != parent: os.kill(os.getpid(), signal.SIGKILL)\n"
@@ -414,13 +414,13 @@ def test_a_run_that_has_no_memory_left_keeps_what_it_has(package: Path) -> None:
 
 ASKED = """
 import os, signal, sys
-from emla_cosim.results.output_folder import OutputFolder
+from emla_cosim.views.output_folder import OutputFolder
 write = OutputFolder.write
 def interrupted(*arguments, **options):
     os.kill(os.getpid(), signal.SIGTERM)
     return write(*arguments, **options)
 OutputFolder.write = interrupted
-from emla_cosim.program import main
+from emla_cosim.cli.program import main
 main()
 """
 

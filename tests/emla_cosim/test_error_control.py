@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from emla_cosim.errors import CommandError, RunError
+from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.jacobi import Jacobi
@@ -20,7 +20,7 @@ from emla_cosim.master.stepping.error_control import SMALLEST, ErrorControl
 from emla_cosim.master.stepping.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, StepControl
 from emla_cosim.master.stepping.timing import clock, timing
 from emla_cosim.master.stretches import simulate
-from emla_cosim.options import Options
+from emla_cosim.run.options import Options
 from tests.support.linear import LinearSlave, Whole, connected
 from tests.support.simulated import Table, begun, recorded, simulated
 from tests.support.slaves import FakeSlave

@@ -105,7 +105,7 @@ def energy(outline: ec.Outline) -> Energy | None:
 
 @pytest.fixture(autouse=True)
 def added(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    import emla_cosim.loading  # noqa: F401 - the study's own come first
+    import emla_cosim.study.loading  # noqa: F401 - the study's own come first
 
     monkeypatch.setitem(ec.ALGORITHMS, "backwards", Backwards)
     monkeypatch.setitem(ec.RECORDERS, "extremes", Extremes)

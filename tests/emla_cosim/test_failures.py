@@ -20,14 +20,12 @@ from fmpy.fmi2 import FMU2Slave
 from typer.testing import CliRunner
 from typer.testing import Result as Finished
 
-import emla_cosim.commands.run
+import emla_cosim.cli.commands.run
 import emla_cosim.recorders.checkpoints
-import emla_cosim.running
-import emla_cosim.simulation
-from emla_cosim.cli import app
-from emla_cosim.errors import CommandError
-from emla_cosim.interruption import ONE_REQUEST
-from emla_cosim.loading import load
+import emla_cosim.run.running
+import emla_cosim.run.simulation
+from emla_cosim.base.errors import CommandError
+from emla_cosim.cli.app import app
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
@@ -37,7 +35,9 @@ from emla_cosim.master.stepping.stepping import Rows, Stepping
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.recorders.csv_file import CsvFile
 from emla_cosim.recorders.recorder import Outline, Recorder, RecordingError, RowBuffer
-from emla_cosim.results.result import Result
+from emla_cosim.run.result import Result
+from emla_cosim.sandbox.interruption import ONE_REQUEST
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from tests.support.faulty_fmu import Counts, Fault, build_faulty_fmu
 from tests.support.faulty_systems import (
@@ -74,7 +74,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> list[Counts]:
         found.extend(counts_of(assembly))
         return assembly
 
-    monkeypatch.setattr(emla_cosim.simulation, "Assembly", counting)
+    monkeypatch.setattr(emla_cosim.run.simulation, "Assembly", counting)
     return found
 
 
@@ -142,7 +142,7 @@ def assert_tidy(counts: list[Counts], *, died: bool = False) -> None:
 
 def invoked(system: System, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Finished:
     """`emla run` of a system."""
-    monkeypatch.setattr(emla_cosim.commands.run, "load", lambda _, **options: load(system, **options))
+    monkeypatch.setattr(emla_cosim.cli.commands.run, "load", lambda _, **options: load(system, **options))
     times = ["--stop-time", "1", "--step-size", "0.1"]
     words = ["run", "test", *times, "--no-plots", "--output", str(folder)]
     return CliRunner().invoke(app, words)
@@ -411,7 +411,7 @@ def test_checkpoints_leave_no_states_behind(
 ) -> None:
     """As many are freed as are made, while the FMUs still are."""
     monkeypatch.setattr(emla_cosim.recorders.checkpoints, "INTERVAL", 0.0)
-    monkeypatch.setattr(emla_cosim.running, "FLUSH_INTERVAL", 0.0)
+    monkeypatch.setattr(emla_cosim.run.running, "FLUSH_INTERVAL", 0.0)
     saved: list[int] = []
 
     def saving(*arguments: Any) -> None:
@@ -553,7 +553,7 @@ def test_a_second_ctrl_c_ends_at_once_and_keeps_whole_rows(
         time.sleep(ONE_REQUEST)
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(emla_cosim.running, "simulate", interrupted_twice)
+    monkeypatch.setattr(emla_cosim.run.running, "simulate", interrupted_twice)
     result = invoked(line_with_a_fault(faulty_fmu, Fault.NONE, 0.0), tmp_path / "out", monkeypatch)
     assert result.exit_code == 1
     assert result.stderr.splitlines()[-1] == "Interrupted."

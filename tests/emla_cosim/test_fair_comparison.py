@@ -12,19 +12,19 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.compare.comparing import compare
-from emla_cosim.compare.reserves import Reserves, reserve_values, stated
-from emla_cosim.compare.rows import COLUMNS, verdict
-from emla_cosim.compare.seeds import HeldOut, random_seeds, tuned_on
-from emla_cosim.compare.summary import Summary, lost_text, marked, summaries, text_of, winner
-from emla_cosim.compare.tables import lost_lines
-from emla_cosim.loading import load
-from emla_cosim.models import build
+from emla_cosim.comparison.comparing import compare
+from emla_cosim.comparison.reserves import Reserves, reserve_values, stated
+from emla_cosim.comparison.rows import COLUMNS, verdict
+from emla_cosim.comparison.seeds import HeldOut, random_seeds, tuned_on
+from emla_cosim.comparison.summary import Summary, lost_text, marked, summaries, text_of, winner
+from emla_cosim.comparison.tables import lost_lines
+from emla_cosim.fmu.models import build
 from emla_cosim.recorders.metrics import Shown
-from emla_cosim.scenarios.built_in import TUNINGS
+from emla_cosim.run.scenarios.built_in import TUNINGS
 from emla_cosim.study.controllers import CONTROLLERS
-from emla_cosim.sweep.shipment import Preparation
-from emla_cosim.sweep.worker import Outcome
+from emla_cosim.study.loading import load
+from emla_cosim.sweeps.shipment import Preparation
+from emla_cosim.sweeps.worker import Outcome
 from fmublock import Block, Input, Output, clamp
 from rsba_fmu import FocController
 from tests.support.commands import Emla, sentence
@@ -271,7 +271,7 @@ def test_reserves_change_what_controllers_do(fmu_folder: Path) -> None:
 
 
 def test_robustness_shows_further_sets_of_those_who_are_compared(fmu_folder: Path) -> None:
-    from emla_cosim.compare.entrants import entrants
+    from emla_cosim.comparison.entrants import entrants
     from emla_cosim.study.controllers import ROBUSTNESS_SETS
 
     def names(*controllers: Any, gains: list[str] | None = None) -> list[str]:

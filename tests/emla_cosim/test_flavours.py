@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.models import FLAVOURS, MODELS, build, fmu_path
+from emla_cosim.fmu.models import FLAVOURS, MODELS, build, fmu_path
 from emla_cosim.study.joint import start_values
 from emla_fmu import observer_gains
 from emla_fmu.drive import DRIVES

@@ -11,10 +11,10 @@ import fmpy
 import lief
 import pytest
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.file import open_fmu
 from emla_cosim.fmu.library import missing_bytes
-from emla_cosim.models import MODELS, fmu_path
+from emla_cosim.fmu.models import MODELS, fmu_path
 from fmublock.archive import write_archive
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most

@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.models import fmu_path
+from emla_cosim.fmu.models import fmu_path
 from tests.support.commands import Emla
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault
@@ -489,8 +489,8 @@ def test_a_table_is_continued_in_its_form(form: str, emla: Emla) -> None:
     ("code", "absent"),
     [
         ("import emla_cosim", {"numpy", "fmpy", "typer"}),
-        ("from emla_cosim.cli import app; app(['--help'], standalone_mode=False)", {"numpy", "fmpy"}),
-        ("from emla_cosim.cli import app; app(['list'], standalone_mode=False)", {"fmpy"}),
+        ("from emla_cosim.cli.app import app; app(['--help'], standalone_mode=False)", {"numpy", "fmpy"}),
+        ("from emla_cosim.cli.app import app; app(['list'], standalone_mode=False)", {"fmpy"}),
         ("import fmublock", {"numpy"}),
     ],
 )

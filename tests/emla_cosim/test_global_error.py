@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.inputs.events import input_events, row_distance
 from emla_cosim.inputs.input import Input
-from emla_cosim.loading import load
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.stepping.error_control import WORTH_A_REMARK, ErrorControl, default_largest_step
 from emla_cosim.master.stepping.step_control import LARGEST_GROWTH
 from emla_cosim.master.stepping.timing import timing
+from emla_cosim.study.loading import load
 from emla_cosim.study.schedules import scheduled_times
 from emla_cosim.system.fault import Fault
 from tests.support.linear import LinearSlave, Whole, connected

@@ -9,9 +9,9 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from emla_cosim.cli import COMMANDS, app
-from emla_cosim.option import RUN
-from emla_cosim.options import table
+from emla_cosim.base.option import RUN
+from emla_cosim.cli.app import COMMANDS, app
+from emla_cosim.run.options import table
 
 
 def told(*arguments: str) -> str:
@@ -25,7 +25,7 @@ def told(*arguments: str) -> str:
 def test_help_speaks_plainly_and_shows_examples(command: str) -> None:
     text = told(command)
     assert "Without: " not in text and "; without, " not in text
-    examples = getattr(import_module(f"emla_cosim.commands.{command}"), "EXAMPLES", ())
+    examples = getattr(import_module(f"emla_cosim.cli.commands.{command}"), "EXAMPLES", ())
     assert examples or command in ("list", "info", "plot")
     for example in examples:
         assert example in text
@@ -34,7 +34,7 @@ def test_help_speaks_plainly_and_shows_examples(command: str) -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_examples_are_commands_that_can_be_given(command: str) -> None:
     """Their options are there, and their values are read."""
-    for example in getattr(import_module(f"emla_cosim.commands.{command}"), "EXAMPLES", ()):
+    for example in getattr(import_module(f"emla_cosim.cli.commands.{command}"), "EXAMPLES", ()):
         program, name, *arguments = shlex.split(example)
         assert (program, name) == ("emla", command)
         group: Any = get_command(app)

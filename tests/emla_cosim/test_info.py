@@ -10,10 +10,10 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.errors import CommandError
-from emla_cosim.info.shown import shown_rows
-from emla_cosim.models import MODELS, fmu_path
-from emla_cosim.scenarios.built_in import SCENARIOS
+from emla_cosim.base.errors import CommandError
+from emla_cosim.fmu.models import MODELS, fmu_path
+from emla_cosim.inspection.shown import shown_rows
+from emla_cosim.run.scenarios.built_in import SCENARIOS
 from tests.support.broken.broken import Broken
 from tests.support.broken.static import STATIC
 from tests.support.paths import FOREIGN_PLANT, ROOT

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from emla_cosim import terminal
-from emla_cosim.commands import info as command
+from emla_cosim.cli.commands import info as command
+from emla_cosim.views import terminal
 from fmublock.archive import write_archive
 from tests.support.commands import Emla, sentence
 

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from emla_cosim.errors import RunError
-from emla_cosim.loading import load
+from emla_cosim.base.errors import RunError
+from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import timing
-from emla_cosim.models import fmu_path
+from emla_cosim.study.loading import load
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired
 from tests.support.simulated import begun

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.inputs.data import read_data
 from emla_cosim.inputs.headers import Header
 from emla_cosim.inputs.input import Column, Input

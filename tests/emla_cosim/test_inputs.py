@@ -9,11 +9,11 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.errors import CommandError
-from emla_cosim.preparation import prepared, until_data_end
-from emla_cosim.progress import Progress
-from emla_cosim.run_record import plain
-from emla_cosim.sweep.shipment import Preparation
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.progress import Progress
+from emla_cosim.run.preparation import prepared, until_data_end
+from emla_cosim.run.run_record import plain
+from emla_cosim.sweeps.shipment import Preparation
 from tests.support.commands import Emla
 
 pytestmark = pytest.mark.usefixtures("own_cache")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from emla_cosim.loading import load
+from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.explicit import Explicit
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
@@ -29,7 +29,7 @@ from emla_cosim.master.stepping.compilation import compile_kernel
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import Timing, timing
 from emla_cosim.master.stretches import simulate
-from emla_cosim.models import fmu_path
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, System
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.faulty_systems import faulty, open_system, wired

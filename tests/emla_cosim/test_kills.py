@@ -19,7 +19,7 @@ import psutil
 import pytest
 from typer.testing import CliRunner, Result
 
-from emla_cosim.cli import app
+from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint
 from tests.support.whole_files import assert_whole
 
@@ -31,7 +31,7 @@ STEPPING_S = 0.8
 
 OFTEN = (
     "import emla_cosim.recorders.checkpoints as checkpoints; checkpoints.INTERVAL = 0.05\n"
-    "from emla_cosim.program import main; main()"
+    "from emla_cosim.cli.program import main; main()"
 )
 """The command with so many checkpoints that most runs have one."""
 

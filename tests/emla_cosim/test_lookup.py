@@ -3,7 +3,7 @@
 import hypothesis.strategies as st
 from hypothesis import example, given
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.system.model import Component, Connection, System
 
 names = st.text("ab.", max_size=5)

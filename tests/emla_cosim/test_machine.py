@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.compare.contest import _joints as compared_joints
-from emla_cosim.loading import load
-from emla_cosim.simulation import Simulation
+from emla_cosim.comparison.contest import _joints as compared_joints
+from emla_cosim.run.simulation import Simulation
 from emla_cosim.study import machine
 from emla_cosim.study.figures import JOINT_FIGURES
+from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI
 from emla_cosim.study.roles import JOINTS, joints, tracked, variable
 from emla_cosim.study.systems import STUDY

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.interruption import ending_as_ctrl_c
 from emla_cosim.master.stepping import machine_code
+from emla_cosim.sandbox.interruption import ending_as_ctrl_c
 
 TRIPLE = """
 define i64 @triple(i64 %x) {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.registry import ALGORITHMS

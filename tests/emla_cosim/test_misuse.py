@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.files import present_folder
+from emla_cosim.base.files import present_folder
 from emla_cosim.system.model import System
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault

@@ -8,8 +8,8 @@ from textwrap import dedent
 
 import pytest
 
-from emla_cosim.errors import CommandError, RunError
-from emla_cosim.models import MODELS, build, fmu_path
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.fmu.models import MODELS, build, fmu_path
 from fmublock import Block, Documents, Input, Output, Producer, load_block, recipe
 from fmublock import cache as cache_module
 from fmublock.archive import read_built
@@ -185,7 +185,7 @@ def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_without_a_home_everything_lies_in_a_temporary_folder_of_ours(homeless: Path) -> None:
     code = """
         import os
-        from emla_cosim.models import build
+        from emla_cosim.fmu.models import build
         print(build("Reference", "native", []))
         print(os.environ["MPLCONFIGDIR"])
     """
@@ -233,7 +233,7 @@ def imported(code: str) -> list[str]:
 
 
 def test_a_current_fmu_costs_no_heavy_import(fmu_folder: Path, cache: Path) -> None:
-    names = "from emla_cosim.models import FLAVOURS, MODELS, PLATFORMS, build"
+    names = "from emla_cosim.fmu.models import FLAVOURS, MODELS, PLATFORMS, build"
     assert imported(names) == [""]
     loop = f"for m in MODELS: build(m, 'native', [], Path({str(fmu_folder)!r}))"
     current = f"{names}\nfrom pathlib import Path\n{loop}"
@@ -244,7 +244,7 @@ def test_a_current_fmu_costs_no_heavy_import(fmu_folder: Path, cache: Path) -> N
 
 def test_processes_that_want_the_same_fmu_build_it_once(cache: Path) -> None:
     call = "build('Reference', 'native', [], advance=lambda: print('built'))"
-    code = f"from emla_cosim.models import build; {call}"
+    code = f"from emla_cosim.fmu.models import build; {call}"
     runs = [
         subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(3)
     ]

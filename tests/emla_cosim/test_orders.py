@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import timing
-from emla_cosim.models import fmu_path
 from tests.support.linear import LinearSlave, Whole, Wire, connected
 from tests.support.simulated import simulated
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.models import fmu_path
+from emla_cosim.fmu.models import fmu_path
 from tests.support.cart import Cart
 from tests.support.commands import Emla
 

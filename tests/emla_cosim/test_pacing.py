@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.master.stepping import pacing
 from emla_cosim.master.stepping.pacing import Pacing
 from tests.support.faulty_fmu import Fault

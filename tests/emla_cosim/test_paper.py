@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.loading import load
+from emla_cosim.study.loading import load
 from emla_cosim.study.systems import STUDY
 from emla_fmu.parameters import EMLAS, PROTOTYPE
 from rsba_fmu import gains

@@ -16,10 +16,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import emla_cosim as ec
-from emla_cosim.models import fmu_path
-from emla_cosim.preparation import prepared
-from emla_cosim.progress import Progress
-from emla_cosim.sweep.shipment import Preparation
+from emla_cosim.base.progress import Progress
+from emla_cosim.fmu.models import fmu_path
+from emla_cosim.run.preparation import prepared
+from emla_cosim.sweeps.shipment import Preparation
 from tests.support.commands import Emla
 
 LEVEL = "lift.disturbance.load.level"

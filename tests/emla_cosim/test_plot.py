@@ -10,10 +10,10 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.loading import load
-from emla_cosim.results import by_unit
-from emla_cosim.results.overlay import overlaid, traces
-from emla_cosim.results.stacked import MOST_PANELS, panel
+from emla_cosim.study.loading import load
+from emla_cosim.views.plots import by_unit
+from emla_cosim.views.plots.overlay import overlaid, traces
+from emla_cosim.views.plots.stacked import MOST_PANELS, panel
 from tests.support.axis import axis
 from tests.support.commands import Emla, sentence
 

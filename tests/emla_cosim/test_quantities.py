@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from emla_cosim.errors import CommandError
-from emla_cosim.quantities import quantity, unit_named
-from emla_cosim.units import BASE_UNITS, Unit
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.quantities import quantity, unit_named
+from emla_cosim.base.units import BASE_UNITS, Unit
 
 
 def si(**exponents: int) -> Unit:

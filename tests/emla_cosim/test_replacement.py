@@ -10,9 +10,9 @@ import polars
 import pytest
 from typer.testing import Result
 
+from emla_cosim.base.units import Unit
 from emla_cosim.ssp.documents.parameters import format_parameter_set
 from emla_cosim.ssp.documents.structure import Parameter, ParameterSet
-from emla_cosim.units import Unit
 from tests.support.commands import Emla, sentence
 from tests.support.paths import FOREIGN_MAPPING
 

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
-from emla_cosim.errors import CommandError
-from emla_cosim.requirements import Requirement, requirement, unmet
+from emla_cosim.base.errors import CommandError
+from emla_cosim.run.requirements import Requirement, requirement, unmet
 from tests.support.commands import Emla, sentence
 
 RUN = ("run", "lift", "--stop-time", "0.4", "--no-plots", "--output", "o")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.models import fmu_path
+from emla_cosim.fmu.models import fmu_path
 from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from emla_cosim.loading import load
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.recorders.csv_file import CsvFile, read_csv
 from emla_cosim.recorders.recorder import BLOCK_ROWS, BLOCK_SIZE, Outline, Recorder, RecordingError, RowBuffer
+from emla_cosim.study.loading import load
 from tests.support.scenario_runs import run_scenario
 
 

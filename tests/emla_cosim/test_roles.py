@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.loading import load
+from emla_cosim.study.loading import load
 from emla_cosim.study.roles import check_roles
 from tests.support.axis import axis
 from tests.support.commands import Emla, sentence

@@ -14,16 +14,16 @@ import pytest
 from selenium.webdriver import ActionChains, Keys
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 
-from emla_cosim.loading import load
+from emla_cosim.base.units import Unit
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.time_series import TimeSeries
-from emla_cosim.report.page import Plots
-from emla_cosim.results.page.diagram import diagrams, wires
-from emla_cosim.results.page.page import page
-from emla_cosim.results.page.pictures import by_unit, shown
-from emla_cosim.results.page.signals import listed
-from emla_cosim.results.result import Result
-from emla_cosim.units import Unit
+from emla_cosim.run.result import Result
+from emla_cosim.study.loading import load
+from emla_cosim.views.pages.page import Plots
+from emla_cosim.views.run_page.diagram import diagrams, wires
+from emla_cosim.views.run_page.page import page
+from emla_cosim.views.run_page.pictures import by_unit, shown
+from emla_cosim.views.run_page.signals import listed
 from tests.support.browser import Page, chromium
 from tests.support.commands import Emla
 

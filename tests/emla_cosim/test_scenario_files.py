@@ -9,10 +9,10 @@ from typing import Any
 import polars
 import pytest
 
-from emla_cosim.loading import load
-from emla_cosim.options import Options
-from emla_cosim.scenarios.built_in import SCENARIOS
-from emla_cosim.scenarios.scenario_file import parse_scenario
+from emla_cosim.run.options import Options
+from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.run.scenarios.scenario_file import parse_scenario
+from emla_cosim.study.loading import load
 from tests.support.commands import Emla, sentence
 
 SHORT = 'system = "lift"\nstop_time = 0.002\nplots = false\noutput = "out"\n'

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emla_cosim.loading import load
 from emla_cosim.recorders.csv_file import read_csv
-from emla_cosim.results.result import Result
-from emla_cosim.scenarios.built_in import SCENARIOS
+from emla_cosim.run.result import Result
+from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.study.loading import load
 from emla_fmu.parameters import EMLAS
 from tests.support.scenario_runs import run_scenario
 

@@ -14,17 +14,17 @@ from hypothesis import given
 from typer.testing import CliRunner, Result
 
 import emla_cosim as ec
-from emla_cosim.cli import app
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.units import Unit
+from emla_cosim.cli.app import app
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.loading import load
+from emla_cosim.fmu.models import FLAVOURS, build
 from emla_cosim.master.network import Link, order_with_followers, stepping_order
-from emla_cosim.models import FLAVOURS, build
-from emla_cosim.sweep.targets import as_arguments
+from emla_cosim.study.loading import load
+from emla_cosim.sweeps.targets import as_arguments
 from emla_cosim.system.fault import KINDS, Fault, read_faults
 from emla_cosim.system.resolution import transformed
 from emla_cosim.system.signal_faults import with_components, with_faults
-from emla_cosim.units import Unit
 from emla_fmu import FaultKind, SignalFault
 from fmublock.instance import Instance
 from tests.support.faulty_systems import faulty, wired

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from emla_cosim.errors import CommandError
-from emla_cosim.loading import load
-from emla_cosim.scenarios.single_fmu import component_name
+from emla_cosim.base.errors import CommandError
+from emla_cosim.run.scenarios.single_fmu import component_name
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from fmublock.archive import write_archive
 from tests.support.commands import Emla, sentence

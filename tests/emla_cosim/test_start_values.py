@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import emla_cosim as ec
-from emla_cosim.models import fmu_path
-from emla_cosim.options import Options
-from emla_cosim.quantities import has_unit, quantity, unit_named
+from emla_cosim.base.quantities import has_unit, quantity, unit_named
+from emla_cosim.fmu.models import fmu_path
+from emla_cosim.run.options import Options
 from tests.support.commands import Emla, sentence
 
 ALPHA = "lift.observer.alpha_1"

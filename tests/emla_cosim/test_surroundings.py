@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-EMLA = [sys.executable, "-c", "from emla_cosim.program import main; main()"]
+EMLA = [sys.executable, "-c", "from emla_cosim.cli.program import main; main()"]
 RUN = ("run", "lift", "--no-plots", "--output", "out")
 FULL = Path("/dev/full")
 
@@ -70,7 +70,7 @@ def test_help_that_cannot_be_put_out_is_one_sentence(arguments: list[str]) -> No
 
 def test_ctrl_c_while_a_command_is_imported_is_told() -> None:
     code = (
-        "import emla_cosim.cli as c, signal\nc.import_module = lambda _: signal.raise_signal(signal.SIGINT)\n"
+        "import emla_cosim.cli.app as c, signal as s\nc.import_module = lambda _: s.raise_signal(s.SIGINT)\n"
     )
     done = subprocess.run([sys.executable, "-c", code + EMLA[2], "list"], capture_output=True, check=False)
     assert (done.returncode, done.stderr) == (1, b"Interrupted.\n")
@@ -114,13 +114,13 @@ def test_a_polite_end_keeps_what_was_computed_and_tidies_up(
     out = tmp_path / "out"
     arguments = [*RUN, "--stop-time", "100000", "--fmus", str(fmu_folder)]
     slowly = (
-        "import emla_cosim.preparation as p, time\n"
+        "import emla_cosim.run.preparation as p, time\n"
         "original = p.build\n"
         "def build(*a, **k):\n"
         "    open('preparing', 'w').close(); time.sleep(20); return original(*a, **k)\n"
         "p.build = build\n"
     )
-    code = (slowly if phase == "preparing" else "") + "from emla_cosim.program import main; main()"
+    code = (slowly if phase == "preparing" else "") + "from emla_cosim.cli.program import main; main()"
     with subprocess.Popen(
         [sys.executable, "-c", code, *arguments],
         cwd=tmp_path,
@@ -185,12 +185,14 @@ def test_too_little_memory_is_one_sentence(megabytes: int, fmu_folder: Path, tmp
 def test_a_rescue_that_fails_too_is_one_sentence(end: str, tmp_path: Path) -> None:
     code = f"""
 import os
-from emla_cosim.guard import guarded
+from emla_cosim.sandbox.guard import guarded
 def rescue(how):
     {end}
 guarded(os.abort, rescue)
 """
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert done.stderr.splitlines()[-1].startswith(
         "Error: the run ended: SIGABRT. What it computed could not be saved: "
@@ -202,7 +204,7 @@ def test_a_host_without_room_for_a_guard_runs_without_one(fmu_folder: Path, tmp_
         "import os\n"
         "def fork(): raise BlockingIOError(11, 'Resource temporarily unavailable')\n"
         "os.fork = fork\n"
-        "from emla_cosim.program import main; main()"
+        "from emla_cosim.cli.program import main; main()"
     )
     command = [sys.executable, "-c", without, *RUN, "--stop-time", "0.01", "--fmus", str(fmu_folder)]
     environment = surroundings(fmu_folder, tmp_path)
@@ -220,7 +222,7 @@ def test_a_guard_without_a_folder_of_its_own_removes_nobody_elses(fmu_folder: Pa
         "    if 'emla-run-' in str(path): raise OSError(28, 'No space left on device')\n"
         "    return original(path, *more, **how)\n"
         "os.mkdir = mkdir\n"
-        "from emla_cosim.program import main; main()"
+        "from emla_cosim.cli.program import main; main()"
     )
     environment = surroundings(fmu_folder, tmp_path)
     (tmp_path / "temporary" / "precious").write_text("mine")

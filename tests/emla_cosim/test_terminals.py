@@ -9,8 +9,8 @@ import pytest
 from fmpy import read_model_description
 from lxml import etree
 
-from emla_cosim.loading import load
-from emla_cosim.models import MODELS, fmu_path
+from emla_cosim.fmu.models import MODELS, fmu_path
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import Connection
 
 FILE = "terminalsAndIcons/terminalsAndIcons.xml"

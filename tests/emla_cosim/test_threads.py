@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
-from emla_cosim.commands.rescue import _cause
+from emla_cosim.cli.commands.rescue import _cause
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.sampling import Sampling

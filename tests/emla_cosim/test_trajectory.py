@@ -11,10 +11,10 @@ from scipy.interpolate import BSpline
 from typer.testing import CliRunner
 
 import emla_cosim as ec
-from emla_cosim.cli import app
-from emla_cosim.progress import Progress
-from emla_cosim.trajectory import finding
-from emla_cosim.trajectory.file import DEFAULT_FILE
+from emla_cosim.base.progress import Progress
+from emla_cosim.cli.app import app
+from emla_cosim.trajectories import finding
+from emla_cosim.trajectories.file import DEFAULT_FILE
 from hdrm_fmu.optimisation.problem import MotionProblem
 from hdrm_fmu.spline import default_spline
 from tests.support.commands import Emla, sentence, widen_terminal

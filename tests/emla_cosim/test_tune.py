@@ -12,15 +12,15 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.errors import CommandError
-from emla_cosim.progress import Progress
-from emla_cosim.requirements import requirement
-from emla_cosim.scenarios.built_in import TUNINGS
-from emla_cosim.sweep.result import DIVERGED, DONE
-from emla_cosim.sweep.worker import Outcome
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.progress import Progress
+from emla_cosim.run.requirements import requirement
+from emla_cosim.run.scenarios.built_in import TUNINGS
+from emla_cosim.sweeps.result import DIVERGED, DONE
+from emla_cosim.sweeps.worker import Outcome
 from emla_cosim.system.model import Component, System
-from emla_cosim.tune.expressions import expression
-from emla_cosim.tune.score import Judge
+from emla_cosim.tuning.expressions import expression
+from emla_cosim.tuning.score import Judge
 from fmublock import Block, Output, Parameter, build
 from tests.support.clusters import shared_cluster
 from tests.support.commands import Emla

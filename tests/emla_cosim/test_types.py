@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.units import LinearTransformation
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.slaves.described_slave import _nominal
 from emla_cosim.system.model import Component, Connection, System
-from emla_cosim.units import LinearTransformation
 from fmublock import Block, DiscreteState, Input, Output, Parameter, build, where
 
 

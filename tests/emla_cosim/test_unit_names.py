@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.unit_names import _ALONE, _AMBIGUOUS, _COHERENT, _PREFIXES, meaning
-from emla_cosim.units import BASE_UNITS
+from emla_cosim.base.unit_names import _ALONE, _AMBIGUOUS, _COHERENT, _PREFIXES, meaning
+from emla_cosim.base.units import BASE_UNITS
 
 PINT = pint.UnitRegistry()
 PINT_NAMES = {

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.study.criteria import Criteria, criteria_of
 from emla_cosim.study.metrics import JointMetrics
 from emla_cosim.study.registration import register

@@ -2,7 +2,7 @@
 
 import pytest
 
-from emla_cosim.wording import counted, number
+from emla_cosim.base.wording import counted, number
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import pytest
 
 import emla_cosim as ec
 import fmublock.files
-from emla_cosim.locking import alone
+from emla_cosim.sandbox.locking import alone
 from fmublock.files import real_place, written_whole
 from tests.support.commands import Emla, sentence
 from tests.support.few_figures import DRAWN, draw_few
@@ -160,7 +160,7 @@ def test_paths_are_relative_to_where_a_simulation_was_prepared(
 
 
 def test_a_second_run_into_a_folder_is_refused(emla: Emla, tmp_path: Path) -> None:
-    code = "from emla_cosim.locking import alone; from pathlib import Path; import sys\n"
+    code = "from emla_cosim.sandbox.locking import alone; from pathlib import Path; import sys\n"
     code += "with alone(Path(sys.argv[1])): print('held', flush=True); sys.stdin.read()"
     (tmp_path / "out").mkdir()
     with subprocess.Popen(

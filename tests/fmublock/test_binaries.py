@@ -9,7 +9,7 @@ from pathlib import Path
 import lief
 import pytest
 
-from emla_cosim.models import MODELS, build
+from emla_cosim.fmu.models import MODELS, build
 from fmublock.platforms import TARGETS
 
 WINDOWS_SYSTEM_DLLS = re.compile(r"(kernel32|ntdll|api-ms-win-crt-[a-z]+-l1-1-0)\.dll", re.IGNORECASE)

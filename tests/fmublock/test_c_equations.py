@@ -13,7 +13,7 @@ import casadi
 import numpy as np
 import pytest
 
-from emla_cosim.models import fmu_path
+from emla_cosim.fmu.models import fmu_path
 from emla_fmu import EmlaPlant
 from fmublock import Block, DiscreteState, Input, Output, Parameter, State, cos, exp, sin, where
 from fmublock.c_equations import _Equations, c_equations

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from emla_cosim.models import FLAVOURS, fmu_path
+from emla_cosim.fmu.models import FLAVOURS, fmu_path
 from fmublock import Block, BlockError, Instance, Output, Parameter
 from rsba_fmu.controller import RsbaController
 from tests.support.sessions import ERROR, FATAL, Session, opened, refused

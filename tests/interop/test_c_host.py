@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from emla_cosim.fmu.file import FmuFile
-from emla_cosim.loading import load
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import Timing, timing
+from emla_cosim.study.loading import load
 from tests.support.c_programs import Build, host_plan, needs_cc, run_program
 from tests.support.simulated import simulated
 

@@ -11,8 +11,8 @@ from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi2 import FMU2Slave, fmi2Error
 from fmpy.validation import validate_fmu
 
+from emla_cosim.fmu.models import FLAVOURS, MODELS, fmu_path
 from emla_cosim.master.slaves.fmu_log import FmuLog
-from emla_cosim.models import FLAVOURS, MODELS, fmu_path
 from tests.support.joint_run import Array, Case, differences, our_run
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.fmu.file import FmuFile
-from emla_cosim.models import MODELS
+from emla_cosim.fmu.models import MODELS
 from tests.support.c_programs import Build, fuzz_plan, needs_cc, run_program
 
 pytestmark = needs_cc

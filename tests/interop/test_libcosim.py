@@ -16,7 +16,7 @@ from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
 from libcosimpy.CosimObserver import CosimObserver
 from libcosimpy.CosimSlave import CosimLocalSlave
 
-from emla_cosim.loading import load
+from emla_cosim.study.loading import load
 from tests.support.joint_run import STEP, Array, Case, differences, our_run
 from tests.support.scenario_runs import run_scenario
 

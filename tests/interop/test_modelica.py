@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import pytest
 import rumoca
 
-from emla_cosim.loading import load
+from emla_cosim.study.loading import load
 from emla_fmu import motion_law
 from fmublock.variables import DiscreteState, Parameter, State
 from tests.support.modelica_package import (

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.loading import load
+from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import timing
-from emla_cosim.models import fmu_path
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from fmublock.variables import DiscreteState, Output, State
 from hdrm_fmu.spline import Spline, trajectory_parameters

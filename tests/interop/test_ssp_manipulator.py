@@ -9,8 +9,8 @@ from libcosimpy.CosimExecution import CosimExecution
 from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
 from typer.testing import CliRunner
 
-from emla_cosim.cli import app
-from emla_cosim.loading import load
+from emla_cosim.cli.app import app
+from emla_cosim.study.loading import load
 
 SYSTEM = load("hdrm-coupled").system
 NAMES = {component.name.replace(".", "_") for component in SYSTEM.components}

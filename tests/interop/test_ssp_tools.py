@@ -14,9 +14,9 @@ from libcosimpy.CosimObserver import CosimObserver
 from lxml import etree
 from typer.testing import CliRunner
 
-from emla_cosim.cli import app
-from emla_cosim.loading import load
+from emla_cosim.cli.app import app
 from emla_cosim.recorders.csv_file import read_csv
+from emla_cosim.study.loading import load
 from tests.support.joint_run import Array
 
 TOLERANCE = 1e-12

@@ -15,8 +15,8 @@ from typing import Any
 import psutil
 from distributed import Client
 
-from emla_cosim.progress import Progress
-from emla_cosim.sweep.local_cluster import local_cluster
+from emla_cosim.base.progress import Progress
+from emla_cosim.sweeps.local_cluster import local_cluster
 from tests.support.paths import ROOT
 
 CODE = os.pathsep.join([str(ROOT / "src"), str(ROOT / "orchestration"), str(ROOT)])

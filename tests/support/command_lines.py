@@ -10,10 +10,10 @@ from typing import Any, get_args, get_origin
 
 from hypothesis import strategies as st
 
-from emla_cosim.models import MODELS
-from emla_cosim.option import EXPORT, INFO, RUN, Option
-from emla_cosim.options import table
-from emla_cosim.scenarios.built_in import SCENARIOS
+from emla_cosim.base.option import EXPORT, INFO, RUN, Option
+from emla_cosim.fmu.models import MODELS
+from emla_cosim.run.options import table
+from emla_cosim.run.scenarios.built_in import SCENARIOS
 from fmublock.platforms import host_platform
 from tests.support.command_server import CLOSED, FULL, TERMINAL, USABLE
 from tests.support.odd_files import FILES, ODD, Materials

@@ -92,7 +92,7 @@ class CommandServer:
 def _serve(fmus: str) -> None:
     """Answer requests; a divided process returns and calls the command."""
     import emla_cosim as ec
-    from emla_cosim.commands import build, export, list, run  # noqa: F401
+    from emla_cosim.cli.commands import build, export, list, run  # noqa: F401
 
     with ec.load("lift", stop_time=0.002, fmus=fmus).prepare() as simulation:
         simulation.run()
@@ -219,7 +219,7 @@ def _all_ended(group: int) -> bool:
 
 def _done() -> None:
     """Call the command and end as Python would, but for the time that tidying up modules costs."""
-    from emla_cosim.program import main
+    from emla_cosim.cli.program import main
 
     code = 0
     try:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 from typer.testing import Result
 
-from emla_cosim.terminal import ERR, OUT
+from emla_cosim.views.terminal import ERR, OUT
 
 Emla = Callable[..., Result]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from emla_cosim.arrays import Vector
-from emla_cosim.results.result import Result
-from emla_cosim.simulation import Simulation
+from emla_cosim.base.arrays import Vector
+from emla_cosim.run.result import Result
+from emla_cosim.run.simulation import Simulation
 from emla_cosim.study.roles import JOINTS, variable
 from emla_cosim.study.systems import STUDY
 

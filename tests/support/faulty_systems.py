@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from emla_cosim.loading import load
+from emla_cosim.base.units import LinearTransformation
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.results.result import Result
+from emla_cosim.run.result import Result
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, Connection, System
-from emla_cosim.units import LinearTransformation
 from tests.support.faulty_fmu import Counts, Fault
 from tests.support.scenario_runs import run_scenario
 

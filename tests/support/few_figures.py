@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-import emla_cosim.loading  # registers those of the study
-import emla_cosim.results.plotting
-from emla_cosim.results.plotting import FIGURES
+import emla_cosim.study.loading  # registers those of the study
+import emla_cosim.views.plots.plotting
+from emla_cosim.views.plots.plotting import FIGURES
 
 DRAWN = 2
 
@@ -25,4 +25,4 @@ def draw_empty(monkeypatch: pytest.MonkeyPatch) -> None:
 
         return Figure((1.0, 1.0))
 
-    monkeypatch.setattr(emla_cosim.results.plotting, "drawn_panels", empty)
+    monkeypatch.setattr(emla_cosim.views.plots.plotting, "drawn_panels", empty)

@@ -8,11 +8,11 @@ from fmpy import read_model_description
 from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
-from emla_cosim.loading import load
+from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import Timing, timing
-from emla_cosim.models import fmu_path
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from tests.support.simulated import simulated
 

@@ -8,7 +8,7 @@ import numpy as np
 import rumoca
 from numpy.typing import NDArray
 
-from emla_cosim.models import MODELS
+from emla_cosim.fmu.models import MODELS
 from emla_cosim.system.model import System
 from fmublock.variables import Input, ScalarVariable, State, Variable
 

@@ -29,8 +29,8 @@ from unittest.mock import patch
 from typer.testing import CliRunner
 
 import emla_cosim as ec
-import emla_cosim.loading  # registers what the study brings, before registries are kept
-from emla_cosim.cli import app
+import emla_cosim.study.loading  # registers what the study brings, before registries are kept
+from emla_cosim.cli.app import app
 
 from .paths import ROOT
 

@@ -3,7 +3,7 @@
 import shutil
 from pathlib import Path
 
-from emla_cosim.models import fmu_path
+from emla_cosim.fmu.models import fmu_path
 
 from .paths import ROOT
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from emla_cosim.models import MODELS
+from emla_cosim.fmu.models import MODELS
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES
 from fmublock.instance import Instance

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from emla_cosim.cli import app
+from emla_cosim.cli.app import app
 
 Refused = Callable[..., str]
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.tubes.comparison import Comparison
-from emla_cosim.tubes.tube import Tube
-from emla_cosim.verify.report import Examined, Finding, Report
-from emla_cosim.verify.verdict import Clause, Outcome, failed, passed, skipped, warned
+from emla_cosim.recorders.tubes.comparison import Comparison
+from emla_cosim.recorders.tubes.tube import Tube
+from emla_cosim.verification.report import Examined, Finding, Report
+from emla_cosim.verification.verdict import Clause, Outcome, failed, passed, skipped, warned
 
 CLAUSE = Clause("2.1.5", "The function returns a new instance of an FMU.")
 STARTED = "2026-11-22T11:53:17+00:00"

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-from emla_cosim.progress import Progress
-from emla_cosim.results.output_folder import OutputFolder
-from emla_cosim.results.result import Result
-from emla_cosim.scenarios.scenario import Scenario
+from emla_cosim.base.progress import Progress
+from emla_cosim.run.result import Result
+from emla_cosim.run.scenarios.scenario import Scenario
+from emla_cosim.views.output_folder import OutputFolder
 
 
 def run_scenario(scenario: Scenario, folder: Path, **options: Any) -> Result:

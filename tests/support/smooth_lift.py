@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.loading import load
+from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from tests.support import reference_model as paper
 

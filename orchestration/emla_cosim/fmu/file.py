@@ -6,9 +6,9 @@ from pathlib import Path
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from ..errors import CommandError
-from ..files import sha256
-from ..wording import counted
+from ..base.errors import CommandError
+from ..base.files import sha256
+from ..base.wording import counted
 from .interface import Interface, read_interface
 from .library import missing_bytes
 from .unpack import UnsafeArchiveError, unpack

@@ -11,8 +11,8 @@ from typing import Any
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
 
-from ..errors import CommandError
-from ..units import BASE_UNITS, Unit
+from ..base.errors import CommandError
+from ..base.units import BASE_UNITS, Unit
 from .dependencies import Dependencies
 
 _DESCRIPTION = "modelDescription.xml"

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from fmpy.model_description import ModelVariable
 
-from ..errors import CommandError
-from ..wording import number as in_digits
+from ..base.errors import CommandError
+from ..base.wording import number as in_digits
 from .interface import Interface
 
 TypedValue = tuple[ModelVariable, Any]

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import polars
 
-from ..arrays import Vector
-from ..errors import CommandError, listed
-from ..files import read_file
+from ..base.arrays import Vector
+from ..base.errors import CommandError, listed
+from ..base.files import read_file
 from .headers import Header, named_units
 from .input import Input
 

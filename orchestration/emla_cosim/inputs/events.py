@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..arrays import Vector
-from ..errors import CommandError
+from ..base.arrays import Vector
+from ..base.errors import CommandError
 from ..system.fault import Fault
 from .data import read_data
 from .input import Input

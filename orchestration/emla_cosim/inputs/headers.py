@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..arrays import Vector
-from ..errors import CommandError
-from ..quantities import unit_named
-from ..unit_names import meaning
-from ..units import COLUMN_UNITS, Unit, conversion
+from ..base.arrays import Vector
+from ..base.errors import CommandError
+from ..base.quantities import unit_named
+from ..base.unit_names import meaning
+from ..base.units import COLUMN_UNITS, Unit, conversion
 
 _HEADER = re.compile(
     r"(?P<name>.+?)"

@@ -9,9 +9,9 @@ from typing import Any
 
 from fmublock.table import ENDS, INTERPOLATIONS
 
-from ..errors import CommandError, check_choice
-from ..files import digest
-from ..option import Entered
+from ..base.errors import CommandError, check_choice
+from ..base.files import digest
+from ..base.option import Entered
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".parquet")
 """How the names of files end that are tables."""

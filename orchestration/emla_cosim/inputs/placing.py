@@ -12,13 +12,13 @@ import numpy as np
 from fmublock.errors import BuildError
 from fmublock.table import Column, DataUnit, Shown, Table
 
-from ..arrays import Vector
-from ..errors import CommandError, RunError
-from ..files import CacheError, temporary_folder
+from ..base.arrays import Vector
+from ..base.errors import CommandError, RunError
+from ..base.files import CacheError, temporary_folder
+from ..base.units import BASE_UNITS, Unit
 from ..fmu.interface import Interface
-from ..models import license_text, producer
+from ..fmu.models import license_text, producer
 from ..system.model import Component, Connection, System
-from ..units import BASE_UNITS, Unit
 from .data import Data, read_data
 from .input import Input
 from .naming import NAME

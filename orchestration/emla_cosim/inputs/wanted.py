@@ -5,12 +5,12 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ..errors import CommandError, listed
+from ..base.errors import CommandError, listed
+from ..base.patterns import fits
+from ..base.units import IDENTITY, LinearTransformation, Unit, conversion
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
-from ..patterns import fits
 from ..system.model import System
-from ..units import IDENTITY, LinearTransformation, Unit, conversion
 from .data import Data
 from .headers import Header, data_unit, rate_of, same_unit
 from .input import Column, Input

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arrays import Indices, Vector
-from ..errors import CommandError, RunError, listed
+from ..base.arrays import Indices, Vector
+from ..base.errors import CommandError, RunError, listed
 from .slaves.slave import Slave
 
 

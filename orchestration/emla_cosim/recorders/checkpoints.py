@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import CommandError, RunError
+from ..base.errors import CommandError, RunError
 from ..master.stepping.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from ..master.stepping.timing import Timing
 from .recorder import Pause, Recorder

@@ -12,8 +12,8 @@ from typing import IO, Any
 import numpy as np
 import polars
 
-from ..arrays import Vector
-from ..files import real_place
+from ..base.arrays import Vector
+from ..base.files import real_place
 from .recorder import Outline
 from .table import Table
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector
-from ..units import LinearTransformation
+from ..base.arrays import Vector
+from ..base.units import LinearTransformation
 from .coupling.coupling import COUPLING, Coupling
 from .recorder import Outline, Pause, Recorder
 from .signal_figures import SignalFigures

@@ -9,9 +9,9 @@ from typing import Any
 
 import polars
 
-from ..arrays import Vector
-from ..files import written_whole
-from ..units import COLUMN_UNITS
+from ..base.arrays import Vector
+from ..base.files import written_whole
+from ..base.units import COLUMN_UNITS
 from .recorder import Outline
 from .table import Table
 

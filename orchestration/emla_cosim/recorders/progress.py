@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..progress import Progress
+from ..base.progress import Progress
 from .recorder import Outline, Pause, Recorder
 
 

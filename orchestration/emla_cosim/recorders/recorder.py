@@ -7,14 +7,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .. import black_box
-from ..arrays import Vector
-from ..errors import RunError
+from ..base.arrays import Vector
+from ..base.errors import RunError
+from ..base.units import LinearTransformation, Unit
 from ..master.algorithms.exchanged import Exchanged
 from ..master.stepping.stepping import Stepping
 from ..master.stepping.timing import Timing
+from ..sandbox import black_box
 from ..system.bond import Bond
-from ..units import LinearTransformation, Unit
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import polars
 
-from ..arrays import Vector
-from ..errors import CommandError
+from ..base.arrays import Vector
+from ..base.errors import CommandError
 from .csv_file import columns_of, read_csv
 
 _REFERENCE = "the run to compare with"

@@ -13,11 +13,11 @@ from rich.table import Table
 from emla_fmu import TorqueSource
 from rsba_fmu.certificate import Bounds, Certificate, ControlGains, Four, ObserverConstants, certificate
 
-from ..arrays import Vector
-from ..errors import CommandError
+from ..base.arrays import Vector
+from ..base.errors import CommandError
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
-from ..simulation import Simulation
+from ..run.simulation import Simulation
 from .metrics import EVALUATED_AFTER
 from .roles import variable
 

@@ -18,8 +18,8 @@ from rsba_fmu import (
     gains,
 )
 
-from ..errors import CommandError, check_choice, listed
-from ..models import block_of
+from ..base.errors import CommandError, check_choice, listed
+from ..fmu.models import block_of
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from ..errors import CommandError, listed, near_or_some
-from ..quantities import quantity, unit_named
+from ..base.errors import CommandError, listed, near_or_some
+from ..base.quantities import quantity, unit_named
 
 ALL_JOINTS = "*"
 

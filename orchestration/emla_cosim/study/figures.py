@@ -2,8 +2,8 @@
 
 from collections.abc import Collection, Mapping
 
-from ..results.plotting import Bound, Curve, Panel, Picture
-from ..results.style import GREEN, GREY, ORANGE, PURPLE, RED
+from ..views.plots.plotting import Bound, Curve, Panel, Picture
+from ..views.plots.style import GREEN, GREY, ORANGE, PURPLE, RED
 from .roles import variable
 
 _STROKE = Bound("stroke", ("q_UB",), ("q_LB",))

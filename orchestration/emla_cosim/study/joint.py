@@ -10,7 +10,7 @@ from emla_fmu import Disturbance, EmlaMotor, EmlaObserver, EmlaPlant, Reference
 from fmublock import Block
 from fmublock.variables import Variable
 
-from ..errors import CommandError
+from ..base.errors import CommandError
 from ..system.model import Component, System, Value
 
 _WIRES = (

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import Vector
+from ..base.arrays import Vector
 from .criteria import Criteria
 from .roles import Named, variable
 

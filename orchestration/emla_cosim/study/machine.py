@@ -8,7 +8,7 @@ from typing import Any
 from fmublock import Block
 from hdrm_fmu import HdrmManipulator, HdrmPlant
 
-from ..errors import CommandError, listed
+from ..base.errors import CommandError, listed
 from ..system.bond import Bond
 from ..system.model import Component, System, Value
 from .actuator.fitting import NONE, Actuators, check_joints, emla_of

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask, Vector, counts, stored
+from ..base.arrays import Mask, Vector, counts, stored
 from ..recorders.metrics import HELD, Figures, Metrics, Shown
 from ..recorders.recorder import Outline
-from ..requirements import NamedFigures
+from ..run.requirements import NamedFigures
 from .criteria import criteria_of
 from .limits import LimitWatch
 from .oscillation import OscillationWatch

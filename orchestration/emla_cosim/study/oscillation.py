@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask, Vector, counts, stored
+from ..base.arrays import Mask, Vector, counts, stored
 
 WINDOW = 0.1
 """Length in s of the windows that are looked at; the slowest oscillation that is found has 10 Hz."""

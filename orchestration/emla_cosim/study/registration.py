@@ -6,12 +6,12 @@ from importlib.resources import files
 
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
-from ..requirements import RENAMED
-from ..results.animation import ANIMATIONS
-from ..results.by_unit import BY_UNIT
-from ..results.plotting import FIGURES
-from ..scenarios.built_in import FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
-from ..start_values import FOLLOWERS
+from ..run.requirements import RENAMED
+from ..run.scenarios.built_in import FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
+from ..system.start_values import FOLLOWERS
+from ..views.animation import ANIMATIONS
+from ..views.plots.by_unit import BY_UNIT
+from ..views.plots.plotting import FIGURES
 from . import experiments, machine, systems
 from .actuator.actuator import Actuator
 from .actuator.beliefs import followed_model_parameters

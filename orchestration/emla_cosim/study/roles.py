@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from hdrm_fmu.trajectory import JOINTS
 
-from ..errors import CommandError, listed, near_or_some
+from ..base.errors import CommandError, listed, near_or_some
 from ..inputs.naming import data_among
 
 _PLACES: dict[str, tuple[str, ...]] = {

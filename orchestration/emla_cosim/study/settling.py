@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector, stored
+from ..base.arrays import Vector, stored
 from .criteria import Criteria
 
 _ROUNDING = 1e-9

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask, Vector, counts, stored
+from ..base.arrays import Mask, Vector, counts, stored
 
 AT_REST = 1e-6
 """A reference that is slower than this, in m/s, is at rest."""

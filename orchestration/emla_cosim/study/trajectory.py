@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, trajectory_parameters
 
-from ..errors import CommandError
+from ..base.errors import CommandError
 from ..system.model import Value
 from .roles import JOINTS
 from .systems import STUDY
@@ -37,7 +37,7 @@ def motion(file: Path | None) -> Motion:
     """The motion of a trajectory file, or the optimised one; CommandError for a file that has none."""
     if file is None:
         return _motion(default_spline())
-    from ..trajectory.file import read_trajectory  # takes a while
+    from ..trajectories.file import read_trajectory  # takes a while
 
     try:
         return _motion(read_trajectory(file))

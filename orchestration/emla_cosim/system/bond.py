@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ..errors import CommandError
+from ..base.errors import CommandError
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from ..errors import CommandError, check_choice
+from ..base.errors import CommandError, check_choice
 
 KINDS = ("freeze", "offset", "gain", "constant")
 """What a fault can make of a signal."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from ..errors import CommandError, listed
-from ..units import IDENTITY, LinearTransformation, Unit
+from ..base.errors import CommandError, listed
+from ..base.units import IDENTITY, LinearTransformation, Unit
 from .bond import Bond
 
 Value = float | int | bool | str

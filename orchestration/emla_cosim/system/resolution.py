@@ -6,10 +6,10 @@ import unicodedata
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..errors import CommandError
+from ..base.errors import CommandError
+from ..base.units import IDENTITY, LinearTransformation, conversion
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
-from ..units import IDENTITY, LinearTransformation, conversion
 from .model import Component, Connection, System, Value
 
 _UNSEEN = ("Cc", "Cs", "Zl", "Zp")

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from ..errors import CommandError
+from ..base.errors import CommandError
+from ..base.units import IDENTITY
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
-from ..units import IDENTITY
 from .fault import Fault
 from .model import Component, Connection, System, Value
 from .resolution import transformed

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from emla_cosim.results.animation import Pixels
 from emla_cosim.study.sketch.film import MachineFilm
+from emla_cosim.views.animation import Pixels
 from tests.support.commands import Emla, sentence
 
 RUN = ("run", "hdrm-replay", "--stop-time", "0.4", "--no-plots", "--output", "out")

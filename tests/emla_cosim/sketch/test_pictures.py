@@ -9,15 +9,15 @@ import pytest
 from PIL import Image
 
 import emla_cosim as ec
-from emla_cosim.errors import CommandError, RunError
-from emla_cosim.results.by_unit import BY_UNIT
-from emla_cosim.results.plotting import draw
-from emla_cosim.results.result import Result
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.run.result import Result
 from emla_cosim.study.figures import MACHINE_FIGURES
 from emla_cosim.study.sketch.film import MachineFilm, ManipulatorAnimation
 from emla_cosim.study.sketch.movement import Movement, movement, recorded_signals
 from emla_cosim.study.sketch.picture import INSTANTS, instants
 from emla_cosim.study.sketch.workspace import workspace
+from emla_cosim.views.plots.by_unit import BY_UNIT
+from emla_cosim.views.plots.plotting import draw
 from hdrm_fmu import HDRM
 from hdrm_fmu.kinematics import tip
 from tests.support.hdrm_runs import replayed, result_of

@@ -15,7 +15,7 @@ from pyssp_standard.standard import ModelicaStandard
 from typer.testing import CliRunner
 
 import emla_cosim.ssp.documents
-from emla_cosim.cli import app
+from emla_cosim.cli.app import app
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.ssp.documents.parameters import parse_mapping, parse_parameter_set
 from emla_cosim.ssp.documents.ssd_reader import parse_structure

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 from typer.testing import CliRunner
 
-from emla_cosim.cli import app
+from emla_cosim.cli.app import app
 from emla_cosim.fmu.interface import read_interface
 from tests.support.paths import FOREIGN_MAPPING
 

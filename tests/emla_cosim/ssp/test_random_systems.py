@@ -11,13 +11,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.units import IDENTITY, LinearTransformation, Unit, conversion
 from emla_cosim.fmu.interface import Interface, read_interface
 from emla_cosim.ssp.reader.reading import read_ssp
 from emla_cosim.ssp.writer.writing import Experiment, write_ssp
 from emla_cosim.system.model import Alias, Component, Connection, System
 from emla_cosim.system.resolution import resolved
-from emla_cosim.units import IDENTITY, LinearTransformation, Unit, conversion
 from tests.support.ssp_documents import ITEMS, UNITS, fake_fmu
 
 LENGTHS = {"m": UNITS["m"], "mm": UNITS["mm"], "inch": 'm="1" factor="0.0254"', "odd": 'm="1" offset="0.5"'}

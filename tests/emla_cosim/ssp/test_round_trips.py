@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from emla_cosim.cli import app
+from emla_cosim.base.progress import Progress
+from emla_cosim.cli.app import app
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.loading import load
-from emla_cosim.preparation import prepared
-from emla_cosim.progress import Progress
+from emla_cosim.run.preparation import prepared
+from emla_cosim.study.loading import load
 from emla_cosim.system.resolution import resolved
 from tests.support.paths import FOREIGN_MAPPING
 from tests.support.ssp_documents import folder, understood

@@ -6,8 +6,8 @@ from typing import Any
 import polars
 import pytest
 
-from emla_cosim.loading import load
-from emla_cosim.results.output_folder import results_folder
+from emla_cosim.study.loading import load
+from emla_cosim.views.output_folder import results_folder
 from tests.support.scenario_runs import run_scenario
 from tests.support.ssp_documents import (
     binding,

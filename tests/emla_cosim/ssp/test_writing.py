@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.units import LinearTransformation
 from emla_cosim.ssp.reader.reading import read_ssp
 from emla_cosim.ssp.writer.writing import Experiment, write_ssp
 from emla_cosim.system.model import Alias, Component, Connection, System
-from emla_cosim.units import LinearTransformation
 from tests.support.ssp_documents import Understood, fake_fmu, understood
 
 

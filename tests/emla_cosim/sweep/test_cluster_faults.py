@@ -15,11 +15,11 @@ import psutil
 import pytest
 from distributed import Client, LocalCluster
 
-from emla_cosim.errors import CommandError, RunError
+from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.recorders.metrics import METRICS
-from emla_cosim.sweep import farm, shipment
-from emla_cosim.sweep.reading import read_sweep
-from emla_cosim.sweep.sweeping import sweep
+from emla_cosim.sweeps import farm, shipment
+from emla_cosim.sweeps.reading import read_sweep
+from emla_cosim.sweeps.sweeping import sweep
 from tests.support.clusters import At, family, outside_cluster, shared_cluster, wait_for
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from scipy import stats
 
-from emla_cosim.errors import CommandError
-from emla_cosim.sweep.distributions import DISTRIBUTIONS, Distribution, distribution, parse
+from emla_cosim.base.errors import CommandError
+from emla_cosim.sweeps.distributions import DISTRIBUTIONS, Distribution, distribution, parse
 
 KINDS: list[tuple[str, Any]] = [
     ("uniform(-2, 5)", stats.uniform(-2, 7)),

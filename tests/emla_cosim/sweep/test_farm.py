@@ -6,9 +6,9 @@ from distributed import KilledWorker
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.sweep.farm import Work, _Chunks
-from emla_cosim.sweep.result import DIED, DONE
-from emla_cosim.sweep.worker import Chunk, Outcome
+from emla_cosim.sweeps.farm import Work, _Chunks
+from emla_cosim.sweeps.result import DIED, DONE
+from emla_cosim.sweeps.worker import Chunk, Outcome
 
 
 class Came:

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.errors import CommandError
-from emla_cosim.sweep.measures import Asked, MeasureError, Measures, resolved
+from emla_cosim.base.errors import CommandError
+from emla_cosim.sweeps.measures import Asked, MeasureError, Measures, resolved
 
 FIGURES = {"lift.error_m": False, "lift.held": True, "tilt.error_m": False}
 SIGNALS = ["lift.plant.x", "lift.plant.x_d", "lift.plant.x[1]", "a'b.x", 'say "x".y', "lift.plant.x.x"]

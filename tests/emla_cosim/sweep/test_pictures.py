@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.recorders.metrics import Shown
-from emla_cosim.sweep.drawing import bands as bands_module
-from emla_cosim.sweep.drawing.bands import PERCENTILES, bands
-from emla_cosim.sweep.drawing.labels import shortened, with_unit, wrapped
-from emla_cosim.sweep.pictures import draw
-from emla_cosim.sweep.result import SweepResult
+from emla_cosim.sweeps.drawing import bands as bands_module
+from emla_cosim.sweeps.drawing.bands import PERCENTILES, bands
+from emla_cosim.sweeps.drawing.labels import shortened, with_unit, wrapped
+from emla_cosim.sweeps.pictures import draw
+from emla_cosim.sweeps.result import SweepResult
 from tests.support.sweep_results import series, swept
 
 pytestmark = pytest.mark.filterwarnings("error")

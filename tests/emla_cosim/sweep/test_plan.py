@@ -2,7 +2,7 @@
 
 import pytest
 
-from emla_cosim.sweep.plan import Plan
+from emla_cosim.sweeps.plan import Plan
 
 
 def test_what_is_given_beside_a_plan_adds_to_its_tables() -> None:

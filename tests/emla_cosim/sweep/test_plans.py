@@ -13,13 +13,13 @@ from distributed import Client
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emla_cosim.errors import CommandError, CosimError, RunError
-from emla_cosim.locking import alone
-from emla_cosim.sweep.folder import SweepFolder
-from emla_cosim.sweep.measures import Measures
-from emla_cosim.sweep.plan import Plan, plan_of
-from emla_cosim.sweep.sweeping import sweep
-from emla_cosim.sweep.worker import Chunk, Outcome
+from emla_cosim.base.errors import CommandError, CosimError, RunError
+from emla_cosim.sandbox.locking import alone
+from emla_cosim.sweeps.folder import SweepFolder
+from emla_cosim.sweeps.measures import Measures
+from emla_cosim.sweeps.plan import Plan, plan_of
+from emla_cosim.sweeps.sweeping import sweep
+from emla_cosim.sweeps.worker import Chunk, Outcome
 from emla_cosim.system.model import Component, System
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most

@@ -6,29 +6,29 @@ import sys
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.sweep.distributions import Distribution
-from emla_cosim.sweep.sweeping import sweep
+from emla_cosim.sweeps.distributions import Distribution
+from emla_cosim.sweeps.sweeping import sweep
 
 
 @pytest.mark.parametrize(
     "imports",
     [
         "import emla_cosim as ec",
-        "import emla_cosim as ec; import emla_cosim.sweep.farm",
-        "import emla_cosim.sweep; import emla_cosim as ec",
-        "import emla_cosim as ec; ec.sweep; import emla_cosim.sweep.worker",
+        "import emla_cosim as ec; import emla_cosim.sweeps.farm",
+        "import emla_cosim.sweeps; import emla_cosim as ec",
+        "import emla_cosim as ec; ec.sweep; import emla_cosim.sweeps.worker",
     ],
 )
 def test_it_is_the_function_whatever_was_imported(imports: str) -> None:
     code = f"{imports}; from emla_cosim import sweep; assert ec.sweep is sweep; print(sweep.__module__)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout.strip() == "emla_cosim.sweep.sweeping", done.stderr
+    assert done.stdout.strip() == "emla_cosim.sweeps.sweeping", done.stderr
 
 
 def test_so_is_the_one_that_tunes() -> None:
-    code = "import emla_cosim as ec, emla_cosim.tune.plan; print(ec.tune.__module__)"
+    code = "import emla_cosim as ec, emla_cosim.tuning.plan; print(ec.tune.__module__)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout.strip() == "emla_cosim.tune.tuning", done.stderr
+    assert done.stdout.strip() == "emla_cosim.tuning.tuning", done.stderr
 
 
 def test_the_names_of_sweeps_are_public() -> None:

@@ -13,9 +13,9 @@ from SALib.sample import sobol as sobol_sample
 from scipy import stats
 from scipy.stats import qmc
 
-from emla_cosim.errors import CommandError
-from emla_cosim.sweep.distributions import Distribution, distribution
-from emla_cosim.sweep.sampling import SAMPLINGS, count, sample
+from emla_cosim.base.errors import CommandError
+from emla_cosim.sweeps.distributions import Distribution, distribution
+from emla_cosim.sweeps.sampling import SAMPLINGS, count, sample
 
 DRAWING = ["random", "latin-hypercube", "sobol", "saltelli"]
 

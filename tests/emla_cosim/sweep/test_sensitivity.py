@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from emla_cosim.errors import CommandError
-from emla_cosim.sweep.columns import Factor, influence
-from emla_cosim.sweep.result import SweepResult
-from emla_cosim.sweep.sensitivity import local_sensitivities, sobol_indices
+from emla_cosim.base.errors import CommandError
+from emla_cosim.sweeps.columns import Factor, influence
+from emla_cosim.sweeps.result import SweepResult
+from emla_cosim.sweeps.sensitivity import local_sensitivities, sobol_indices
 from tests.support.sweep_results import swept
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -6,13 +6,13 @@ from pathlib import Path
 import polars
 import pytest
 
-from emla_cosim.progress import Progress
-from emla_cosim.sweep.design import Design, designed
-from emla_cosim.sweep.factors import Factor
-from emla_cosim.sweep.plan import plan_of
-from emla_cosim.sweep.result import DONE
-from emla_cosim.sweep.sweeping import sweep
-from emla_cosim.sweep.targets import Target
+from emla_cosim.base.progress import Progress
+from emla_cosim.sweeps.design import Design, designed
+from emla_cosim.sweeps.factors import Factor
+from emla_cosim.sweeps.plan import plan_of
+from emla_cosim.sweeps.result import DONE
+from emla_cosim.sweeps.sweeping import sweep
+from emla_cosim.sweeps.targets import Target
 from tests.support.commands import Emla
 
 NAME = "study-robustness"

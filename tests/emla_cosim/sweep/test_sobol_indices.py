@@ -10,10 +10,10 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.sweep.kinds.continuous import Uniform
-from emla_cosim.sweep.result import SweepResult
-from emla_cosim.sweep.sampling import sample
-from emla_cosim.sweep.summary import sobol_table
+from emla_cosim.sweeps.kinds.continuous import Uniform
+from emla_cosim.sweeps.result import SweepResult
+from emla_cosim.sweeps.sampling import sample
+from emla_cosim.sweeps.summary import sobol_table
 from emla_cosim.system.model import Component, System
 from fmublock import Block, Output, Parameter, build
 from tests.support.clusters import shared_cluster

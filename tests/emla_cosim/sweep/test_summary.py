@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from rich.console import Console, RenderableType
 
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
 from emla_cosim.recorders.metrics import Shown
-from emla_cosim.sweep.result import SweepResult
-from emla_cosim.sweep.summary import commands, summary, worst
-from emla_cosim.sweep.targets import Target
+from emla_cosim.sweeps.result import SweepResult
+from emla_cosim.sweeps.summary import commands, summary, worst
+from emla_cosim.sweeps.targets import Target
 from tests.support.sweep_results import swept
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -17,10 +17,10 @@ from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.recorders.metrics import is_verdict
-from emla_cosim.sweep import farm
-from emla_cosim.sweep.reading import read_sweep
-from emla_cosim.sweep.sensitivity import sobol_indices
-from emla_cosim.sweep.sweeping import sweep
+from emla_cosim.sweeps import farm
+from emla_cosim.sweeps.reading import read_sweep
+from emla_cosim.sweeps.sensitivity import sobol_indices
+from emla_cosim.sweeps.sweeping import sweep
 from emla_cosim.system.model import Component, Replacement, System
 from fmublock import Block, Output, Parameter, build, sin
 from tests.support.clusters import shared_cluster

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.commands.options import with_values
-from emla_cosim.errors import CommandError
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.option import SWEEP
+from emla_cosim.cli.commands.options import with_values
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.option import SWEEP
-from emla_cosim.options import Options
-from emla_cosim.sweep.targets import FMU, OPTION, Target, as_arguments, assigned, merged
+from emla_cosim.run.options import Options
+from emla_cosim.sweeps.targets import FMU, OPTION, Target, as_arguments, assigned, merged
 from emla_cosim.system.model import Replacement
 
 

@@ -12,11 +12,11 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.requirements import RENAMED
-from emla_cosim.sweep.folder import SweepFolder
-from emla_cosim.sweep.measures import Asked, resolved, with_verdicts
-from emla_cosim.sweep.summary import figures_table, status_line, worst
-from emla_cosim.sweep.sweeping import sweep
+from emla_cosim.run.requirements import RENAMED
+from emla_cosim.sweeps.folder import SweepFolder
+from emla_cosim.sweeps.measures import Asked, resolved, with_verdicts
+from emla_cosim.sweeps.summary import figures_table, status_line, worst
+from emla_cosim.sweeps.sweeping import sweep
 from emla_cosim.system.model import Component, System
 from fmublock import Block, Output, Parameter, build
 from tests.support.clusters import shared_cluster

@@ -9,11 +9,11 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.progress import Progress
-from emla_cosim.sweep.design import designed
-from emla_cosim.sweep.plan import plan_of
+from emla_cosim.base.progress import Progress
+from emla_cosim.base.units import LinearTransformation, Unit
+from emla_cosim.sweeps.design import designed
+from emla_cosim.sweeps.plan import plan_of
 from emla_cosim.system.model import Alias, Component, System
-from emla_cosim.units import LinearTransformation, Unit
 from fmublock import Block, Output, Parameter, build
 from tests.support.commands import Emla
 from tests.support.toy_fmu import PRODUCER

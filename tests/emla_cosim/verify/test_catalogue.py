@@ -5,8 +5,8 @@ from importlib.resources import files
 
 import pytest
 
-from emla_cosim.verify.catalogue import CHECKS
-from emla_cosim.verify.check import Check
+from emla_cosim.verification.catalogue import CHECKS
+from emla_cosim.verification.check import Check
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.name)

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emla_cosim.verify.checks._sameness import compared
-from emla_cosim.verify.host.drive import Trajectory
-from emla_cosim.verify.verdict import Verdict
-from emla_cosim.verify.verifying import verify
+from emla_cosim.verification.checks._sameness import compared
+from emla_cosim.verification.host.drive import Trajectory
+from emla_cosim.verification.verdict import Verdict
+from emla_cosim.verification.verifying import verify
 from tests.support.broken.dynamic import Fault, build_good_fmu
 
 

@@ -13,16 +13,16 @@ from fmpy.fmi1 import FMICallException
 from scipy.linalg import expm
 
 from emla_cosim.fmu.unpack import unpack
-from emla_cosim.verify import apart, host
-from emla_cosim.verify.examination import examined
-from emla_cosim.verify.host.afresh import EndedError, afresh
-from emla_cosim.verify.host.drive import Trajectory, alone
-from emla_cosim.verify.host.experiment import Experiment, experiment
-from emla_cosim.verify.host.instance import CallError
-from emla_cosim.verify.host.integration import Integration
-from emla_cosim.verify.settings import Settings
-from emla_cosim.verify.subject import Subject
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.verification import apart, host
+from emla_cosim.verification.examination import examined
+from emla_cosim.verification.host.afresh import EndedError, afresh
+from emla_cosim.verification.host.drive import Trajectory, alone
+from emla_cosim.verification.host.experiment import Experiment, experiment
+from emla_cosim.verification.host.instance import CallError
+from emla_cosim.verification.host.integration import Integration
+from emla_cosim.verification.settings import Settings
+from emla_cosim.verification.subject import Subject
+from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.dynamic import Fault, build_good_fmu
 
 

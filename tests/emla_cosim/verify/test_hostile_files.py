@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.verify.catalogue import STATIC
-from emla_cosim.verify.report import Examined
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.verification.catalogue import STATIC
+from emla_cosim.verification.report import Examined
+from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import (
     DESCRIPTION,
     Files,

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.verify.report import Report
-from emla_cosim.verify.verdict import failed, passed
+from emla_cosim.verification.report import Report
+from emla_cosim.verification.verdict import failed, passed
 from tests.support.reports import CLAUSE, STARTED, examined, finding, hostile, ordinary, report
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from lxml import etree
 
-from emla_cosim.verify.labels import labels
-from emla_cosim.verify.report import Report
+from emla_cosim.verification.labels import labels
+from emla_cosim.verification.report import Report
 from tests.support.reports import STARTED, hostile, ordinary, report
 
 ALLOWED = {

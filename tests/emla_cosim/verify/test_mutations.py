@@ -8,9 +8,9 @@ import pytest
 from lxml import etree
 
 import emla_cosim as ec
-from emla_cosim.verify.catalogue import STATIC
-from emla_cosim.verify.report import Examined
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.verification.catalogue import STATIC
+from emla_cosim.verification.report import Examined
+from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import Files, good_bytes, with_files, with_tree
 from tests.support.broken.static import LIBRARY
 

@@ -6,8 +6,8 @@ import pytest
 from fmu_manipulation_toolbox.assembly import AssemblyNode
 from pythonfmu import FmuBuilder
 
-from emla_cosim.verify.catalogue import STATIC
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.verification.catalogue import STATIC
+from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import good_bytes
 from tests.support.broken.examining import examined_here
 from tests.support.faulty_fmu import build_faulty_fmu

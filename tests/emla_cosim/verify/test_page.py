@@ -8,13 +8,13 @@ import html5lib
 import numpy as np
 import pytest
 
-from emla_cosim.report.curves import thinned
-from emla_cosim.report.page import Plots, rendered
-from emla_cosim.report.plot import Band, Line, Plot
-from emla_cosim.report.text import number, shortened, visible
-from emla_cosim.verify.page import page
-from emla_cosim.verify.report import Report
-from emla_cosim.verify.verdict import passed
+from emla_cosim.verification.page import page
+from emla_cosim.verification.report import Report
+from emla_cosim.verification.verdict import passed
+from emla_cosim.views.pages.curves import thinned
+from emla_cosim.views.pages.page import Plots, rendered
+from emla_cosim.views.pages.plot import Band, Line, Plot
+from emla_cosim.views.pages.text import number, shortened, visible
 from tests.support.reports import examined, finding, hostile, ordinary, report, ten
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
@@ -216,7 +216,7 @@ def test_plots_of_one_shape_share_a_figure() -> None:
 
 
 def test_a_page_without_plots_has_no_library() -> None:
-    text = rendered("emla_cosim.verify", "page.html", Plots(), **_empty())
+    text = rendered("emla_cosim.verification", "page.html", Plots(), **_empty())
     assert "Anaconda" not in text and len(text) < 40_000
 
 

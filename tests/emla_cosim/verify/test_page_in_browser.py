@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from emla_cosim.verify.report import Report
+from emla_cosim.verification.report import Report
 from tests.support.browser import Page, chromium
 from tests.support.reports import hostile, ordinary, ten
 

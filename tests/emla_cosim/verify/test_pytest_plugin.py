@@ -7,20 +7,20 @@ from pathlib import Path
 
 import pytest
 
-import emla_cosim.verify.verifying  # noqa: F401 - for pytest runs in this process
+import emla_cosim.verification.verifying  # noqa: F401 - for pytest runs in this process
 from tests.support.paths import ROOT
 from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
 
 pytest_plugins = "pytester"
 
-PLUGIN = "emla_cosim.verify.pytest_plugin"
+PLUGIN = "emla_cosim.verification.pytest_plugin"
 VERIFYING = """
 import sys
 from dataclasses import replace
-import emla_cosim.verify.verifying
-from emla_cosim.verify.verdict import warned
+import emla_cosim.verification.verifying
+from emla_cosim.verification.verdict import warned
 
-module = sys.modules["emla_cosim.verify.verifying"]
+module = sys.modules["emla_cosim.verification.verifying"]
 real = module.verify
 """
 """How a conftest.py begins that puts something between the plugin and `verify`."""
@@ -226,7 +226,7 @@ def test_it_costs_next_to_nothing_where_it_is_not_used() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     modules, function = done.stdout.splitlines()
-    assert modules.split() == ["emla_cosim", "emla_cosim.verify", PLUGIN]
+    assert modules.split() == ["emla_cosim", "emla_cosim.verification", PLUGIN]
     assert function == "True"
 
 

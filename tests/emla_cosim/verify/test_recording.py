@@ -10,8 +10,8 @@ import pytest
 from fmpy.util import read_csv
 
 import emla_cosim as ec
-from emla_cosim.verify.references.excitation import SHAPES
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.verification.references.excitation import SHAPES
+from emla_cosim.verification.verdict import Verdict
 from tests.support.commands import Emla, sentence
 from tests.support.toy_fmu import build_toy
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.errors import CommandError
-from emla_cosim.verify.references.files import read_reference, reference_folder
-from emla_cosim.verify.report import Finding
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.base.errors import CommandError
+from emla_cosim.verification.references.files import read_reference, reference_folder
+from emla_cosim.verification.report import Finding
+from emla_cosim.verification.verdict import Verdict
 from tests.support.paths import ROOT
 
 FMUS = ROOT / "fmus"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.errors import CommandError, RunError
-from emla_cosim.verify.report import Report
+from emla_cosim.base.errors import CommandError, RunError
+from emla_cosim.verification.report import Report
 from tests.support.full_disk import files_of_at_most
 from tests.support.reports import ordinary
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from emla_cosim.verify.catalogue import STATIC
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.verification.catalogue import STATIC
+from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import (
     DESCRIPTION,
     Files,

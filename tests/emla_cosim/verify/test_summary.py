@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from markdown_it import MarkdownIt
 
-from emla_cosim.verify.summary import summary
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.verification.summary import summary
+from emla_cosim.verification.verdict import Verdict
 
 
 def report(

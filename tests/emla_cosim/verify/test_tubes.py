@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.errors import CommandError
-from emla_cosim.tubes.comparing import compared, how_it_left, that_left
-from emla_cosim.tubes.comparison import Comparison
-from emla_cosim.tubes.tolerance import Tolerance, read_tolerances, tolerance_of, tolerances_in
-from emla_cosim.tubes.tube import Tube
+from emla_cosim.base.errors import CommandError
+from emla_cosim.recorders.tubes.comparing import compared, how_it_left, that_left
+from emla_cosim.recorders.tubes.comparison import Comparison
+from emla_cosim.recorders.tubes.tolerance import Tolerance, read_tolerances, tolerance_of, tolerances_in
+from emla_cosim.recorders.tubes.tube import Tube
 
 EXACT = Tolerance(relative=1e-3, time=0.0)
 

@@ -16,14 +16,14 @@ import pytest
 from fmpy import read_model_description
 
 import emla_cosim as ec
-from emla_cosim.commands import verify as commands_verify
-from emla_cosim.errors import CommandError
-from emla_cosim.models import FLAVOURS, MODELS, build, fmu_path
-from emla_cosim.verify.apart import _late
-from emla_cosim.verify.catalogue import CHECKS, DYNAMIC, RECORDED
-from emla_cosim.verify.examination import chosen, needed
-from emla_cosim.verify.settings import Settings
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.base.errors import CommandError
+from emla_cosim.cli.commands import verify as commands_verify
+from emla_cosim.fmu.models import FLAVOURS, MODELS, build, fmu_path
+from emla_cosim.verification.apart import _late
+from emla_cosim.verification.catalogue import CHECKS, DYNAMIC, RECORDED
+from emla_cosim.verification.examination import chosen, needed
+from emla_cosim.verification.settings import Settings
+from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.dynamic import Fault, build_good_fmu
 from tests.support.commands import Emla, sentence
 

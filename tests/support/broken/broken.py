@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from emla_cosim.verify.settings import Settings
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.verification.settings import Settings
+from emla_cosim.verification.verdict import Verdict
 
 
 @dataclass(frozen=True)

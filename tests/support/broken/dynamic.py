@@ -8,8 +8,8 @@ from string import Template
 
 import fmpy
 
-from emla_cosim.verify.settings import Settings
-from emla_cosim.verify.verdict import Verdict
+from emla_cosim.verification.settings import Settings
+from emla_cosim.verification.verdict import Verdict
 from fmublock.archive import write_archive
 from tests.support.broken.broken import Broken
 from tests.support.handwritten_fmu import compile_library

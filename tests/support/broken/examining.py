@@ -6,13 +6,13 @@ from pathlib import Path
 import lief  # noqa: F401  # once here, and not in each process that examines
 import pytest
 
-from emla_cosim.verify import asking, examination
-from emla_cosim.verify.apart import apart
-from emla_cosim.verify.check import Check
-from emla_cosim.verify.report import Examined
-from emla_cosim.verify.settings import Settings
-from emla_cosim.verify.subject import Subject
-from emla_cosim.verify.verdict import Outcome, failed
+from emla_cosim.verification import asking, examination
+from emla_cosim.verification.apart import apart
+from emla_cosim.verification.check import Check
+from emla_cosim.verification.report import Examined
+from emla_cosim.verification.settings import Settings
+from emla_cosim.verification.subject import Subject
+from emla_cosim.verification.verdict import Outcome, failed
 
 
 def examined_here(path: Path, checks: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> Examined:

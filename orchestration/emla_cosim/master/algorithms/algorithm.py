@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
-from ...errors import CommandError
-from ...option import option, options_of
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.option import option, options_of
 from ..network import Link, Network
 from ..slaves.slave import Slave
 from .extrapolation import EXTRAPOLATIONS, Exchange

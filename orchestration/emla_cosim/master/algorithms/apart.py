@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 
-from ...arrays import Indices
+from ...base.arrays import Indices
 from .algorithm import Span
 from .extrapolation import Exchange
 from .tasks import Call, Operation, perform, tasks

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Vector
+from ...base.arrays import Vector
 from ..network import Link, Network
 from .algorithm import Algorithm
 from .quasi_newton import RELAXATION

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from dataclasses import dataclass
 
-from ...errors import listed
+from ...base.errors import listed
 from ..network import Network
 from .algorithm import Span
 from .sampling import Sampling

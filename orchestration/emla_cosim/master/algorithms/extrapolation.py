@@ -24,7 +24,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from ...arrays import Indices, Vector
+from ...base.arrays import Indices, Vector
 from ..network import Network
 
 EXTRAPOLATIONS = ("none", "master", "fmu")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Indices, Vector
+from ...base.arrays import Indices, Vector
 from .extrapolation import Exchange
 from .quasi_newton import QuasiNewton
 from .snapshot import Snapshot

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...option import option
+from ...base.option import option
 from ..network import Network
 from .algorithm import Algorithm
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...arrays import Vector
-from ...errors import RunError, listed
+from ...base.arrays import Vector
+from ...base.errors import RunError, listed
 from ..network import Link, Network
 from .newton import Newton, NoSolutionError
 from .scale import Scale

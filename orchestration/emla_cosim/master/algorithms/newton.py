@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Vector
+from ...base.arrays import Vector
 
 TOLERANCE = 1e-12
 """Values agree when they differ, and would be corrected, by no more than this part of their size."""

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
+from ...base.arrays import Vector
 
 RELAXATION = 0.1
 """How much of the first residual is followed while nothing is known of the Jacobian."""

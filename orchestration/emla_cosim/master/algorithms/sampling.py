@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...errors import CommandError
-from ...option import option
+from ...base.errors import CommandError
+from ...base.option import option
 from ..network import Network
 from .algorithm import Algorithm, Span
 from .apart import Apart

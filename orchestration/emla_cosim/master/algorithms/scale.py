@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...arrays import Indices, Vector
+from ...base.arrays import Indices, Vector
 from ..network import Network
 
 NOMINAL_SHARE = 0.01

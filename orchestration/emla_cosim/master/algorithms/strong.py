@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
-from ...errors import RunError
-from ...option import option
+from ...base.arrays import Vector
+from ...base.errors import RunError
+from ...base.option import option
 from ..network import Link, Network
 from ..slaves.slave import StepDiscardedError
 from .algorithm import Span, require

@@ -1,6 +1,6 @@
 """Calls of slaves by number, as `black_box` has them."""
 
-from ...black_box import Present
+from ...sandbox.black_box import Present
 
 CALLS = (
     "",

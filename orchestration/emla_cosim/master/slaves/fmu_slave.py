@@ -11,10 +11,10 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelVariable
 
-from ... import black_box
-from ...arrays import Vector
-from ...errors import CommandError, RunError
+from ...base.arrays import Vector
+from ...base.errors import CommandError, RunError
 from ...fmu.file import FmuFile
+from ...sandbox import black_box
 from .calls import CALLS, code_of
 from .described_slave import DescribedSlave
 from .fmu_log import FmuLog

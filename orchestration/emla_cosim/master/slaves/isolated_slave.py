@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from fmpy.model_description import ModelVariable
 
-from ...arrays import Vector
-from ...black_box import BLANK, Present
-from ...channel import Channel, SilenceError
-from ...errors import CommandError, RunError
+from ...base.arrays import Vector
+from ...base.errors import CommandError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.variables import TypedValue
-from ...processes import how_it_ended, started
+from ...sandbox.black_box import BLANK, Present
+from ...sandbox.channel import Channel, SilenceError
+from ...sandbox.processes import how_it_ended, started
 from .calls import decoded
 from .described_slave import DescribedSlave
 from .request import Request

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 from fmpy import fmi2
 
-from ...errors import CommandError
-from ...files import coming_back
+from ...base.errors import CommandError
+from ...base.files import coming_back
 from ...fmu.file import FmuFile
 
 _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t

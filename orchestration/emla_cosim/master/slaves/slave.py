@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Vector
-from ...errors import RunError
+from ...base.arrays import Vector
+from ...base.errors import RunError
 
 
 class SlaveError(RunError):

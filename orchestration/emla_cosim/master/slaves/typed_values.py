@@ -9,7 +9,7 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
-from ...arrays import Vector
+from ...base.arrays import Vector
 
 CONNECTABLE = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}
 """Types of variables that can be connected, and the type in the names of the FMI functions."""

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ... import black_box
-from ...channel import own_channel
-from ...errors import CosimError, RunError
+from ...base.errors import CosimError, RunError
 from ...fmu.file import FmuFile
-from ...interruption import ask_no_more
-from ...processes import end_with
+from ...sandbox import black_box
+from ...sandbox.channel import own_channel
+from ...sandbox.interruption import ask_no_more
+from ...sandbox.processes import end_with
 from .fmu_log import FmuLog
 from .fmu_slave import FmuSlave
 from .request import Request

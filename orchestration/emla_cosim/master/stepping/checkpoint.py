@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
-from ...errors import CommandError
-from ...files import HERE, place_of, written_whole
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.files import HERE, place_of, written_whole
 from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping import Stepping

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Indices, Vector
-from ...errors import CommandError, RunError
+from ...base.arrays import Indices, Vector
+from ...base.errors import CommandError, RunError
 from ..algorithms.algorithm import Algorithm, require
 from ..algorithms.scale import Scale
 from ..algorithms.snapshot import Snapshot

@@ -5,8 +5,8 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ...black_box import THREADS
-from ...errors import CommandError
+from ...base.errors import CommandError
+from ...sandbox.black_box import THREADS
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.sampling import Sampling
 from .compilation import COMPILED, compile_kernel

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ... import black_box
-from ...arrays import Vector
-from ...errors import RunError
+from ...base.arrays import Vector
+from ...base.errors import RunError
+from ...sandbox import black_box
 from ..algorithms import extrapolation, quasi_newton, strong, tasks
 from ..algorithms.explicit import Explicit
 from ..algorithms.strong import Strong

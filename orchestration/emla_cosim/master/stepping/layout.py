@@ -8,7 +8,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from ...black_box import Present
+from ...sandbox.black_box import Present
 
 
 class Failure(IntEnum):

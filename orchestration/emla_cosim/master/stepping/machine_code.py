@@ -12,8 +12,8 @@ from pathlib import Path
 import llvmlite
 import llvmlite.binding as llvm
 
-from ...files import CacheError, cache_folder, written_whole
-from ...interruption import held_back
+from ...base.files import CacheError, cache_folder, written_whole
+from ...sandbox.interruption import held_back
 
 _DIGEST = hashlib.sha256
 

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 
-from ...errors import CommandError
+from ...base.errors import CommandError
 
 SHORTEST_WAIT = 1e-3
 """Wall time in s between two points at which time is compared, unless steps are longer."""

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ... import black_box
-from ...arrays import Indices
+from ...base.arrays import Indices
+from ...sandbox import black_box
 from ..algorithms.group import Group
 from ..algorithms.sampling import Sampling
 from ..algorithms.scale import Scale

@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ...black_box import THREADS
-from ...errors import RunError
-from ...processes import cores
+from ...base.errors import RunError
+from ...sandbox.black_box import THREADS
+from ...sandbox.processes import cores
 from ..algorithms.sampling import Sampling
 from ..algorithms.tasks import Task
 from ..slaves.slave import Slave

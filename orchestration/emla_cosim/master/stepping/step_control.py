@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from ...errors import RunError
+from ...base.errors import RunError
 
 SAFETY = 0.9
 LARGEST_GROWTH, LARGEST_CUT = 2.0, 0.2

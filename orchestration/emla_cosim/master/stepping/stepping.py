@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from ...arrays import Vector
+from ...base.arrays import Vector
 from ..algorithms.algorithm import Algorithm
 from .timing import Timing
 

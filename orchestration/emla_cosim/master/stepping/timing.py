@@ -6,7 +6,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import NamedTuple
 
-from ...errors import CommandError
+from ...base.errors import CommandError
 
 MAXIMUM_STEPS = 10**10
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector, stored
-from ...errors import CommandError, near_or_some
+from ...base.arrays import Vector, stored
+from ...base.errors import CommandError, near_or_some
 from ...master.algorithms.exchanged import Exchanged
 from ...system.bond import Bond
 from ..recorder import Outline

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
+from ...base.arrays import Vector
 from ...master.algorithms.algorithm import Algorithm
 from ...master.algorithms.exchanged import Exchanged, loop_responses
 from ..recorder import Outline

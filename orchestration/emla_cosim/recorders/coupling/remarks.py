@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from ...wording import counted
+from ...base.wording import counted
 from .residual import Residual
 
 LARGEST_ENERGY_ERROR = 0.02

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector, stored
+from ...base.arrays import Vector, stored
 from ...master.algorithms.exchanged import Exchanged
 from .members import members
 from .steps import PRODUCTS, Steps, Use, integral
@@ -61,7 +61,9 @@ class Residuals:
         self._members = dict(zip((x.name for x in self.connections), own, strict=True))
         self._groups = groups
         self._squares = np.zeros((LAGS, len(self._kinds)))
-        self._products = {number: np.zeros((LAGS, len(inside), len(inside))) for number, inside in groups.items()}
+        self._products = {
+            number: np.zeros((LAGS, len(inside), len(inside))) for number, inside in groups.items()
+        }
         self._signals = sorted({x.signal for x in self.connections})
         self._origin: Vector = np.zeros(len(self._signals))
         self._moments = np.zeros((5, len(self._signals)))

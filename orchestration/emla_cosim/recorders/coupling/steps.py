@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Vector
+from ...base.arrays import Vector
 from ...master.algorithms.extrapolation import Mode
 
 PRODUCTS = np.array([[1.0, 1 / 2, 1 / 6], [1 / 2, 1 / 3, 1 / 12], [1 / 6, 1 / 12, 1 / 30]])

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Indices, Vector, stored
+from ...base.arrays import Indices, Vector, stored
 from .steps import Steps
 
 EVERY_STEP, THINNED = 500, 31

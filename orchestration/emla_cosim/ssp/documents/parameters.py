@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 
-from ...errors import CommandError
+from ...base.errors import CommandError
 from .structure import MappingEntry, Parameter, ParameterSet
 from .xml import (
     XmlElement,

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
-from ...errors import CommandError
-from ...units import Unit
+from ...base.errors import CommandError
+from ...base.units import Unit
 from .parameters import read_mapping, read_parameter_set
 from .structure import (
     FMU,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
-from ...units import Unit
+from ...base.units import Unit
 from .parameters import add_mapping, add_parameter_set
 from .structure import (
     ComponentElement,

@@ -5,7 +5,7 @@ Names and meanings are those of the standard.
 
 from dataclasses import dataclass
 
-from ...units import LinearTransformation, Unit
+from ...base.units import LinearTransformation, Unit
 
 DEFAULT_SSD = "SystemStructure.ssd"
 """The SSD that a package has at its top; others are variants."""

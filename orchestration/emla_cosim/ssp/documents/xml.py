@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ...errors import CommandError
-from ...units import BASE_UNITS, LinearTransformation, Unit
+from ...base.errors import CommandError
+from ...base.units import BASE_UNITS, LinearTransformation, Unit
 from .structure import TableTransformation, Transformation
 
 XmlElement = Any

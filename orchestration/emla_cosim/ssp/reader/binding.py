@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
+from ...base.units import IDENTITY, LinearTransformation, conversion
 from ...system.model import Value
-from ...units import IDENTITY, LinearTransformation, conversion
 from ..documents.structure import (
     ComponentElement,
     Element,

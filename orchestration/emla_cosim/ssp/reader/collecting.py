@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...errors import CommandError, listed
+from ...base.errors import CommandError, listed
 from ...fmu.interface import Interface, read_interface
 from ..documents.structure import (
     ComponentElement,

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
-from ...errors import CommandError
+from ...base.errors import CommandError
 from ..documents.parameters import parse_mapping, parse_parameter_set
 from ..documents.ssd_reader import parse_structure
 from ..documents.structure import (

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from ...errors import CommandError, called_as_in, listed
-from ...files import temporary_folder
+from ...base.errors import CommandError, called_as_in, listed
+from ...base.files import temporary_folder
 from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..documents.structure import DEFAULT_SSD
 

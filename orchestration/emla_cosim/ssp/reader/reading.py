@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...base.units import IDENTITY, conversion
 from ...system.model import Alias, Component, Connection, System
-from ...units import IDENTITY, conversion
 from ..documents.structure import Parameter, ParameterBinding, ParameterSet, Structure, TableTransformation
 from .binding import Bound, bound_values, transformation
 from .collecting import collected

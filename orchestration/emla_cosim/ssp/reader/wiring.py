@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from ...errors import CommandError
+from ...base.errors import CommandError
+from ...base.units import IDENTITY, LinearTransformation, Unit, conversion
 from ...fmu.interface import Interface
-from ...units import IDENTITY, LinearTransformation, Unit, conversion
 from ..documents.structure import (
     ComponentElement,
     Connection,

@@ -4,10 +4,10 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ...errors import CommandError
+from ...base.errors import CommandError
+from ...base.units import IDENTITY, Unit
 from ...fmu.interface import Interface
 from ...system.model import Component, Connection, System
-from ...units import IDENTITY, Unit
 from ..documents import structure as ssp
 from .drawing import drawn
 

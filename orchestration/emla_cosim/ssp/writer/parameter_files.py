@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from fmpy.model_description import ModelVariable
 
-from ...errors import CommandError
+from ...base.errors import CommandError
 from ...fmu.interface import Interface
 from ...fmu.variables import find_variable, start_value
 from ...system.model import Component, System

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fmublock.archive import write_archive
 
-from ...errors import CommandError, RunError
+from ...base.errors import CommandError, RunError
 from ...fmu.interface import read_interfaces
 from ...system.model import System
 from ...system.resolution import resolved

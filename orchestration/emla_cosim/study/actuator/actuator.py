@@ -11,9 +11,9 @@ from typing import Any
 
 from emla_fmu.parameters import EmlaParameters
 
-from ...errors import CommandError, listed
-from ...files import read_file
-from ...option import Entered
+from ...base.errors import CommandError, listed
+from ...base.files import read_file
+from ...base.option import Entered
 from . import derived
 from .checks import contradictions, remarks
 from .conversion import Conversion, conversions

@@ -8,9 +8,9 @@ from typing import Any
 
 from emla_fmu import motion_law
 
-from ...errors import listed
-from ...options import Options
-from ...patterns import fits
+from ...base.errors import listed
+from ...base.patterns import fits
+from ...run.options import Options
 from ...system.model import System, Value
 from ..roles import JOINTS
 from .settings import value_of

@@ -10,7 +10,7 @@ from emla_fmu.parameters import EMLAS, EmlaParameters
 from rsba_fmu.foc_gains import FocGains
 from rsba_fmu.gains import RsbaGains
 
-from ...errors import CommandError, listed
+from ...base.errors import CommandError, listed
 from .actuator import Actuator
 
 Actuators = Mapping[str, Actuator]

@@ -5,8 +5,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from ...errors import CommandError
-from ...quantities import quantity, unit_named
+from ...base.errors import CommandError
+from ...base.quantities import quantity, unit_named
 from .entries import TURN, Entry
 
 RMS, PEAK = "rms", "peak"

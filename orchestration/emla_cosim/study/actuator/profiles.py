@@ -9,7 +9,7 @@ from emla_fmu import Disturbance, Reference
 from emla_fmu.schedule import NEVER
 from fmublock import Block
 
-from ...options import Options
+from ...run.options import Options
 from ...system.model import System
 from .settings import is_own, number
 

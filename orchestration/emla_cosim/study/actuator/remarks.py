@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
-from ...errors import CommandError
-from ...options import Options
+from ...base.errors import CommandError
+from ...run.options import Options
 from ...system.model import System
 from ..controllers import chosen
 from .actuator import Actuator

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
-from ...errors import CommandError
-from ...options import Options
-from ...patterns import fits
-from ...quantities import quantity
+from ...base.errors import CommandError
+from ...base.patterns import fits
+from ...base.quantities import quantity
+from ...run.options import Options
 from ...system.model import System, Value
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from ...options import Options
+from ...run.options import Options
 from ...system.model import System
 from ..trajectory import motion
 from .actuator import Actuator

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...arrays import Vector
-from ...results.style import tidied
+from ...base.arrays import Vector
+from ...views.plots.style import tidied
 from .movement import JOINTS, Movement
 from .scene import JOINT_COLORS
 

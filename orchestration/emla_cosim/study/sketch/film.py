@@ -4,10 +4,10 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from ...arrays import Indices
-from ...errors import RunError
-from ...results.animation import Animation, Film, Pixels
-from ...results.result import Result
+from ...base.arrays import Indices
+from ...base.errors import RunError
+from ...run.result import Result
+from ...views.animation import Animation, Film, Pixels
 from .curves import curves, dress
 from .movement import Movement, animated_signals, movement, recorded_signals
 from .scene import draw_machine, draw_scene, draw_wanted, draw_way, machine_and_panels

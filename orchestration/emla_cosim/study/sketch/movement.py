@@ -10,8 +10,8 @@ from hdrm_fmu import HdrmManipulator, HdrmParameters
 from hdrm_fmu.kinematics import tip
 from hdrm_fmu.parameters import PAYLOAD
 
-from ...arrays import Vector
-from ...results.result import Result
+from ...base.arrays import Vector
+from ...run.result import Result
 from ..roles import JOINTS, variable
 
 MACHINES = ("machine.manipulator", "machine.plant")

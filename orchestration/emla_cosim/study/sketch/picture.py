@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...arrays import Vector
-from ...results.plotting import Drawing
-from ...results.result import Result
-from ...results.style import BLUE, RED
+from ...base.arrays import Vector
+from ...run.result import Result
+from ...views.plots.plotting import Drawing
+from ...views.plots.style import BLUE, RED
 from .curves import curves, dress
 from .movement import Movement, movement, recorded_signals
 from .scene import DARK, EDGE, draw_ghost, draw_machine, draw_scene, draw_wanted, draw_way, machine_and_panels

@@ -7,7 +7,7 @@ import numpy as np
 
 from hdrm_fmu import HdrmParameters
 
-from ...results.style import BLUE, GREEN, GREY, ORANGE, RED
+from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, RED
 from .movement import Movement
 from .shapes import shapes
 from .workspace import workspace

@@ -9,7 +9,7 @@ import numpy as np
 from hdrm_fmu.kinematics import outline
 from hdrm_fmu.parameters import PAYLOAD
 
-from ...arrays import Vector
+from ...base.arrays import Vector
 from ..roles import JOINTS
 
 _ROUND = np.linspace(-0.5 * math.pi, 0.5 * math.pi, 9)

@@ -6,7 +6,7 @@ import numpy as np
 
 from hdrm_fmu.kinematics import joint_angles, tip
 
-from ...arrays import Vector
+from ...base.arrays import Vector
 
 _SIDE, _ARC = 80, 60
 """Pieces of each side of the box of tilt and telescope strokes, and of an arc that the lift makes."""

@@ -1,0 +1,1 @@
+"""The `emla` command: the program, its options and commands, completion in shells."""

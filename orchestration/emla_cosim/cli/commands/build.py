@@ -1,0 +1,48 @@
+"""`emla build`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ...base.errors import CommandError, check_choice
+from ...fmu.models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, block_of, build
+from ...views.bars import BarProgress
+from ...views.terminal import show_file
+
+EXAMPLES = (
+    "emla build EmlaPlant",
+    "emla build mine.py:Drive --output mine",
+)
+"""Commands that the help shows."""
+
+
+def command(
+    models: Annotated[
+        list[str] | None,
+        typer.Argument(help="Models, or blocks as FILE.py:BLOCK; without any, all our models."),
+    ] = None,
+    flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
+    platform: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"FMI platform of a native FMU's binaries (repeatable); all without: {', '.join(PLATFORMS)}."
+        ),
+    ] = None,
+    output: Annotated[Path, typer.Option(help="Folder to build to.")] = FMU_FOLDER,
+) -> None:
+    """Build the FMUs of models, for other tools and all platforms."""
+    chosen = models or list(MODELS)
+    check_choice("flavour", flavour, FLAVOURS)
+    if platform and flavour != "native":
+        raise CommandError("PythonFMU FMUs bring PythonFMU's own binaries; leave --platform out.")
+    platforms = platform or list(PLATFORMS)
+    blocks = {name: name if name in MODELS else block_of(name) for name in chosen}
+    with BarProgress() as progress:
+        paths = []
+        for name, model in blocks.items():
+            progress.begin(name, len(platforms) if flavour == "native" else 1)
+            paths.append(build(model, flavour, platforms, output, lambda: progress.advance(1)))
+            progress.finish()
+    for path in paths:
+        show_file(path)

@@ -1,0 +1,201 @@
+"""`emla info`."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from itertools import groupby, islice
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.table import Column, Table
+from rich.text import Text
+
+from ...base.errors import CommandError
+from ...base.files import check_places
+from ...base.option import INFO
+from ...inspection.informing import info
+from ...inspection.parts import FmuInfo
+from ...inspection.shown import ShownRow, line, shown_rows
+from ...inspection.told import Info, check_replaceable, start_text
+from ...study.loading import load
+from ...views.bars import BarProgress
+from ...views.pages.text import shortened
+from ...views.terminal import OUT, put_out, say, show, show_table
+from .options import SOURCE
+
+OPTIONS = INFO
+"""Options that the command takes."""
+
+ALONE = {"--json": "-"}
+"""Options that may stand alone, and what they mean then."""
+
+_MOST_ROWS, _MOST_FMUS, _MOST_ENDS = 1000, 40, 20
+"""So much is shown at once; JSON has everything."""
+_WIDEST_NAME, _LONGEST = 120, 300
+"""Letters in a line of names, and of other texts at all."""
+_WIDE = 120
+"""Columns of a terminal from which on all that is told stands side by side."""
+
+
+def command(
+    source: Annotated[str, typer.Argument(help=SOURCE, metavar="SCENARIO")],
+    given: dict[str, Any],
+    match: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Variables to show: * in a name is anything, a word is of name or meaning (repeatable).",
+            metavar="PATTERN",
+        ),
+    ] = None,
+    json: Annotated[
+        Path | None,
+        typer.Option(help="Write JSON to a file, or show it where no file follows.", metavar="[FILE]"),
+    ] = None,
+) -> None:
+    """Tell what an FMU, a package or a scenario is made of, and what can be set."""
+    to_file = json is not None and str(json) != ALONE["--json"]
+    if json is not None and to_file:
+        used = {Path(source): "the file to tell of"}
+        with suppress(CommandError):  # which telling says
+            used |= load(source, **given).options.files_read()
+        check_places({json: "the JSON file"}, used)
+        check_replaceable(json)
+    with BarProgress() as progress:
+        found = info(source, progress, **given)
+    if match:
+        found = found.matching(*match)
+    if json is None:
+        _show(found, header=not match)
+    elif to_file:
+        found.save_json(json)
+    else:
+        put_out(found.as_json())
+
+
+def _show(found: Info, header: bool) -> None:
+    title = f"{found.name}: {found.description}" if found.description else found.name
+    show(Text(line(title), style="bold"), soft_wrap=True)
+    if header:
+        _show_header(found)
+    for note in found.notes:
+        say(f"Note: {line(note)}.")
+    rows = list(islice(shown_rows(found.variables), _MOST_ROWS + 1))
+    _show_rows(rows[:_MOST_ROWS])
+    if len(rows) > _MOST_ROWS:
+        count = len(found.variables)
+        say(f"The first {_MOST_ROWS} rows of {count} variables; --match chooses, --json has them all.")
+    settable = next((row.first for row in rows if row.first.settable and row.first.start is not None), None)
+    if settable is not None:
+        say(f"What has a + can be set, such as --set '{line(settable.name)}={_text(settable.start)}'")
+
+
+def _show_header(found: Info) -> None:
+    start, stop, step = found.start_time or 0.0, found.stop_time, found.step_size
+    if stop is not None and step is not None:
+        say(f"Runs from {start:g} to {stop:g} s in steps of {step:g} s.")
+    if len(found.components) == 1:
+        for what, text in _about(found.fmus[0]):
+            say(f"{what:<12} {text}")
+        return
+    names: list[list[str]] = [[] for _ in found.fmus]
+    for component in found.components:
+        names[component.fmu].append(component.name)
+    table = _table("model", "components", "FMU")
+    for fmu, components in list(zip(found.fmus, names, strict=True))[:_MOST_FMUS]:
+        table.add_row(*(_cell(x) for x in (fmu.model, ", ".join(components), fmu.path)))
+    show_table(table)
+    if (more := len(found.fmus) - _MOST_FMUS) > 0:
+        say(f"and {more} more FMUs; --json has them all")
+    counts = len(found.components), len(found.fmus), len(found.connections), len(found.variables)
+    say("{} components of {} FMUs, {} connections, {} variables".format(*counts))
+
+
+def _about(fmu: FmuInfo) -> Iterator[tuple[str, str]]:
+    """What an FMU says of itself, where it does."""
+    experiment = {
+        "from": fmu.start_time,
+        "to": fmu.stop_time,
+        "step": fmu.step_size,
+        "tolerance": fmu.tolerance,
+    }
+    said = ", ".join(f"{name} {value:g}" for name, value in experiment.items() if value is not None)
+    told = {
+        "model": fmu.model,
+        "file": f"{fmu.path} ({fmu.size / 1024:.0f} KiB)",
+        "FMI": f"{fmu.fmi_version}, {' and '.join(fmu.kinds) or 'of no kind'}",
+        "binaries": ", ".join(fmu.platforms) or "none",
+        "experiment": said,
+        "made by": ", ".join(filter(None, (fmu.tool, fmu.author))),
+        "version": fmu.version,
+        "license": fmu.license,
+        "GUID": fmu.guid,
+        "SHA-256": fmu.sha256,
+    }
+    return ((what, shortened(line(text), _LONGEST)) for what, text in told.items() if text)
+
+
+def _show_rows(rows: Sequence[ShownRow]) -> None:
+    """On a terminal a table for each component; where nobody looks one, with full names in each row."""
+    if not OUT.is_terminal:
+        _show_table(rows, "variable", "")
+        return
+    for component, some in groupby(rows, lambda row: row.first.component):
+        _show_table(list(some), line(component), line(f"{component}."))
+
+
+def _show_table(rows: Sequence[ShownRow], title: str, prefix: str) -> None:
+    """Variables, their names without a prefix; on a narrow terminal the meaning has what they are, too."""
+    if not rows:
+        return
+    narrow = OUT.is_terminal and OUT.width < _WIDE
+    longest = max(len(row.name) - len(prefix) for row in rows)
+    width = min(longest, OUT.width * 2 // 5 if narrow else _WIDEST_NAME)
+    name = Column(Text(title), overflow="fold", width=width)
+    start = Column("start", overflow="fold", max_width=24)
+    mark = Column("", width=1)
+    table = (
+        _table(mark, name, start, "meaning") if narrow else _table(mark, name, "", start, "range", "meaning")
+    )
+    for row in rows:
+        style = "cyan" if row.first.settable else ""
+        named = Text("+" if style else "", style), Text(row.name.removeprefix(prefix), style)
+        if narrow:
+            about = ", ".join(filter(None, (row.kind, row.range)))
+            table.add_row(*named, _start(row), _meaning(row, about))
+        else:
+            table.add_row(*named, _cell(row.kind), _start(row), _cell(row.range), _meaning(row))
+    show_table(table)
+
+
+def _start(row: ShownRow) -> Text:
+    """The value in effect with its unit, and that of the FMU where it is another one."""
+    start = " ".join(filter(None, (row.start, row.unit if row.start else "")))
+    return Text(
+        start + (f" (FMU: {row.default})" if row.default else ""), style="bold" if row.default else ""
+    )
+
+
+def _meaning(row: ShownRow, about: str = "") -> Text:
+    """The description, and what the variable is connected to."""
+    unit = f"[{row.unit}] " if row.unit and not row.start else ""
+    meaning = _cell(unit + row.meaning)
+    more = [f"and {len(row.connected) - _MOST_ENDS} more"] if len(row.connected) > _MOST_ENDS else []
+    for added in filter(None, (about, *row.connected[:_MOST_ENDS], *more)):
+        meaning.append("; " if meaning else "")
+        meaning.append(shortened(added, _LONGEST), style="dim")
+    return meaning
+
+
+def _table(*columns: Column | str) -> Table:
+    headings = (c if isinstance(c, Column) else Column(c, overflow="fold") for c in columns)
+    return Table(*headings, box=SIMPLE_HEAD, pad_edge=False)
+
+
+def _cell(text: str) -> Text:
+    """A text of others as it is: no markup, in one line, not endless."""
+    return Text(shortened(line(text), _LONGEST))
+
+
+def _text(value: Any) -> str:
+    return line(start_text(value))

@@ -1,0 +1,45 @@
+"""`emla list`."""
+
+import tomllib
+
+from rich.table import Table
+
+from ...fmu.models import MODELS
+from ...run.options import table
+from ...run.scenarios.built_in import PLANS, SCENARIOS, TUNINGS, built_in
+from ...study.controllers import CONTROLLERS
+from ...study.registration import register
+from ...views.terminal import show
+
+register()
+
+
+def command() -> None:
+    """Show tables of scenarios, plans of sweeps, models and choices."""
+    scenarios = Table(
+        "scenario",
+        "what it is",
+        title="Scenarios: emla run SCENARIO, emla info SCENARIO",
+        title_justify="left",
+    )
+    for name in SCENARIOS:
+        scenarios.add_row(f"[bold]{name}[/]", built_in(name).description)
+    plans = Table("plan", "what it is", title="Sweeps: emla sweep PLAN", title_justify="left")
+    for name, text in PLANS.items():
+        plans.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
+    tunings = Table("plan", "what it is", title="Tunings: emla tune PLAN", title_justify="left")
+    for name, text in TUNINGS.items():
+        tunings.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
+    models = Table("model", "what it is", title="Models: emla build MODEL", title_justify="left")
+    for name, block in MODELS.items():
+        models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])
+    choices = Table("option", "choices", title="Choices", title_justify="left")
+    for option in table().values():
+        if option.about.choices is not None:
+            choices.add_row(option.flag, ", ".join(option.about.choices()))
+    choices.add_row("--controller", ", ".join(CONTROLLERS))
+    for name, controller in CONTROLLERS.items():
+        first, *others = controller.gains
+        choices.add_row(f"--gains, for {name}", ", ".join([f"{first} (recommended)", *others]))
+    for shown in (scenarios, plans, tunings, models, choices):
+        show(shown)

@@ -1,0 +1,157 @@
+"""The table of options as options of the command line."""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from itertools import pairwise
+from pathlib import Path
+from types import NoneType
+from typing import Annotated, Any, get_args, get_origin
+
+import typer
+
+from ...base.errors import CommandError
+from ...base.option import Option
+from ...run.options import read_option, table
+
+SOURCE = (
+    "What to run: a name that `emla list` shows, a scenario file (.toml), an SSP (.ssp, .ssd, or folder), an "
+    "FMU (.fmu), or the run.json of a run."
+)
+"""What commands that take a scenario say of it."""
+
+PLAN = "A plan (.toml, or a name that `emla list` shows), or a scenario as `emla run` takes it."
+"""What commands that take a plan say of it."""
+
+RUNS = "Where it runs"
+"""The part of the help that is about processes."""
+
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        help="Scheduler of a Dask cluster, such as tcp://10.0.0.1:8786. Default: this machine's cores.",
+        metavar="ADDRESS",
+        rich_help_panel=RUNS,
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(help="Processes on this machine. Default: one per core.", rich_help_panel=RUNS),
+]
+"""Options of commands that have many runs."""
+
+
+def with_options(function: Callable[..., None], command: str) -> Callable[..., None]:
+    """A function with the options of a command; those that are given reach it in `given`, by name.
+
+    It raises CommandError for texts that are no such values.
+    """
+    options = list(table(command).values())
+    own = [p for p in inspect.signature(function).parameters.values() if p.name != "given"]
+
+    @wraps(function)
+    def called(**values: Any) -> None:
+        texts = [(o, values.pop(o.name)) for o in options]
+        function(**values, given={o.name: _read(o, text) for o, text in texts if text is not None})
+
+    parameters = [*own, *map(_parameter, options)]
+    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {p.name: p.annotation for p in parameters}
+    return called
+
+
+def with_values(arguments: Sequence[str], command: str, own: Mapping[str, str] | None = None) -> list[str]:
+    """The arguments of a command, each flag that may stand alone followed by what it stands for then.
+
+    `own` has those flags that only this command has.
+    """
+    alone = {o.flag: o.about.alone for o in table(command).values() if o.about.alone} | dict(own or {})
+    found = list[str]()
+    for argument, following in pairwise([*arguments, "-"]):
+        stands = argument in alone and following.startswith("-")
+        found.append(f"{argument}={alone[argument]}" if stands else argument)
+    return found
+
+
+def _parameter(option: Option) -> inspect.Parameter:
+    about = option.about
+    text = about.help
+    choices = None if about.choices is None else list(about.choices())
+    if choices is not None:
+        text += f" One of {', '.join(choices)}."
+    if about.unit:
+        text += f" In {about.unit}, or with a unit as in 0.1ms."
+    names = [option.flag]
+    if option.type is bool:
+        names = [f"{option.flag}/--no-{option.flag.removeprefix('--')}"]
+    described = typer.Option(
+        *names, help=text + _default(option), metavar=_metavar(option), rich_help_panel=about.group
+    )
+    annotation = Annotated[_text_type(option) | None, described]
+    return inspect.Parameter(option.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+
+
+def _default(option: Option) -> str:
+    """What holds without the option, where that is one value."""
+    default = option.default
+    if default is None or isinstance(default, (bool, list, dict)):
+        return ""
+    return f" Default: {default:g}." if isinstance(default, float) else f" Default: {default}."
+
+
+def _metavar(option: Option) -> str | None:
+    """What stands for the value in the help; None of one that is on or off."""
+    if option.about.metavar or option.type is bool:
+        return option.about.metavar
+    if option.about.unit:
+        return "TIME"
+    kinds = {Path: "PATH", float: "NUMBER", int: "N", str: "NAME"}
+    return next((name for kind, name in kinds.items() if kind in (option.type, *get_args(option.type))), None)
+
+
+def _text_type(option: Option) -> Any:
+    """The type that the command line reads, before `_read`."""
+    origin, inner = get_origin(option.plain_type), get_args(option.plain_type)
+    if origin is Mapping:
+        return list[str]
+    if option.about.parse is not None:
+        return str
+    if origin is Sequence:
+        return list[str if hasattr(inner[0], "of_text") else inner[0]]  # type: ignore[misc]
+    if option.about.takes is not None or option.about.unit:
+        return str
+    return next(t for t in (*inner, option.type) if t is not NoneType)
+
+
+def _read(option: Option, value: Any) -> Any:
+    """The value of an option as `Options.updated` takes it."""
+    if option.about.parse is not None:
+        return option.about.parse(value)
+    if option.about.unit:
+        return read_option(option.name, value, f"the option '{option.name}'", known={option.name: option})
+    if get_origin(option.type) is not Mapping:
+        return value
+    of = get_args(option.plain_type)[1]
+    return {name: _entry(option, name, text, of) for name, text in pairs(option.flag, value).items()}
+
+
+def _entry(option: Option, name: str, text: str, of: Any) -> Any:
+    if of is Path:
+        return Path(text)
+    if of is not int:
+        return text
+    try:
+        return int(text)
+    except ValueError as error:
+        raise CommandError(f"{option.flag} {name}={text} is not a whole number.") from error
+
+
+def pairs(flag: str, texts: Sequence[str]) -> dict[str, str]:
+    """Values by name of texts NAME=VALUE; CommandError for any other."""
+    found = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise CommandError(f"{flag} {text} lacks a name or a value; write {flag} NAME=VALUE.")
+        found[name.strip()] = value.strip()
+    return found

@@ -1,0 +1,57 @@
+"""`emla plot`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ...base.errors import CommandError
+from ...base.files import check_places, writing_to, written_whole
+from ...base.quantities import quantity, unit_named
+from ...study.registration import register
+from ...views.plots.overlay import overlaid, traces
+from ...views.plots.style import save
+from ...views.terminal import say, show_file
+
+register()
+
+
+def command(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(help="Folders of results, or tables (.csv, .parquet).", metavar="RUN"),
+    ],
+    signals: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Signals, * for anything (repeatable). Default: positions and references of joints, or all.",
+            metavar="PATTERN",
+        ),
+    ] = None,
+    output: Annotated[Path, typer.Option(help="The picture to write.", metavar="FILE.png")] = Path(
+        "plot.png"
+    ),
+    begin: Annotated[
+        str | None,
+        typer.Option("--from", help="First time that is shown.", metavar="TIME"),
+    ] = None,
+    end: Annotated[
+        str | None,
+        typer.Option("--to", help="Last time that is shown.", metavar="TIME"),
+    ] = None,
+) -> None:
+    """Draw signals of runs over time: one run by unit, several over one another with a panel per signal."""
+    if output.suffix.lower() != ".png":
+        raise CommandError(f"the picture '{output}' must end in .png.")
+    found = traces(runs)
+    check_places({output: "the picture"}, {file: "read" for run in found for file in run.files})
+    overlay = overlaid(found, signals or [], _seconds("--from", begin), _seconds("--to", end))
+    with writing_to(output.parent), written_whole(output) as stream:
+        save(overlay.figure, stream)
+    for note in overlay.notes:
+        say(f"Note: {note}")
+    show_file(output)
+
+
+def _seconds(flag: str, text: str | None) -> float | None:
+    return None if text is None else quantity(text, flag).in_unit(unit_named("s", flag), flag)

@@ -1,0 +1,240 @@
+"""What `emla run` leaves for its parent process, and what that makes of it where an FMU ended the run.
+
+The end is that of a run whose FMU answers with an error: all rows, all figures, run.json, and a sentence
+that names the component, its call and the time.
+"""
+
+import contextlib
+import os
+import pickle
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...base.errors import CosimError, listed
+from ...base.progress import Progress
+from ...base.units import LinearTransformation
+from ...master.slaves.calls import decoded
+from ...recorders.metrics import MetricsRecorder
+from ...recorders.recorder import Outline, Pause, Recorder, RowBuffer, recording
+from ...recorders.table import Table
+from ...run.result import Result
+from ...run.run_record import COMPLETED
+from ...run.scenarios.scenario import Scenario
+from ...run.simulation import Simulation
+from ...sandbox import black_box
+from ...sandbox.interruption import POLITE
+from ...views.bars import BarProgress
+from ...views.output_folder import OutputFolder
+from ...views.terminal import Wanted, show_error, show_interrupted, show_result, showing, wanted
+
+_SELDOM = 1.0
+"""Wall time in s between two looks at what recorders remember, where a look costs much."""
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A run as it is when its first step begins."""
+
+    result: Result
+    outline: Outline
+    shown: Mapping[int, LinearTransformation]
+    rows: int
+    at: float
+    """The clock in s, which all processes share."""
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Who runs, where its results go, and how far it is."""
+
+    name: str
+    components: Sequence[str]
+    folder: Path
+    form: str
+    plots: bool
+    animate: bool
+    report: bool
+    notes: Sequence[str]
+    process: int
+    wanted: Wanted
+    stepping: bool = False
+    """Whether the first step began; `begun` is None then where it was too much to tell."""
+    begun: _Begun | None = None
+    rows_written: bool = False
+    files_written: bool = False
+
+
+class Remembered(Recorder):
+    """Leaves what is needed to finish the results of a run in another process; the last of its recorders."""
+
+    def __init__(self, scenario: Scenario, output: OutputFolder) -> None:
+        """Tell that a run of the scenario is about to be made, with results in this folder."""
+        names = [c.name for c in scenario.system.components]
+        self._told = _Told(
+            scenario.name,
+            names,
+            output.path,
+            output.form,
+            scenario.options.plots,
+            scenario.options.animate,
+            scenario.options.report,
+            scenario.notes,
+            os.getpid(),
+            wanted(),
+        )
+        self._quick = output.table().quick_memory
+        self._run: Pause | None = None
+        self._memory: Mapping[str, Any] = {}
+        self._looked, self._at = time.monotonic(), 0.0
+        self._tell()
+
+    def __str__(self) -> str:
+        return "the record of the run"
+
+    def watch(self, simulation: Simulation) -> None:
+        """The simulation whose run is recorded."""
+        self._simulation = simulation
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Remember what recorders are told."""
+        self._outline = outline
+
+    def pause(self, run: Pause) -> None:
+        """Before the first step, tell how the run is."""
+        if self._run is not None:
+            return
+        self._run = run
+        self._look()
+        result = replace(self._simulation.so_far(), table=None)
+        rows = self._memory[Table.key]["rows"]
+        begun = _Begun(result, self._outline, run.shown, rows, time.monotonic())
+        if not self._tell(stepping=True, begun=begun):
+            self._tell(begun=None)
+
+    def write(self, rows: Any) -> None:
+        """Rows have reached the other recorders."""
+        if self._run is None:
+            return
+        if self._quick or time.monotonic() - self._looked >= _SELDOM:
+            self._look()
+        else:
+            self._tell_memory(follows=False)
+
+    def end(self) -> None:
+        """All rows are where they belong."""
+        self._tell(rows_written=True)
+
+    def keep(self) -> None:
+        """All files are where they belong."""
+        self._tell(files_written=True)
+
+    def _look(self) -> None:
+        assert self._run is not None
+        self._looked = time.monotonic()
+        self._memory = self._run.memory()
+        self._at = self._run.stepping.time
+        self._tell_memory(follows=True)
+
+    def _tell_memory(self, follows: bool) -> None:
+        """What recorders remembered, whether rows that wait are the next ones, and when it was."""
+        black_box.tell(pickle.dumps((self._memory, follows, self._at)), black_box.MEMORY)
+
+    def _tell(self, **changed: Any) -> bool:
+        """Tell what has changed; whether there was room for it."""
+        self._told = replace(self._told, **changed)
+        return black_box.tell(pickle.dumps(self._told))
+
+
+def rescue(how: str, ended: float) -> None:
+    """Finish the results of a run whose process ended so, at this time in s, and say it."""
+    message = black_box.message()
+    if not message:
+        if how in {number.name for number in POLITE}:  # it is so young that it cannot say so itself
+            show_interrupted()
+            return
+        show_error(f"the process of the run ended ({how}) before it began.")
+        return
+    try:
+        told: _Told = pickle.loads(message)
+        busy = [decoded(present) for present in black_box.busy()]
+        cause = _cause(how, [(told.components[s], call) for s, call in busy if s is not None])
+    except Exception:  # an FMU wrote where it should not have
+        show_error(f"the process of the run ended ({how}), and what it left cannot be read.")
+        return
+    try:
+        output = OutputFolder(told.folder, told.form)
+        with output.alone(heir_of=told.process), showing(told.wanted):
+            problem = _kept(told, output, cause, ended)
+        show_error(f"{problem} What was computed is in {output.path}.")
+    except (CosimError, OSError) as error:
+        show_error(f"{cause}; {error}")
+
+
+def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
+    """Why a process ended that was in these calls of components.
+
+    Which one ended it cannot be told where threads were in several.
+    """
+    where = [f"{component} in {call}" for component, call in calls]
+    if how == "SIGKILL":  # which nobody does to itself
+        return f"the process was killed, {f'with {listed(where)}' if where else 'perhaps for want of memory'}"
+    if len(calls) > 1:
+        return f"one of {listed(where)} ended the process ({how})"
+    for component, call in calls:
+        return f"{component} ended the process in {call} ({how})"
+    return f"the process ended ({how})"
+
+
+def _kept(told: _Told, output: OutputFolder, cause: str, ended: float) -> str:
+    """Write what can be written; the sentence that says why the run ended."""
+    if told.files_written:
+        earlier = output.status()
+        whole = f"{cause}, when the results were complete."
+        problem = whole if earlier in ("", COMPLETED) else f"{earlier} Then {whole}"
+        output.change_record(status=problem)
+        return problem
+    if told.begun is None or not black_box.message(black_box.MEMORY):
+        problem = f"the run ended{'' if told.stepping else ' before its first step'}: {cause}."
+        output.change_record(scenario=told.name, status=problem)
+        return problem
+    result = _finished(told.begun, output, cause, ended, told.rows_written)
+    drawing = told.plots or told.animate or told.report
+    with BarProgress() if drawing else contextlib.nullcontext(Progress()) as progress:
+        result, pictures = output.keep(result, told.plots, progress, told.animate, told.report, told.notes)
+    show_result(result, told.notes, output, pictures)
+    return str(result.problem)
+
+
+def _finished(begun: _Begun, output: OutputFolder, cause: str, ended: float, written: bool) -> Result:
+    """The result, with all rows that were recorded; the table has them already if they are `written`."""
+    memory, follows, end = pickle.loads(black_box.message(black_box.MEMORY))
+    table, metrics = output.table(), MetricsRecorder()
+    metrics.begin(begun.outline, memory[metrics.key])
+    count = memory[table.key]["rows"]
+    if not written:
+        with recording(table):
+            table.begin(begun.outline, memory[table.key])
+        rows = RowBuffer(1 + len(begun.outline.names), [table, metrics], shown=begun.shown)
+        if follows and (last := rows.recover()) is not None:
+            end = last
+        rows.end()
+        count = table.memory()["rows"]
+    problem = f"the run ended at t = {end:.6g} s: {cause}."
+    before, steps = begun.result, count - begun.rows
+    return replace(
+        before,
+        table=None if written else table,
+        metrics=metrics.figures(),
+        signals=metrics.signals(),
+        coupling=metrics.coupling(),
+        remarks=metrics.remarks(),
+        steps=steps,
+        simulated_s=end - before.end_s,
+        end_s=end,
+        wall_s=ended - begun.at,
+        problem=problem,
+        record={**before.record, "status": problem},
+    )

@@ -1,0 +1,92 @@
+"""`emla run`."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ...base.errors import CosimError
+from ...base.files import check_places
+from ...base.option import RUN
+from ...recorders.progress import ProgressRecorder
+from ...run.experiment import check_run, selected
+from ...run.options import Options
+from ...run.result import Result
+from ...run.scenarios.scenario import Scenario
+from ...sandbox.interruption import interruption
+from ...study.loading import load
+from ...views.animation import check_animated
+from ...views.bars import BarProgress
+from ...views.output_folder import OutputFolder, results_folder
+from ...views.terminal import show_result
+from .actuators import show_before
+from .options import SOURCE
+from .rescue import Remembered
+
+OPTIONS = RUN
+"""Options that the command takes."""
+
+EXAMPLES = (
+    "emla run study --stop-time 2 --gains robust",
+    "emla run lift --set lift.plant.motor.R_s=0.2 --replace lift.controller=mine.fmu",
+    "emla run mine.toml --output results/mine --no-plots",
+)
+"""Commands that the help shows."""
+
+
+def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[str, Any]) -> None:
+    """Run a scenario into an output folder."""
+    chosen = load(scenario, **given)
+    run_into(chosen, chosen.options.output or results_folder(chosen.name), Path(scenario))
+
+
+def run_into(
+    chosen: Scenario, folder: Path, file: Path | None, tell: Callable[[Result], None] = lambda result: None
+) -> None:
+    """Run a scenario, which is read from a file, into a folder, show what came out, and `tell` more of it.
+
+    Raises CosimError where the run, or what is required of it, fails: its results are there then.
+    """
+    options = chosen.options
+    check_run(options, chosen.name)
+    told = show_before(chosen)
+    with BarProgress() as progress:
+        output = OutputFolder(folder, options.output_format)
+        _check_places(file, options, output)
+        with output.alone():
+            remembered = Remembered(chosen, output)
+            with chosen.prepare(progress) as simulation:
+                if options.animate:
+                    kept = [simulation.names[i] for i in selected(options.signals, simulation.names)]
+                    check_animated(chosen.name, simulation.names, kept)
+                remembered.watch(simulation)
+                writing = output.recorders(continued=options.resume is not None)
+                recorders = [*writing, ProgressRecorder(progress), remembered]
+                with interruption() as asked:  # from the first row to the last file
+                    result = simulation.attempt(recorders=recorders)
+                    # before FMUs are terminated, which is their last occasion to fail
+                    result, pictures = output.keep(
+                        result,
+                        options.plots and not asked(),
+                        progress,
+                        options.animate and not asked(),
+                        options.report,
+                        chosen.notes,
+                    )
+                    remembered.keep()
+    show_result(result, [note for note in chosen.notes if note not in told], output, pictures)
+    tell(result)
+    if result.problem is not None:
+        raise CosimError(f"{result.problem} What was computed is in {output.path}.")
+
+
+def _check_places(file: Path | None, options: Options, output: OutputFolder) -> None:
+    """Raise CommandError where a file would be written that is read, or written twice."""
+    results = dict.fromkeys(output.files, "a file of the results")
+    read = ({} if file is None else {file: "the scenario"}) | options.files_read()
+    if options.checkpoint is not None:
+        check_places({options.checkpoint: "the checkpoint"}, results | read)
+    if options.resume is not None:
+        read[options.resume] = "the checkpoint to continue"
+    check_places(results, read)

@@ -1,0 +1,162 @@
+"""`emla sweep`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ...base.errors import CommandError, CosimError
+from ...base.files import writing_to, written_whole
+from ...base.option import SWEEP
+from ...base.progress import Progress
+from ...sweeps.distributions import FORMS
+from ...sweeps.folder import RECORD, SERIES, TABLE, WORST
+from ...sweeps.pictures import draw
+from ...sweeps.plan import plan_of
+from ...sweeps.result import DONE, STATUS, SweepResult
+from ...sweeps.sampling import SAMPLINGS
+from ...sweeps.summary import commands, summary
+from ...sweeps.sweeping import sweep
+from ...views.bars import BarProgress
+from ...views.output_folder import results_folder
+from ...views.terminal import say, show
+from .options import PLAN, RUNS, Scheduler, Workers
+
+OPTIONS = SWEEP
+"""Options that the command takes."""
+
+_MOST_LETTERS = 1600
+"""Of commands that are shown."""
+
+_VARIES = "What varies"
+
+EXAMPLES = (
+    "emla sweep lift --vary lift.plant.motor.R_s=0.05:0.3:20",
+    "emla sweep lift --vary lift.plant.motor.R_s=80%:120% --runs 200 --seed 1",
+    "emla sweep study-robustness --output results/robust",
+)
+"""Commands that the help shows."""
+
+
+def command(
+    plan: Annotated[str, typer.Argument(help=PLAN)],
+    given: dict[str, Any],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"What varies, and its values as {FORMS}; * in the name for several (repeatable).",
+            metavar="NAME=VALUES",
+            rich_help_panel=_VARIES,
+        ),
+    ] = None,
+    runs: Annotated[
+        int | None,
+        typer.Option(
+            help="How many variants to draw. Default: all points of a grid.", rich_help_panel=_VARIES
+        ),
+    ] = None,
+    sampling: Annotated[
+        str | None,
+        typer.Option(
+            help=f"How to draw. One of {', '.join(SAMPLINGS)}. Default: grid, or random with --runs.",
+            rich_help_panel=_VARIES,
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of what is drawn. Default: 0.", rich_help_panel=_VARIES)
+    ] = None,
+    metric: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Figure to keep, or a new one as 'NAME = EXPRESSION' (repeatable). Default: all.",
+            metavar="FIGURE",
+            rich_help_panel="What comes out",
+        ),
+    ] = None,
+    signals: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Signals to keep over time, such as 'lift.plant.*' (repeatable). Default: none.",
+            metavar="PATTERN",
+            rich_help_panel="What comes out",
+        ),
+    ] = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Continue a sweep that was interrupted in this output folder.",
+            rich_help_panel=RUNS,
+        ),
+    ] = False,
+) -> None:
+    """Run many variants of a scenario into an output folder."""
+    found = plan_of(plan)
+    output, plots = given.pop("output", None), given.pop("plots", True)
+    place = output or results_folder(found.name)
+    with BarProgress() as progress:
+        result = sweep(
+            found,
+            _varied(vary or []),
+            runs=runs,
+            seed=seed,
+            sampling=sampling,
+            metrics=metric,
+            signals=signals,
+            scheduler=scheduler,
+            workers=workers,
+            output=place,
+            resume=resume,
+            progress=progress,
+            **given,
+        )
+        pictures = _drawn(result, Path(place), progress) if plots and result.variants.height else []
+    _show(result, Path(place), pictures)
+    if not result.complete:
+        raise CosimError(f"interrupted; what was computed is in {place}, and --resume goes on.")
+    if result.required and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):
+        raise CosimError(f"{failing} of {result.variants.height} variants are not as required; see above.")
+
+
+def _show(result: SweepResult, place: Path, pictures: Sequence[Path]) -> None:
+    """Tables, what runs the worst variants alone, and where everything is."""
+    for part in summary(result):
+        show(part)
+    files = [TABLE, RECORD, *([SERIES] if result.series is not None else [])]
+    lines = [*_short(commands(result), place), f"Wrote {place}/: {', '.join(files)}"]
+    if pictures:
+        lines.append(f"Pictures: {', '.join(path.name for path in pictures)}")
+    for line in lines:
+        say(line)
+
+
+def _short(lines: Sequence[str], place: Path) -> Sequence[str]:
+    """Lines to show: commands as they are, or where the file is that has those that fill a screen."""
+    if sum(map(len, lines)) <= _MOST_LETTERS:
+        return lines
+    with writing_to(place), written_whole(place / WORST) as stream:
+        stream.write("\n".join([f"# {lines[0]}", *lines[1:], ""]).encode())
+    return [f"What runs each alone is in {place / WORST}."]
+
+
+def _drawn(result: SweepResult, place: Path, progress: Progress) -> list[Path]:
+    progress.begin("drawing plots", 1)
+    with writing_to(place):
+        found = draw(result, place)
+    progress.advance(1)
+    return found
+
+
+def _varied(texts: Sequence[str]) -> dict[str, str]:
+    found = dict[str, str]()
+    for text in texts:
+        name, equals, values = (part.strip() for part in text.partition("="))
+        if not (name and equals and values):
+            raise CommandError(f"--vary {text} lacks a name or values; write --vary NAME={FORMS}.")
+        if name in found:
+            raise CommandError(f"--vary names {name} twice.")
+        found[name] = values
+    return found

@@ -1,0 +1,128 @@
+"""`emla tune`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ...base.errors import CosimError
+from ...base.option import SWEEP
+from ...sweeps.distributions import FORMS
+from ...tuning.folder import BEST, HISTORY, PICTURE, RECORD
+from ...tuning.plan import tuning_of
+from ...tuning.result import TuneResult
+from ...tuning.summary import lines, summary
+from ...tuning.tuning import tune
+from ...views.bars import BarProgress
+from ...views.output_folder import results_folder
+from ...views.terminal import say, show
+from .options import PLAN, Scheduler, Workers, pairs
+
+OPTIONS = SWEEP
+"""Options that the command takes."""
+
+_WANTED, _TRIED = "What is wanted", "What is tried"
+
+EXAMPLES = (
+    "emla tune rsba-tilt",
+    "emla tune lift --vary lift.controller.k_1=10:1000 --objective lift.position_error_m",
+)
+"""Commands that the help shows."""
+
+
+def command(
+    plan: Annotated[str, typer.Argument(help=PLAN)],
+    given: dict[str, Any],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"A gain and its range, as {FORMS}; LOW:HIGH is searched by ratio (repeatable).",
+            metavar="NAME=RANGE",
+            rich_help_panel=_TRIED,
+        ),
+    ] = None,
+    derive: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Start value that follows from those that vary (repeatable).",
+            metavar="NAME=EXPRESSION",
+            rich_help_panel=_TRIED,
+        ),
+    ] = None,
+    objective: Annotated[
+        str | None,
+        typer.Option(
+            help="What is to be small: an expression over figures, such as tilt.position_error_m.",
+            metavar="EXPRESSION",
+            rich_help_panel=_WANTED,
+        ),
+    ] = None,
+    metric: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Further figure over signals (repeatable).",
+            metavar="'NAME = EXPRESSION'",
+            rich_help_panel=_WANTED,
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="Fail if the objective is worse by more than this part on other seeds. Default: not judged.",
+            metavar="NUMBER",
+            rich_help_panel=_WANTED,
+        ),
+    ] = None,
+    evaluations: Annotated[
+        int | None, typer.Option(help="Sets of gains to try. Default: 200.", rich_help_panel=_TRIED)
+    ] = None,
+    training: Annotated[
+        int | None, typer.Option(help="Seeds to tune on. Default: 2.", rich_help_panel=_TRIED)
+    ] = None,
+    validation: Annotated[
+        int | None, typer.Option(help="Other seeds to validate with. Default: 4.", rich_help_panel=_TRIED)
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of whatever is drawn. Default: 0.", rich_help_panel=_TRIED)
+    ] = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+) -> None:
+    """Look for gains of a scenario's controllers, into an output folder."""
+    found = tuning_of(plan)
+    output, plots = given.pop("output", None), given.pop("plots", True)
+    place = Path(output or results_folder(f"tune-{found.name}"))
+    with BarProgress() as progress:
+        result = tune(
+            found,
+            pairs("--vary", vary or []),
+            objective=objective,
+            require=given.pop("require", None),
+            derive=pairs("--derive", derive or []),
+            metrics=metric,
+            evaluations=evaluations,
+            training=training,
+            validation=validation,
+            seed=seed,
+            tolerance=tolerance,
+            scheduler=scheduler,
+            workers=workers,
+            output=place,
+            plots=plots,
+            progress=progress,
+            **given,
+        )
+    _show(result, place, plots)
+    if not result.complete:
+        raise CosimError(f"interrupted; the best gains so far are in {place / BEST}.")
+    if (problem := result.problem()) is not None:
+        raise CosimError(problem)
+
+
+def _show(result: TuneResult, place: Path, plots: bool) -> None:
+    """Tables, how it went, and where everything is."""
+    for part in summary(result):
+        show(part)
+    files = [BEST, RECORD, HISTORY, *([PICTURE] if plots else [])]
+    for line in (*lines(result), f"emla run {place / BEST}", f"Wrote {place}/: {', '.join(files)}"):
+        say(line)

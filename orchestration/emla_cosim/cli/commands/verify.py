@@ -1,0 +1,238 @@
+"""`emla verify`."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Column, Table
+
+from ...base.errors import CommandError, CosimError, check_choice
+from ...base.files import check_places
+from ...base.progress import Progress
+from ...base.wording import counted
+from ...fmu.models import FLAVOURS, MODELS, build, documents_root
+from ...recorders.tubes.tolerance import read_tolerances
+from ...verification.catalogue import CHECKS
+from ...verification.references.excitation import SHAPES
+from ...verification.references.recording import Recording
+from ...verification.report import Examined, Report
+from ...verification.settings import Settings
+from ...verification.verdict import Verdict
+from ...verification.verifying import verify
+from ...views.bars import BarProgress
+from ...views.pages.text import visible
+from ...views.terminal import show
+from .options import pairs
+
+_WHAT, _OUT, _MAKE = "What is checked", "What comes out", "Make references"
+_STYLE = {
+    Verdict.PASSED: "green",
+    Verdict.WARNING: "yellow",
+    Verdict.FAILED: "bold red",
+    Verdict.SKIPPED: "dim",
+}
+
+EXAMPLES = (
+    "emla verify mine.fmu --html report.html",
+    "emla verify mine.fmu --record references --stop-time 1",
+)
+"""Commands that the help shows."""
+
+
+def command(
+    files: Annotated[list[str] | None, typer.Argument(help="FMUs and SSPs.", metavar="[FILE]...")] = None,
+    all_: Annotated[
+        bool, typer.Option("--all", help="All our models, in both flavours.", rich_help_panel=_WHAT)
+    ] = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Check, group, or pattern of checks, to do (repeatable).",
+            metavar="CHECK",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    skip: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Check, group, or pattern of checks, to leave out (repeatable).",
+            metavar="CHECK",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    list_: Annotated[
+        bool, typer.Option("--list", help="Show all checks and exit.", rich_help_panel=_WHAT)
+    ] = False,
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of reference files; of a system, of results. Default: beside each FMU.",
+            metavar="FOLDER",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="How wide tubes are: relative to a signal's range (repeatable). Default: 1e-3.",
+            metavar="[PATTERN=]NUMBER",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(help="Time that one check may take.", rich_help_panel=_WHAT)
+    ] = Settings.seconds,
+    memory: Annotated[
+        float, typer.Option(help="Memory in MiB that one check may take.", rich_help_panel=_WHAT)
+    ] = Settings.memory / 2**20,
+    junit: Annotated[
+        Path | None, typer.Option(help="Write JUnit XML.", metavar="FILE", rich_help_panel=_OUT)
+    ] = None,
+    json: Annotated[
+        Path | None, typer.Option(help="Write JSON.", metavar="FILE", rich_help_panel=_OUT)
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="Write a page.", metavar="FILE", rich_help_panel=_OUT)
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write reference files of a run to this folder.", metavar="FOLDER", rich_help_panel=_MAKE
+        ),
+    ] = None,
+    input_: Annotated[
+        Path | None,
+        typer.Option("--input", help="Inputs of that run.", metavar="FILE.csv", rich_help_panel=_MAKE),
+    ] = None,
+    excite: Annotated[
+        str,
+        typer.Option(help=f"What inputs do without a file: {', '.join(SHAPES)}.", rich_help_panel=_MAKE),
+    ] = "steps",
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", help="Start value (repeatable).", metavar="VARIABLE=VALUE", rich_help_panel=_MAKE
+        ),
+    ] = None,
+    stop_time: Annotated[
+        float | None, typer.Option(help="End of that run in s.", rich_help_panel=_MAKE)
+    ] = None,
+    step_size: Annotated[
+        float | None, typer.Option(help="Communication step of that run in s.", rich_help_panel=_MAKE)
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace reference files.", rich_help_panel=_MAKE)
+    ] = False,
+) -> None:
+    """Verify FMUs and systems of them."""
+    if list_:
+        show(_catalogue(), asked_for=True)
+        return
+    check_choice("shape", excite, SHAPES)
+    recording = None
+    if record is not None:
+        recording = Recording(
+            record, input_, excite, stop_time, step_size, pairs("--set", set_ or []), overwrite
+        )
+    elif any((input_, stop_time, step_size, set_, overwrite)):
+        raise CommandError("--input, --set, --stop-time, --step-size and --overwrite belong to --record.")
+    named = {file: Path(file) for file in files or []}
+    _check_places({"the JUnit report": junit, "the JSON report": json, "the page": html}, named.values())
+    with BarProgress() as progress:
+        ours = _ours(progress) if all_ else {}
+        known = documents_root() / "fmus" if all_ and reference is None else reference
+        report = verify(
+            named | ours,
+            reference=known,
+            only=only or [],
+            skip=skip or [],
+            tolerance=read_tolerances(tolerance or []),
+            seconds=seconds,
+            memory=memory,
+            record=recording,
+            progress=progress,
+        )
+    for save, path in ((report.save_junit, junit), (report.save_json, json), (report.save_html, html)):
+        if path is not None:
+            save(path)
+    if recording is not None:
+        _show_recorded(report)
+    else:
+        _show(report)
+    if not report.passed:
+        raise CosimError(f"{counted(len(report.failures), 'check')} failed.")
+
+
+def _check_places(reports: Mapping[str, Path | None], files: Iterable[Path]) -> None:
+    """Raise CommandError where a report cannot be written, or would take the place of something else."""
+    used = dict.fromkeys(files, "the file to verify")
+    for what, path in reports.items():
+        if path is not None:
+            check_places({path: what}, used)
+            used[path] = what
+
+
+def _ours(progress: Progress) -> dict[str, Path]:
+    """The FMUs of all our models, by model and flavour."""
+    progress.begin("building", len(MODELS) * len(FLAVOURS))
+    found = {}
+    for flavour in FLAVOURS:
+        for model in MODELS:
+            found[f"{model} ({flavour})"] = build(model, flavour, [])
+            progress.advance(1)
+    return found
+
+
+def _catalogue() -> Table:
+    table = Table("check", "what it asks", "rests on", title="Checks", title_justify="left")
+    for check in CHECKS:
+        table.add_row(check.name, escape(check.title), escape(str(check.clause)))
+    return table
+
+
+def _show(report: Report) -> None:
+    """A row for each FMU, and below what is wrong, with what the standard says."""
+    for examined in report.examined:
+        for verdict in (Verdict.FAILED, Verdict.WARNING):
+            _show_findings(examined, verdict)
+    table = Table(Column("", overflow="fold"), *(str(v) for v in Verdict), "time / s")
+    for examined in report.examined:
+        counts = (_count(len(examined.of(v)), v) for v in Verdict)
+        table.add_row(_text(examined.label), *counts, f"{examined.seconds:.1f}")
+    show(table)
+
+
+def _show_recorded(report: Report) -> None:
+    """What was written, and where that failed why."""
+    for examined in report.examined:
+        for found in examined.findings:
+            show(f"{_text(examined.label)}: {_text(found.sentence)}", highlight=False, soft_wrap=True)
+
+
+def _text(text: str) -> str:
+    """What others wrote, as it is: neither markup, nor what a terminal would obey."""
+    return escape(visible(text))
+
+
+def _count(count: int, verdict: Verdict) -> str:
+    return f"[{_STYLE[verdict]}]{count}[/]" if count else ""
+
+
+def _show_findings(examined: Examined, verdict: Verdict) -> None:
+    for found in examined.of(verdict):
+        name = f"[{_STYLE[verdict]}]{verdict}[/] [bold]{found.check}[/]"
+        show(f"{_text(examined.label)}: {name} {_text(found.sentence)}", highlight=False, soft_wrap=True)
+        more = [d for d in found.outcome.details if d.rstrip(".") not in found.sentence]
+        for detail in more[:_MOST_DETAILS]:
+            show(f"    {_text(detail)}", highlight=False, soft_wrap=True)
+        if len(more) > _MOST_DETAILS:
+            show(f"    and {len(more) - _MOST_DETAILS} more", highlight=False)
+        if verdict == Verdict.FAILED:
+            says = f'    {found.clause}: "{found.clause.sentence}"\n    {found.hint}'
+            show(says, style="dim", markup=False, highlight=False, soft_wrap=True)
+
+
+_MOST_DETAILS = 5
+"""Further places that are shown where the same is wrong."""

@@ -1,0 +1,166 @@
+"""Circumstances under which controllers are compared, as files say them, and what they mean for a system."""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.resources import files
+from typing import Any
+
+from ..base.errors import CommandError, listed
+from ..base.values import converted
+from ..sweeps.factors import start_values
+from ..sweeps.shipment import Preparation
+from ..system.fault import Fault
+from ..system.model import Value
+
+
+@dataclass(frozen=True)
+class Case:
+    """One circumstance: start values, by pattern, that are set and that are multiplied.
+
+    `start_error` is how far in m the screw starts from where its reference begins; None where the scenario
+    says it; `fault` has faults of signals with * for the joint. `at` has the coordinates of a point on a map.
+    """
+
+    name: str = "nominal"
+    set: Mapping[str, Value] = field(default_factory=dict)
+    scale: Mapping[str, float] = field(default_factory=dict)
+    start_error: float | None = None
+    fault: Sequence[Mapping[str, Any]] = ()
+    at: tuple[float, float] | None = None
+
+    def faults(self, joints: Sequence[str]) -> list[Fault]:
+        """Its faults of signals, for each of these joints."""
+        return [
+            Fault(**{**one, "signal": one["signal"].replace("*", joint, 1)})
+            for joint in joints
+            for one in self.fault
+        ]
+
+    def applied(self, prepared: Preparation) -> dict[str, Value] | None:
+        """The start values by full name that make it of a system; None where that has no such variable."""
+        found: dict[str, Value] = {}
+        for pattern, value in self.set.items():
+            names = _start_values(pattern, prepared)
+            if not names:
+                return None
+            found |= dict.fromkeys(names, value)
+        scaled = [_scaled(pattern, factor, prepared) for pattern, factor in self.scale.items()]
+        if self.scale and not any(scaled):
+            return None
+        for one in scaled:
+            found |= one
+        if self.start_error is not None:
+            started = _started(self.start_error, prepared)
+            if not started:
+                return None
+            found |= started
+        return found
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of a map: what it sets or multiplies, from `low` to `high`, in `unit`."""
+
+    label: str
+    low: float
+    high: float
+    set: Sequence[str] = ()
+    scale: Sequence[str] = ()
+    unit: float = 1.0
+
+    def at(self, number: int, of: int) -> float:
+        """The coordinate of a level, the first being 0."""
+        return self.low + (self.high - self.low) * number / (of - 1)
+
+    def case(self, case: Case, coordinate: float) -> Case:
+        """A case with this axis there."""
+        value = coordinate * self.unit
+        return replace(
+            case,
+            set={**case.set, **dict.fromkeys(self.set, value)},
+            scale={**case.scale, **dict.fromkeys(self.scale, value)},
+        )
+
+
+@dataclass(frozen=True)
+class Map:
+    """A grid of cases over two axes."""
+
+    name: str
+    x: Axis
+    y: Axis
+
+    def cases(self, resolution: int) -> list[Case]:
+        """A case for each point, row by row."""
+        return [
+            self._case(self.x.at(i, resolution), self.y.at(j, resolution))
+            for j in range(resolution)
+            for i in range(resolution)
+        ]
+
+    def _case(self, x: float, y: float) -> Case:
+        point = Case(f"{self.name}: {x:.4g}, {y:.4g}", at=(x, y))
+        return self.y.case(self.x.case(point, x), y)
+
+
+def robustness_cases() -> list[Case]:
+    """Those of the table of robustness."""
+    return [Case(**entry) for entry in _read("robustness")["case"]]
+
+
+def stability_maps() -> list[Map]:
+    """The maps of the table of stability."""
+    return [Map(m["name"], Axis(**m["x"]), Axis(**m["y"])) for m in _read("stability")["map"]]
+
+
+def stability_stop_time() -> float:
+    """When runs of maps end in s unless told otherwise."""
+    return float(_read("stability")["stop_time"])
+
+
+def _read(name: str) -> dict[str, Any]:
+    return tomllib.loads((files("emla_cosim.study") / "cases" / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def checked_resolution(resolution: int) -> int:
+    """The number of points along an axis; CommandError for one that makes no map."""
+    if not 2 <= converted(resolution, int, "the resolution of the map") <= 100:
+        raise CommandError(f"the resolution of the map is {resolution}; it must be from 2 to 100.")
+    return resolution
+
+
+def left_out(cases: Sequence[Case], scenario: str) -> str:
+    """A sentence that names the cases which a scenario has no variables for."""
+    return f"Not run, as {scenario} has no such variables: {listed(case.name for case in cases)}."
+
+
+def _start_values(pattern: str, prepared: Preparation) -> dict[str, float | None]:
+    return start_values(pattern, prepared.system, prepared.interfaces)
+
+
+def _scaled(pattern: str, factor: float, prepared: Preparation) -> dict[str, Value]:
+    """What fits a pattern, multiplied, but within the bounds of each variable."""
+    found: dict[str, Value] = {}
+    for name, value in _start_values(pattern, prepared).items():
+        if value is not None:
+            component, variable = prepared.system.split(name)
+            declared = prepared.interfaces[component.name].variables[component.alias(variable).variable]
+            low, high = (_bound(b, e) for b, e in ((declared.min, "-inf"), (declared.max, "inf")))
+            found[name] = min(max(factor * value, low), high)
+    return found
+
+
+def _bound(bound: Any, otherwise: str) -> float:
+    return float(otherwise if bound is None else bound)
+
+
+def _started(error: float, prepared: Preparation) -> dict[str, Value]:
+    """Plants, and observers with them, so far in m from where their reference begins."""
+    found: dict[str, Value] = {}
+    for name, begin in _start_values("*.reference.waypoint[1]", prepared).items():
+        joint = name.removesuffix(".reference.waypoint[1]")
+        for end in ("plant.start.x_L", "observer.start.x_hat"):
+            if begin is not None and _start_values(f"{joint}.{end}", prepared):
+                found[f"{joint}.{end}"] = begin + error
+    return found

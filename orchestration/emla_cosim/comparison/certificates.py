@@ -1,0 +1,95 @@
+"""Certificates of sets of gains side by side: what the stability proof says, beside a run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars
+
+from ..base.errors import CommandError, RunError
+from ..base.files import writing_to, written_whole
+from ..base.progress import Progress
+from ..study.certificate import JointCertificate, certificate_rows, certify
+from ..study.loading import load
+from ..sweeps.place import Place
+from .entrants import ALL, entrants
+
+CSV, MARKDOWN = "certificate.csv", "certificate.md"
+
+
+@dataclass(frozen=True)
+class SetCertificate:
+    """The certificates of all joints with one set of gains; `problem` says why there is none."""
+
+    gains: str
+    joints: Sequence[JointCertificate]
+    problem: str | None = None
+
+
+def certificates(
+    scenario: str, gains: Sequence[str] | None, progress: Progress, **options: Any
+) -> list[SetCertificate]:
+    """Certify sets of gains of RSBA, by default all, in a run of the scenario each.
+
+    Raises CommandError for a set that does not exist and for a scenario without such a joint.
+    """
+    sets = [one.gains for one in entrants(["rsba"], gains or [ALL])]
+    progress.begin("certifying", len(sets), "sets of gains")
+    found = []
+    for gain_set in sets:
+        chosen = load(scenario, controller="rsba", gains=gain_set, **options)
+        try:
+            with chosen.prepare() as simulation:
+                found.append(SetCertificate(gain_set, certify(simulation)))
+        except CommandError:
+            raise
+        except RunError as error:
+            found.append(SetCertificate(gain_set, (), str(error)))
+        progress.advance(1)
+    return found
+
+
+def frame(found: Sequence[SetCertificate]) -> polars.DataFrame:
+    """All numbers: a row for each set of gains and figure, with its unit, and a column for each joint."""
+    rows = [
+        {"gains": one.gains, "figure": label, "unit": unit}
+        | dict(zip((joint.joint for joint in one.joints), values, strict=True))
+        for one in found
+        for label, unit, values in certificate_rows(one.joints)
+    ]
+    return polars.DataFrame(rows)
+
+
+def markdown(found: Sequence[SetCertificate]) -> str:
+    """Tables and remarks of all sets."""
+    return "\n".join(line for one in found for line in _section(one))
+
+
+def _section(one: SetCertificate) -> list[str]:
+    lines = [f"## {one.gains}", ""]
+    if one.problem is not None:
+        return [*lines, one.problem, ""]
+    names = [joint.joint for joint in one.joints]
+    lines += [f"| | {' | '.join(names)} | unit |", f"|---|{'---:|' * len(names)}---|"]
+    for label, unit, values in certificate_rows(one.joints):
+        lines.append(
+            f"| {label.replace('|', chr(92) + '|')} | {' | '.join(f'{x:.4g}' for x in values)} | {unit} |"
+        )
+    for joint in one.joints:
+        lines += ["", f"{joint.joint}:", "", *(f"- {remark}" for remark in joint.remarks)]
+    return [*lines, ""]
+
+
+class CertificateFolder(Place):
+    """The folder of certificates; see `Place` for errors."""
+
+    what = "certificates"
+    files = (CSV, MARKDOWN)
+
+    def write(self, found: Sequence[SetCertificate]) -> None:
+        """Write numbers and tables, each file whole. Raises RunError."""
+        contents = {CSV: frame(found).write_csv(), MARKDOWN: markdown(found)}
+        with writing_to(self.path):
+            for name, text in contents.items():
+                with written_whole(self._place / name) as stream:
+                    stream.write(text.encode())

@@ -1,0 +1,246 @@
+"""Pictures of a comparison: figures side by side, errors over time, and what holds when."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import polars
+
+from ..base.arrays import Vector
+from ..study.paper import PRINTED
+from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidied
+from .cases import stability_maps
+from .grid import rounded
+from .result import PAPER, ROBUSTNESS, STABILITY, CompareResult
+from .rows import HELD, SHOWN, Row, of_entrant
+from .summary import Summary, lost_text, summaries
+from .tables import grouped
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FIGURES, ERRORS = "comparison-figures", "comparison-errors"
+NAMES = (FIGURES, ERRORS, "comparison-robustness", "comparison-stability-1", "comparison-stability-2")
+"""What pictures are called."""
+
+_BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
+_WIDE = {"position_error_m": 0.1, "velocity_error_m_s": 0.01}
+"""Figures on logarithmic axes, and below which value in their unit these are linear."""
+_SHADES = ("#12355f", "#2f6db3", "#8fb4d9", "#e4eef8")
+"""Of errors, the smallest first."""
+_HOLDS, _LOST = "#cfe0f1", "#b0413e"
+_SMALLEST = 1e-9
+"""Errors in m below this are drawn as this: a logarithm has no zero."""
+_COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY, "#1d8a99", "#c77cae", "#8c6d31", "#444444")
+
+
+def pictures(result: CompareResult) -> "dict[str, Figure]":
+    """Those that suit the table, by name; none where nothing was run."""
+    if not len(result.rows):
+        return {}
+    if result.table == ROBUSTNESS:
+        return {"comparison-robustness": _robustness(result)}
+    if result.table == STABILITY:
+        return {f"comparison-{name}": figure for name, figure in _maps(result).items()}
+    found = {FIGURES: _bars(result)}
+    if result.errors:
+        found[ERRORS] = _errors(result)
+    return found
+
+
+def _places(result: CompareResult) -> dict[tuple[Any, ...], list[Row]]:
+    return grouped(result.rows.rows(named=True), "scenario", "joint")
+
+
+def _color(result: CompareResult, entrant: str) -> str:
+    return _COLORS[list(result.entrants).index(entrant) % len(_COLORS)]
+
+
+def _bars(result: CompareResult) -> "Figure":
+    """For each joint and figure a bar for each controller, and a line where the paper has its own RSBA.
+
+    Bars are means over seeds, with their standard deviations.
+    """
+    places = _places(result)
+    bars = (*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s")
+    height = 0.6 + 0.22 * len(result.entrants)
+    figure, grid = new_figure(len(places), len(bars), 2.6, height, sharex="none")
+    for axes_row, ((scenario, joint), rows) in zip(grid, places.items(), strict=True):
+        for axes, name in zip(axes_row, bars, strict=True):
+            shown = SHOWN[name]
+            found = summaries(rows)
+            names = list(found)
+            values = [
+                shown.factor * (one.mean(name) or 0.0) if one.is_held else 0.0 for one in found.values()
+            ]
+            spreads = [shown.factor * one.spread(name) if one.is_held else 0.0 for one in found.values()]
+            axes.barh(names, values, xerr=spreads, color=[_color(result, n) for n in names], height=0.7)
+            for place, one in enumerate(found.values()):
+                if not one.is_held:
+                    text = lost_text(one, shown)
+                    axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), **_TOLD)
+            said = _printed(scenario, joint, name) if result.table == PAPER else None
+            if said is not None:
+                axes.axvline(shown.factor * said, color="black", lw=1.0, ls=":")
+            known = [*values, *([shown.factor * said] if said is not None else [])]
+            if name in _WIDE:
+                axes.set_xscale("symlog", linthresh=_WIDE[name])
+            axes.set_xlim(0.0, 1.15 * max(known) or 1.0)
+            axes.invert_yaxis()
+            tidied(axes)
+            if axes is not axes_row[0]:
+                axes.set_yticklabels([])
+        axes_row[0].set_ylabel(f"{scenario}\n{joint}", fontsize=9)
+    for axes, name in zip(grid[-1], bars, strict=True):
+        axes.set_xlabel(f"{SHOWN[name].label} / {SHOWN[name].unit}", fontsize=9)
+    paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
+    figure.suptitle(f"Controllers side by side{paper}", fontsize=12, fontweight="bold")
+    return figure
+
+
+_TOLD: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _LOST}
+
+
+def _printed(scenario: str, joint: str, figure: str) -> float | None:
+    for table in PRINTED:
+        if (scenario, joint) in table.cells:
+            return getattr(table.cells[scenario, joint]["rsba"], figure)
+    return None
+
+
+def _errors(result: CompareResult) -> "Figure":
+    """The position error of each joint over time, with each controller."""
+    places = _places(result)
+    figure, grid = new_figure(len(places), 1, 8.0, 1.9, sharex="none")
+    for axes, ((scenario, joint), rows) in zip(grid[:, 0], places.items(), strict=True):
+        for row in rows:
+            if (errors := result.errors.get(row["run"])) is not None:
+                _draw_error(axes, errors, joint, _color(result, of_entrant(row)))
+        axes.set_yscale("log")
+        axes.set_ylim(1e-2, 1e5)
+        axes.set_ylabel(f"{scenario}, {joint}\n|error| / µm", fontsize=9)
+        tidied(axes)
+    grid[-1, 0].set_xlabel("time / s", fontsize=9)
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], color=_color(result, name), label=name) for name in result.entrants]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=min(len(handles), 5), fontsize=8, frameon=False
+    )
+    figure.suptitle("Position errors", fontsize=12, fontweight="bold")
+    return figure
+
+
+def _draw_error(axes: "Axes", errors: polars.DataFrame, joint: str, color: str) -> None:
+    time, error = errors["time"].to_numpy(), np.abs(errors[joint].to_numpy())
+    every = max(len(time) // 400, 1)  # the largest of as many as fit into a dot
+    whole = len(time) // every * every
+    largest = error[:whole].reshape(-1, every).max(axis=1)
+    axes.plot(time[:whole:every], 1e6 * np.fmax(largest, _SMALLEST), color=color, lw=1.0)
+
+
+def _robustness(result: CompareResult) -> "Figure":
+    """For each joint a table of cases and controllers, shaded by the position error."""
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm
+
+    places = _places(result)
+    cases = list(dict.fromkeys(result.rows["case"]))
+    wide = 1.2 + 0.62 * len(result.entrants)
+    figure, grid = new_figure(1, len(places), wide, 0.6 + 0.24 * len(cases), sharex="none")
+    shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_LOST)
+    held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().to_numpy()
+    norm = LogNorm(*(1e6 * _limits(held)))
+    picture: Any = None
+    for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
+        found = {
+            (case, entrant): one
+            for (case,), own in grouped(rows, "case").items()
+            for entrant, one in summaries(own).items()
+        }
+        values = np.array([[_error(found.get((c, e))) for e in result.entrants] for c in cases])
+        picture = axes.pcolormesh(
+            np.ma.masked_invalid(values), cmap=shades, norm=norm, edgecolors="white", lw=0.5
+        )
+        for y, case in enumerate(cases):
+            for x, entrant in enumerate(result.entrants):
+                _write(axes, x, y, found.get((case, entrant)), norm)
+        _label(axes, [e.replace("/", "\n") for e in result.entrants], cases if axes is grid[0, 0] else None)
+        axes.set_title(joint, fontsize=10)
+        axes.set_facecolor("#eeeeee")
+    bar = figure.colorbar(picture, ax=grid[0, -1])
+    bar.set_label("position error / µm; red: not held", fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    return figure
+
+
+def _error(one: Summary | None) -> float:
+    mean = None if one is None or not one.is_held else one.mean("position_error_m")
+    return np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
+
+
+def _limits(errors: Vector) -> Vector:
+    found = np.fmax(errors[~np.isnan(errors)], _SMALLEST)
+    low, high = (found.min(), found.max()) if len(found) else (_SMALLEST, 1.0)
+    return np.array([low, max(high, 10.0 * low)])
+
+
+def _write(axes: "Axes", x: int, y: int, one: Summary | None, norm: Any) -> None:
+    if one is None:
+        return
+    error = _error(one)
+    lost = lost_text(one, SHOWN["position_error_m"]).replace(" in ", "\nin ").replace(" (", "\n")
+    text = rounded(error) if one.is_held else lost.removesuffix(")")
+    dark = not one.is_held or norm(error) < 0.45
+    axes.text(
+        x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6, color="white" if dark else "black"
+    )
+
+
+def _label(axes: "Axes", columns: Sequence[str], rows: Sequence[str] | None) -> None:
+    axes.set_xticks(np.arange(len(columns)) + 0.5, columns, fontsize=7, rotation=40, ha="right")
+    axes.set_yticks(
+        [] if rows is None else np.arange(len(rows)) + 0.5, [] if rows is None else rows, fontsize=8
+    )
+    axes.invert_yaxis()
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+
+
+def _maps(result: CompareResult) -> "dict[str, Figure]":
+    """For each map a panel for each joint and controller: which points hold."""
+    found = {}
+    for number, one in enumerate(stability_maps(), start=1):
+        rows = result.rows.filter(polars.col("case").str.starts_with(f"{one.name}:")).rows(named=True)
+        if not rows:
+            continue
+        joints = list(dict.fromkeys(row["joint"] for row in rows))
+        figure, grid = new_figure(len(joints), len(result.entrants), 1.7, 1.7, sharex="none")
+        for axes_row, joint in zip(grid, joints, strict=True):
+            for axes, entrant in zip(axes_row, result.entrants, strict=True):
+                _draw_map(axes, [r for r in rows if r["joint"] == joint and of_entrant(r) == entrant])
+                axes.label_outer()
+                if joint == joints[0]:
+                    axes.set_title(entrant.replace("/", "\n"), fontsize=9)
+            axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
+        figure.supxlabel(one.x.label, fontsize=9)
+        figure.suptitle(f"{one.name}\nblue: holds, red: not held", fontsize=10)
+        found[f"stability-{number}"] = figure
+    return found
+
+
+def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
+    from matplotlib.colors import ListedColormap
+
+    x, y = (sorted({row[name] for row in rows}) for name in ("x", "y"))
+    table = np.full((len(y), len(x)), np.nan)
+    for row in rows:
+        place = y.index(row["y"]), x.index(row["x"])
+        table[place] = np.fmin(table[place], row[HELD])  # of several seeds the worst
+    if len(rows):
+        colors = ListedColormap([_LOST, _HOLDS])
+        axes.pcolormesh(
+            x, y, np.ma.masked_invalid(table), cmap=colors, vmin=0.0, vmax=1.0, edgecolors="white", lw=0.5
+        )
+    axes.tick_params(labelsize=7)
+    axes.spines[:].set_visible(False)

@@ -1,0 +1,89 @@
+"""What came out of each run, as rows: one for each scenario, case, joint, controller and set of gains."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import polars
+
+from ..recorders.metrics import Shown
+from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
+from ..sweeps.result import DIED, DONE
+from ..sweeps.worker import Outcome
+from .contest import Contest, Heat
+
+_NO_NUMBERS = ("held", "reason", "excursions", "trip", "limits_touched", "oscillation")
+
+FIGURES = tuple(f.name for f in fields(JointFigures) if f.name not in _NO_NUMBERS)
+"""Columns with figures of a joint, by the names that metrics.json has for them."""
+
+HELD, LOST_AT, WHY, SEED = "held", "lost_at_s", "why", "seed"
+"""Whether a joint was held, as metrics.json says; if not, when that was seen, and why; the held-out seed."""
+
+COLUMNS: Mapping[str, Any] = {
+    "run": polars.Int64,
+    "scenario": polars.String,
+    "case": polars.String,
+    "joint": polars.String,
+    "controller": polars.String,
+    "gains": polars.String,
+    SEED: polars.Int64,
+    HELD: polars.Boolean,
+    LOST_AT: polars.Float64,
+    WHY: polars.String,
+    **dict.fromkeys(FIGURES, polars.Float64),
+    "x": polars.Float64,
+    "y": polars.Float64,
+}
+
+SHOWN: Mapping[str, Shown] = {shown.name: shown for shown in (*JointMetrics.shown, CONVERGENCE_TIME)}
+"""How a person sees a figure."""
+
+Row = Mapping[str, Any]
+
+
+def table(contest: Contest, outcomes: Mapping[int, Outcome]) -> polars.DataFrame:
+    """The rows of all heats that came to an end, in the order of the heats."""
+    found = [row for number in sorted(outcomes) for row in _rows(contest.heats[number], outcomes[number])]
+    return polars.DataFrame(found, schema=dict(COLUMNS), orient="row")
+
+
+def _rows(heat: Heat, outcome: Outcome) -> list[dict[str, Any]]:
+    return [_row(heat, joint, outcome) for joint in heat.joints]
+
+
+def _row(heat: Heat, joint: str, outcome: Outcome) -> dict[str, Any]:
+    figures = outcome.figures.get(joint, {})
+    is_held, at, why = verdict(figures, outcome)
+    x, y = heat.case.at or (None, None)
+    return {
+        "run": outcome.number,
+        "scenario": heat.scenario,
+        "case": heat.case.name,
+        "joint": joint,
+        "controller": heat.entrant.called,
+        "gains": heat.entrant.gains,
+        SEED: heat.seed,
+        HELD: is_held,
+        LOST_AT: at,
+        WHY: why,
+        **{name: figures.get(name) for name in FIGURES},
+        "x": x,
+        "y": y,
+    }
+
+
+def verdict(figures: Mapping[str, Any], outcome: Outcome) -> tuple[bool, float | None, str | None]:
+    """Return whether a joint was held; if not, when that was seen in s, and why."""
+    is_done = outcome.status == DONE
+    if is_done and figures.get(HELD):
+        return True, None, None
+    cause = figures.get("trip") or (figures.get("oscillation") if is_done else None) or {}
+    problem = "its process ended" if outcome.status == DIED else str(outcome.problem)
+    why = problem if not (is_done or cause) else str(figures.get("reason") or "it has no figures")
+    return False, cause.get("time_s", outcome.end_s), why.rstrip(".")
+
+
+def of_entrant(row: Row) -> str:
+    """The controller of a row with its gains."""
+    return f"{row['controller']}/{row['gains']}"

@@ -1,0 +1,91 @@
+"""How wide tubes are to be, as people write it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.patterns import fits
+from ...base.values import converted
+from .tube import Tube
+
+RELATIVE = 1e-3
+"""Of a signal's range: how far off it may be unless told otherwise."""
+
+_LEAST = 1e-12
+"""How far off a signal may be that is always 0, in its unit."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far off a signal may be: relative to its range, in its own unit, and in time in s.
+
+    None leaves a part to what is said of more signals, and in the end to the default: 1e-3 of the range,
+    nothing more, half a reference interval. The tube is as wide as `relative` and `absolute` together;
+    the range of a signal that is constant is its value.
+    """
+
+    relative: float | None = None
+    absolute: float | None = None
+    time: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raise CommandError for what is negative or no number."""
+        for part in fields(self):
+            value = getattr(self, part.name)
+            if value is not None and not 0.0 <= value < np.inf:
+                raise CommandError(f"the {part.name} tolerance {value:g} must be 0 or a positive number.")
+
+    def tube(self, time: Vector, reference: Vector) -> Tube:
+        """The tube around a reference, all values of which are finite, at these times in s."""
+        scale = float(np.ptp(reference)) or float(np.abs(reference).max())
+        value = _or(self.relative, RELATIVE) * scale + _or(self.absolute, 0.0)
+        intervals = np.diff(np.unique(time))
+        half = 0.5 * float(np.median(intervals)) if len(intervals) else 0.0
+        return Tube(value if scale > 0.0 else max(value, _LEAST), _or(self.time, half))
+
+
+def tolerance_of(signal: str, given: Mapping[str, Tolerance]) -> Tolerance:
+    """That of a signal, by names and patterns of which each fills or replaces what those before say."""
+    found: dict[str, float] = {}
+    for pattern, tolerance in given.items():
+        if fits(signal, pattern):
+            found |= {name: value for name, value in vars(tolerance).items() if value is not None}
+    return Tolerance(**found)
+
+
+def read_tolerances(texts: Sequence[str]) -> dict[str, Tolerance]:
+    """Tolerances as the command line has them: `1e-4`, `x=1e-6`, `a.*=relative:1e-5,absolute:1e-9,time:0`.
+
+    Without a name they are those of all signals. Raises CommandError.
+    """
+    return dict(map(_read, texts))
+
+
+def _read(text: str) -> tuple[str, Tolerance]:
+    pattern, equals, value = text.rpartition("=")
+    known = [part.name for part in fields(Tolerance)]
+    found: dict[str, float] = {}
+    for part in value.split(","):
+        name, colon, number = part.rpartition(":")
+        try:
+            found[name.strip() if colon else known[0]] = float(number)
+        except ValueError:
+            found[""] = 0.0
+    if (equals and not pattern) or not found.keys() <= set(known):
+        raise CommandError(
+            f"--tolerance {text} cannot be read; write NUMBER, SIGNAL=NUMBER or "
+            "SIGNAL=relative:NUMBER,absolute:NUMBER,time:NUMBER."
+        )
+    return pattern.strip() or "*", Tolerance(**found)
+
+
+def tolerances_in(table: object, where: str) -> dict[str, Tolerance]:
+    """Tolerances as a file has them: by name or pattern a number, or its parts. Raises CommandError."""
+    return converted(table, Mapping[str, Tolerance], f"'tolerance' of {where}")
+
+
+def _or(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value

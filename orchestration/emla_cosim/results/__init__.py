@@ -1,1 +1,0 @@
-"""What came out of a run: signals and figures, pictures, files."""

@@ -1,0 +1,1 @@
+"""A system prepared, simulated and recorded: options, scenarios, simulations, results as data."""

@@ -1,0 +1,80 @@
+"""A result held against a run that was kept: which signals stay in the tubes around it."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..base.errors import CommandError
+from ..recorders.stored import StoredRun
+from ..recorders.tubes.comparing import compared, how_it_left, that_left
+from ..recorders.tubes.comparison import Comparison
+from ..recorders.tubes.tolerance import Tolerance, tolerance_of
+
+if TYPE_CHECKING:
+    from .result import Result
+
+_NAMED = 3
+"""Signals that a sentence tells of; run.json has all."""
+
+
+def common(names: Sequence[str], stored: StoredRun) -> list[str]:
+    """The signals that both have; CommandError where there is none."""
+    known = set(stored.names)
+    found = [name for name in names if name in known]
+    if not found:
+        raise CommandError(
+            f"the run to compare with, '{stored.path}', has none of the signals that are recorded; "
+            f"it has {stored.names[0]} and {len(stored.names) - 1} more."
+        )
+    return found
+
+
+def agreement(
+    result: "Result", stored: StoredRun, tolerance: Mapping[str, Tolerance]
+) -> tuple[Comparison, ...]:
+    """Every signal that both have, over the time that both have, in the order of the result."""
+    names = common(result.names, stored)
+    found, reference = result.read(["time", *names]), stored.read(["time", *names])
+    for table, where in ((found, "the result"), (reference, f"the run to compare with, '{stored.path}',")):
+        if not len(table["time"]):
+            raise CommandError(f"{where} has no rows.")
+    return tuple(
+        compared(
+            name,
+            str(result.units.get(name) or ""),
+            found["time"],
+            found[name],
+            reference["time"],
+            reference[name],
+            tolerance_of(name, tolerance),
+        )
+        for name in names
+    )
+
+
+def disagreement(comparisons: Sequence[Comparison], stored: StoredRun) -> str | None:
+    """The sentence that says which signals left their tubes, the first one first; None where none did."""
+    left = that_left(comparisons)
+    if not left:
+        return None
+    told = "; ".join(how_it_left(c) for c in left[:_NAMED])
+    more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
+    return f"{len(left)} of {len(comparisons)} signals do not agree with '{stored.path}': {told}{more}."
+
+
+def agreement_record(comparisons: Sequence[Comparison], stored: StoredRun) -> dict[str, Any]:
+    """What run.json says of it: how many signals agree, and those that do not, the first one first."""
+    return {
+        "run": str(stored.path),
+        "signals": len(comparisons),
+        "left": [
+            {
+                "signal": c.signal,
+                "left_at_s": c.left_at,
+                "worst": c.worst,
+                "worst_at_s": c.worst_at,
+                "tube": c.tube.value,
+                "tube_s": c.tube.time,
+            }
+            for c in that_left(comparisons)
+        ],
+    }

@@ -1,0 +1,124 @@
+"""Start values from files: parameter sets of SSP, and tables whose columns are scalars and arrays."""
+
+import difflib
+import re
+from collections.abc import Collection, Mapping
+from itertools import count, takewhile
+from pathlib import Path
+
+from ..base.errors import CommandError
+from ..base.files import read_file
+from ..base.quantities import Quantity
+from ..base.units import Unit, conversion
+from ..base.wording import counted
+from ..fmu.interface import Interface
+from ..fmu.variables import start_value
+from ..inputs.data import Data, read_table
+from ..inputs.headers import data_unit
+from ..inputs.input import ENDINGS
+from ..ssp.documents.parameters import parse_parameter_set
+from ..system.model import Component, System, Value
+
+_INDEX = re.compile(r"\[[0-9]+\]$")
+_ONE = Unit("1", (0,) * 8)
+
+
+def file_values(file: Path, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
+    """Start values by full name from a table (CSV, Parquet) or a parameter set (SSV).
+
+    They are in the units that variables have in the system. Raises CommandError for whatever does not fit.
+    """
+    if file.suffix.lower() in ENDINGS:
+        return _of_table(read_table(file, "the parameter table"), system, interfaces)
+    return _of_parameter_set(file, system, interfaces)
+
+
+def _of_table(data: Data, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
+    values: dict[str, Value] = {}
+    for position in range(len(data.headers)):
+        for name, value in _of_column(data, position, system, interfaces).items():
+            if name in values:
+                raise CommandError(f"{data.label} gives {name} a second value.", name=name)
+            values[name] = value
+    return values
+
+
+def _of_column(
+    data: Data, position: int, system: System, interfaces: Mapping[str, Interface]
+) -> dict[str, Value]:
+    """The values of a scalar, or of the first elements of an array."""
+    header = data.headers[position]
+    label = f"the column '{header.text}' of {data.label}"
+    try:
+        component, own = system.split(header.name)
+    except CommandError as error:
+        raise CommandError(f"{label}: {error}", name=header.name) from error
+    interface = interfaces[component.name]
+    elements = _elements(component, own, interface, label)
+    numbers = data.numbers(position, padded=True)
+    if not len(numbers):
+        raise CommandError(f"{label} has no number.", name=header.name)
+    if len(numbers) > len(elements):
+        raise CommandError(
+            f"{label} has a value in row {len(numbers)}, but {header.name} has "
+            f"{counted(len(elements), 'element')}.",
+            name=header.name,
+        )
+    given, found = data_unit(header.unit, label), dict[str, Value]()
+    for row, (element, number) in enumerate(zip(elements, numbers.tolist(), strict=False), 1):
+        value = Quantity(number, given).in_unit(_unit(component, element, interface, given), label)
+        try:
+            found[f"{component.name}.{element}"] = _fitting(component, element, interface, value)
+        except CommandError as error:
+            raise CommandError(f"{label}, row {row}: {error}", row=row, **error.fields) from error
+    return found
+
+
+def _elements(component: Component, name: str, interface: Interface, label: str) -> list[str]:
+    """The variables that a name means, itself or the elements of an array; CommandError for none."""
+    known: Collection[str] = {*component.aliases, *interface.variables}
+    if name in known:
+        return [name]
+    found = list(takewhile(known.__contains__, (f"{name}[{i}]" for i in count(1))))
+    if not found:
+        names = dict.fromkeys(_INDEX.sub("", n) for n in known)
+        near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+        meant = f"; did you mean {' or '.join(near)}?" if near else "."
+        raise CommandError(f"{label}: {component.name} has no variable '{name}'{meant}", name=name, near=near)
+    return found
+
+
+def _unit(component: Component, name: str, interface: Interface, given: Unit | None) -> Unit | None:
+    """The unit of a variable in the system; that of a pure number where it has none but is given one."""
+    alias = component.alias(name)
+    return alias.unit or interface.unit(alias.variable) or (None if given is None else _ONE)
+
+
+def _fitting(component: Component, name: str, interface: Interface, value: float) -> Value:
+    """The value as it is, once it is known that the variable can have it; CommandError otherwise."""
+    alias = component.alias(name)
+    variable = interface.variables[alias.variable]
+    plain = value if variable.type == "Real" or not value.is_integer() else int(value)
+    start_value(
+        component.name, interface, variable, alias.transformation(plain) if component.aliases else plain
+    )
+    return plain
+
+
+def _of_parameter_set(file: Path, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
+    values: dict[str, Value] = {}
+    content = read_file(file, "the parameter set")
+    for parameter in parse_parameter_set(content, str(file)).parameters:
+        component, name = system.split(parameter.name)
+        interface = interfaces[component.name]
+        unit = interface.unit(name) if name in interface.variables else None
+        if name in component.aliases:
+            unit = component.aliases[name].unit
+        value = parameter.value
+        if parameter.unit is not None and unit is not None:
+            try:
+                value = conversion(parameter.unit, unit)(float(value))
+            except ValueError as error:
+                raise CommandError(f"'{parameter.name}' of '{file}' has {error}.") from error
+        values[parameter.name] = value
+    return values

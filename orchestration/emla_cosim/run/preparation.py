@@ -1,0 +1,110 @@
+"""A system made ready to run or to export: FMUs built, parameter files applied, components replaced."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ..base.errors import CommandError
+from ..base.progress import Progress
+from ..base.wording import counted
+from ..fmu.interface import Interface, read_interfaces
+from ..fmu.models import build
+from ..inputs.placing import Readable, data_end, with_inputs
+from ..system.model import Replacement, System
+from ..system.signal_faults import with_components, with_faults
+from ..system.start_values import following_values, named_plainly, need_interfaces, start_values
+from .options import Options
+from .parameter_files import file_values
+from .replacement import fitted
+
+
+def prepared(system: System, options: Options, progress: Progress) -> tuple[System, dict[str, Path]]:
+    """The system with all that the options change, and the FMU file of every component.
+
+    Begins a task of preparing that has one unit more, for what follows. Raises CommandError for
+    what does not fit, RunError where FMUs cannot be built.
+    """
+    tables, as_made = [Readable.of(source) for source in options.input], system
+    system, faults = with_components(system, options.fault)
+    system.with_parameters(named_plainly(options.set))  # unknown names are found before anything is built
+    replacements = options.replacements()
+    for name in replacements:
+        system.component(name)
+    fmus = _fmu_files(system, options, progress)
+    looked_at = options.parameters or replacements or faults or tables or need_interfaces(options.set)
+    interfaces = read_interfaces(fmus) if looked_at else {}
+    system = _with_parameters(system, options.parameters, interfaces)
+    if tables:
+        placed = with_inputs(system, tables, interfaces, options.platform)
+        system = placed.system
+        fmus |= placed.fmus
+        interfaces |= read_interfaces(placed.fmus)
+        for note in placed.notes:
+            progress.note(f"Note: {note}")
+    system = with_faults(system, faults, interfaces)
+    followers = following_values(as_made, options)
+    system = system.with_parameters(start_values(system, interfaces, options.set) | followers)
+    others = read_interfaces({name: replacement.fmu for name, replacement in replacements.items()})
+    for name, replacement in replacements.items():
+        system = _replaced(system, name, replacement, others[name], interfaces, progress)
+        fmus[name], interfaces[name] = replacement.fmu, others[name]
+    return system, fmus
+
+
+def until_data_end(options: Options) -> Options:
+    """The options with a stop time no later than the end of data that stop the run.
+
+    Raises CommandError for data that cannot be read, or end before the run begins.
+    """
+    end = data_end(options.input)
+    if end is None or options.stop_time is None or options.stop_time <= end:
+        return options
+    start, stop = options.start_time or 0.0, end
+    if options.step_size is not None and options.error_tolerance is None:
+        steps = math.floor((end - start) / options.step_size * (1.0 + 1e-12) + 1e-9)
+        stop = float(f"{start + steps * options.step_size:.12g}")
+    if not stop > start:
+        raise CommandError(
+            f"the data end at t = {end:.9g} s, less than a step after the run begins at t = {start:.9g} s."
+        )
+    return replace(options, stop_time=stop)
+
+
+def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str, Path]:
+    """The FMU file of every component, ours built where missing or out of date."""
+    models = list(dict.fromkeys(c.model for c in system.components if c.fmu is None))
+    progress.begin("preparing", len(models) + 1)
+    built = {}
+    for model in models:
+        built[model] = build(model, options.flavour, options.platform, options.fmus)
+        progress.advance(1)
+    return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
+
+
+def _with_parameters(system: System, files: Sequence[Path], interfaces: Mapping[str, Interface]) -> System:
+    """The system with the values of parameter files, of which later ones win."""
+    for file in files:
+        system = system.with_parameters(file_values(file, system, interfaces))
+    return system
+
+
+def _replaced(
+    system: System,
+    name: str,
+    replacement: Replacement,
+    other: Interface,
+    interfaces: Mapping[str, Interface],
+    progress: Progress,
+) -> System:
+    changed, fit = fitted(system, name, replacement, other, interfaces)
+    progress.replaced(fit)
+    if fit.problems:
+        first, *others = fit.problems
+        more = f", and {counted(len(others), 'more does', 'more do')} not fit" if others else ""
+        raise CommandError(
+            f"'{replacement.fmu}' does not fit in the place of {name}: {first}{more}; a mapping may help.",
+            component=name,
+            problems=[str(p) for p in fit.problems],
+        )
+    return changed

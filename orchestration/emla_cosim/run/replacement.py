@@ -1,0 +1,244 @@
+"""One component replaced by an FMU of somebody else: what fits, what is converted, what is missing."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fmpy.model_description import ModelVariable
+
+from ..base.errors import CommandError
+from ..base.files import read_file
+from ..base.units import IDENTITY, LinearTransformation, Unit, conversion
+from ..fmu.interface import Interface
+from ..ssp.documents.parameters import parse_mapping
+from ..ssp.documents.structure import MappingEntry, TableTransformation
+from ..system.model import Alias, Component, Connection, Replacement, System
+from ..system.resolution import in_fmu_terms, transformed
+
+FITS = "fits"
+"""The verdict on a variable that has another name, and the same unit."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """A variable of the component and its counterpart; `verdict` says how they fit.
+
+    `fatal` is true where the system cannot run like this.
+    """
+
+    kind: str
+    ours: str
+    theirs: str
+    verdict: str
+    fatal: bool = False
+
+    def __str__(self) -> str:
+        names = " as ".join(filter(None, (self.ours, self.theirs)))
+        return f"the {self.kind} {names} {self.verdict}"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How an FMU fits in the place of a component: matches worth a line, and how many need none."""
+
+    component: str
+    fmu: Path
+    matches: Sequence[Match]
+    same: int
+
+    @property
+    def worth_a_look(self) -> bool:
+        """Whether anything is not just as it was, perhaps under another name."""
+        return any(m.fatal or m.verdict != FITS for m in self.matches)
+
+    @property
+    def problems(self) -> list[Match]:
+        """What keeps the system from running."""
+        return [m for m in self.matches if m.fatal]
+
+
+def fitted(
+    system: System,
+    name: str,
+    replacement: Replacement,
+    other: Interface,
+    interfaces: Mapping[str, Interface],
+) -> tuple[System, Fit]:
+    """The system with one component replaced by an FMU with the interface `other`, and how it fits.
+
+    `interfaces` are those of the FMUs that were there, by component. Start values and results keep
+    their names and units, connections get those of the other FMU. Raises CommandError for a mapping
+    that cannot be read, or that names what neither FMU has.
+    """
+    component, original = in_fmu_terms(system.component(name)), interfaces[name]
+    entries = _entries(replacement, original, other)
+    matching = _Matching(system, component, original, other, entries)
+    fit = Fit(name, replacement.fmu, matching.matches, matching.same)
+    if fit.problems:
+        return system, fit
+    kept = {n: v for n, v in component.parameters.items() if n not in matching.left_out}
+    changed = replace(component, model="", fmu=replacement.fmu, parameters=kept, aliases=matching.aliases)
+    connections = tuple(_reconnected(x, changed, interfaces) for x in system.connections)
+    return replace(system.with_component(changed), connections=connections), fit
+
+
+def _reconnected(
+    connection: Connection, component: Component, interfaces: Mapping[str, Interface]
+) -> Connection:
+    """A connection in the terms of the FMU that a component has now."""
+    leaving = component.aliases.get(connection.output) if connection.source == component.name else None
+    arriving = component.aliases.get(connection.input) if connection.target == component.name else None
+    if leaving is None and arriving is None:
+        return connection
+    between = transformed(connection, interfaces)
+    if leaving is not None:
+        between = between.after(leaving.transformation.inverse())
+        connection = replace(connection, output=leaving.variable)
+    if arriving is not None:
+        between = arriving.transformation.after(between)
+        connection = replace(connection, input=arriving.variable)
+    return replace(connection, transformation=between)
+
+
+def _entries(replacement: Replacement, original: Interface, other: Interface) -> dict[str, MappingEntry]:
+    path = replacement.mapping
+    if path is None:
+        return {}
+    content = read_file(path, "the mapping")
+    entries: dict[str, MappingEntry] = {}
+    for entry in parse_mapping(content, str(path)):
+        for name, interface in ((entry.source, original), (entry.target, other)):
+            if name not in interface.variables:
+                model = interface.description.modelName
+                raise CommandError(f"the mapping '{path}' names '{name}', which {model} does not have.")
+        if isinstance(entry.transformation, TableTransformation):
+            raise CommandError(
+                f"the mapping '{path}' has a {entry.transformation.kind}MappingTransformation for "
+                f"'{entry.source}'; a replacement can have linear ones."
+            )
+        if entry.source in entries:
+            raise CommandError(f"the mapping '{path}' maps '{entry.source}' twice.")
+        entries[entry.source] = entry
+    return entries
+
+
+class _Matching:
+    """Matches all variables that the system uses of a component, or could show."""
+
+    def __init__(
+        self,
+        system: System,
+        component: Component,
+        original: Interface,
+        other: Interface,
+        entries: Mapping[str, MappingEntry],
+    ) -> None:
+        self._original, self._other, self._entries = original, other, entries
+        self._taken = {entry.target for entry in entries.values()}
+        self.aliases: dict[str, Alias] = {}
+        self.matches: list[Match] = []
+        self.left_out: set[str] = set()
+        self._same: set[str] = set()
+        inputs = [x.input for x in system.into(component.name)]
+        outputs = list(dict.fromkeys(x.output for x in system.out_of(component.name)))
+        for name in inputs:
+            self._needed("input", name)
+        for name in outputs:
+            self._needed("output", name)
+        for name in component.parameters:
+            self._parameter(name)
+        self._shown(outputs)
+        self.matches += self._free(inputs)
+        if any(match.fatal for match in self.matches):
+            self.matches += self._unused()
+
+    @property
+    def same(self) -> int:
+        """How many variables have the same name and unit."""
+        return len(self._same)
+
+    def _target(self, name: str) -> str:
+        """What the other FMU calls a variable; empty where another variable has got that name."""
+        entry = self._entries.get(name)
+        if entry is not None:
+            return entry.target
+        return "" if name in self._taken else name
+
+    def _needed(self, kind: str, name: str) -> None:
+        """A variable that is connected."""
+        variable = self._other.variables.get(self._target(name))
+        if variable is None:
+            self._say(kind, name, "", "is missing", fatal=True)
+        elif variable.causality != kind or variable.type != self._original.variables[name].type:
+            self._say(kind, name, variable.name, f"is {variable.causality}, {variable.type}", fatal=True)
+        else:
+            self._converted(kind, name, variable)
+
+    def _parameter(self, name: str) -> None:
+        """A variable that has a start value."""
+        if name not in self._original.variables:
+            return  # perhaps the other FMU's own; setting it tells
+        parameter = self._original.variables[name].causality == "parameter"
+        kind = "parameter" if parameter else "start value"
+        variable = self._other.variables.get(self._target(name))
+        if variable is None:
+            self.left_out.add(name)
+            self._say(kind, name, "", "is left out")
+        else:
+            self._converted(kind, name, variable)
+
+    def _shown(self, connected: Sequence[str]) -> None:
+        """Outputs that nobody reads but that are recorded under our names."""
+        for name, variable in self._original.variables.items():
+            theirs = self._other.variables.get(self._target(name))
+            if variable.causality != "output" or name in connected or theirs is None:
+                continue
+            if theirs.causality == "output" and theirs.type == variable.type == "Real":
+                self._converted("output", name, theirs)
+
+    def _free(self, inputs: Sequence[str]) -> Iterator[Match]:
+        """Inputs of the other FMU that nothing drives."""
+        driven = {self._target(name) for name in inputs}
+        for name, variable in self._other.variables.items():
+            if variable.causality == "input" and name not in driven:
+                yield Match("input", "", self._with_unit(name, self._other), "keeps its start value")
+
+    def _unused(self) -> Iterator[Match]:
+        """Outputs and parameters of the other FMU that a mapping could still name."""
+        used = {*self._taken, *self._same}
+        for name, variable in self._other.variables.items():
+            if variable.causality in ("output", "parameter") and name not in used:
+                yield Match(variable.causality, "", self._with_unit(name, self._other), "is not used")
+
+    def _converted(self, kind: str, name: str, variable: ModelVariable) -> None:
+        if name in self.aliases:
+            return  # an output that has a start value too
+        ours, theirs = self._original.unit(name), self._other.unit(variable.name)
+        try:
+            transformation = self._transformation(name, ours, theirs)
+            if transformation.factor == 0.0 and variable.causality == "output":
+                raise ValueError("a factor of 0, which has no way back")
+        except ValueError as error:
+            self._say(kind, name, variable.name, f"has {error}", fatal=True)
+            return
+        if variable.name == name and transformation == IDENTITY:
+            self._same.add(name)
+            return
+        self.aliases[name] = Alias(variable.name, transformation, ours)
+        self._say(kind, name, variable.name, FITS if transformation == IDENTITY else str(transformation))
+
+    def _transformation(self, name: str, ours: Unit | None, theirs: Unit | None) -> LinearTransformation:
+        entry = self._entries.get(name)
+        if entry is None:
+            return conversion(ours, theirs)
+        prescribed = entry.transformation
+        linear = prescribed if isinstance(prescribed, LinearTransformation) else IDENTITY
+        return linear if entry.suppress_unit_conversion else linear.after(conversion(ours, theirs))
+
+    def _say(self, kind: str, ours: str, theirs: str, verdict: str, fatal: bool = False) -> None:
+        their = self._with_unit(theirs, self._other) if theirs else ""
+        self.matches.append(Match(kind, self._with_unit(ours, self._original), their, verdict, fatal))
+
+    def _with_unit(self, name: str, interface: Interface) -> str:
+        unit = interface.unit(name) if name in interface.variables else None
+        return f"{name} [{unit}]" if unit is not None else name

@@ -1,0 +1,180 @@
+"""run.json: everything needed to repeat a run; and what a checkpoint of it belongs to."""
+
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from ..base.files import digest
+from ..base.option import Entered
+from ..master.algorithms.algorithm import Algorithm
+from ..master.assembly import Assembly
+from ..master.stepping.timing import Timing
+from ..system.model import System
+from .options import Options, table
+from .origin import Origin
+
+PYTHON = "python"
+"""The key of an object that exists in Python alone, by the name of its class."""
+
+COMPLETED = "completed"
+"""The status of a run that came to its end."""
+
+_PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pythonfmu")
+
+
+def run_record(
+    scenario: str,
+    origin: Origin,
+    system: System,
+    assembly: Assembly,
+    options: Options,
+    times: Timing,
+    every: int,
+    units: Mapping[str, Any],
+    stepping: Mapping[str, Any],
+    problem: str | None,
+    unpacked: Path | None = None,
+) -> dict[str, Any]:
+    """The record of a run of this system; `problem` says why it ended early, if it did.
+
+    FMUs in the folder `unpacked` are called as in their package.
+    """
+    return {
+        "scenario": scenario,
+        "source": origin.source,
+        "source_sha256": origin.sha256,
+        "changed": changed(origin),
+        "status": COMPLETED if problem is None else problem,
+        "settings": _settings(options, times, every),
+        "stepping": stepping,
+        "versions": dict(versions()),
+        "components": {
+            c.name: {
+                "fmu": _file(assembly.files[c.name].path, unpacked),
+                "sha256": assembly.files[c.name].sha256,
+                "guid": assembly.files[c.name].description.guid,
+                "parameters": dict(c.parameters),
+                "changed": assembly.changed(c),
+                "mapping": {n: f"{a.variable} = {n} {a.transformation}" for n, a in c.aliases.items()},
+            }
+            for c in system.components
+        },
+        "connections": [
+            f"{x} {x.transformation}" if x.transformation is not None else str(x) for x in system.connections
+        ],
+        "units": {name: str(unit) for name, unit in units.items() if unit is not None},
+    }
+
+
+def run_identity(system: System, assembly: Assembly, options: Options, times: Timing) -> dict[str, Any]:
+    """What must be the same for a run to be continued, by the names it has in messages."""
+    fmus = {name: file.sha256 for name, file in assembly.files.items()}
+    return {
+        **system_identity(system, fmus),
+        **{o.about.identity: plain(value) for o, value in options.in_effect() if o.about.identity},
+        "algorithm": options.algorithm_name,
+        "start time": times.start,
+        "step size": times.step,
+    }
+
+
+def system_identity(system: System, fmus: Mapping[str, str]) -> dict[str, Any]:
+    """What a system is, by the names that it has in messages; `fmus` has the content hash of every FMU."""
+    return {
+        "FMUs": dict(fmus),
+        "components": [c.name for c in system.components],
+        "values set": {
+            f"{c.name}.{n}": str(v) for c in system.components for n, v in sorted(c.parameters.items())
+        },
+        "mappings": {f"{c.name}.{n}": str(a) for c in system.components for n, a in c.aliases.items()},
+        "connections": [f"{x} {x.transformation}" for x in system.connections],
+    }
+
+
+def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
+    """The options that applied, as they were in effect."""
+    found = {o.record: plain(value) for o, value in options.in_effect() if o.about.recorded}
+    del found["mapping"]  # which is told with the replacement
+    interval = options.output_interval if options.error_tolerance is not None else every * times.step
+    return found | {
+        "algorithm": options.algorithm_name,
+        "start_time_s": times.start,
+        "stop_time_s": times.stop,
+        "step_size_s": times.step,
+        "output_interval_s": interval,
+        "replace": {name: plain(r) for name, r in options.replacements().items()},
+        "parameters": [_content(file) for file in options.parameters],
+        "trajectory": None if options.trajectory is None else _content(options.trajectory),
+    }
+
+
+def changed(origin: Origin) -> dict[str, Any]:
+    """What was given beside the scenario, by option, but for what no result depends on.
+
+    In the place of an object of Python there is the name of its class, as `{"python": name}`.
+    """
+    known = table()
+    given = {name: value for name, value in origin.changed.items() if known[name].about.recorded}
+    return {name: _repeatable(value, known[name].about.takes) for name, value in given.items()}
+
+
+def _repeatable(value: Any, takes: type | None) -> Any:
+    """A value of an option as JSON from which it can be made again, objects of the type `takes` marked."""
+    if isinstance(value, Mapping):
+        return {key: _repeatable(inner, takes) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_repeatable(inner, takes) for inner in value]
+    if isinstance(value, Entered) and (found := value.repeatable()) is not None:
+        return found
+    if isinstance(value, Entered):
+        return {PYTHON: plain(type(value))}
+    if takes not in (None, bool) and isinstance(value, takes):
+        return {PYTHON: plain(value if isinstance(value, type) else type(value))}
+    return plain(value)
+
+
+def _content(path: Path) -> dict[str, str | None]:
+    """A file with the hash of its content; None in its place where it cannot be read any more."""
+    return {"file": str(path), "sha256": digest(path)}
+
+
+def _file(path: Path, unpacked: Path | None) -> str:
+    if unpacked is not None and path.is_relative_to(unpacked):
+        path = path.relative_to(unpacked)
+    return str(path)
+
+
+@cache
+def versions() -> dict[str, str | None]:
+    """Versions of what runs; None for a package that this host lacks."""
+    found: dict[str, str | None] = {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
+
+
+def plain(value: Any) -> Any:
+    """A value of an option as JSON has it."""
+    if isinstance(value, Algorithm):
+        return plain(type(value))
+    if isinstance(value, Entered):
+        return plain(value.record())
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, type):
+        return f"{value.__module__}.{value.__qualname__}"
+    return str(value) if isinstance(value, Path) else value

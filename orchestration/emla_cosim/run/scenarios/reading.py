@@ -1,0 +1,196 @@
+"""One way to scenarios: built-in ones by name, scenario files, SSPs, FMUs, and systems made in Python."""
+
+import contextlib
+import weakref
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...base.errors import CommandError, listed
+from ...base.files import read_text
+from ...base.option import Entered
+from ...ssp.reader.reading import Document, read_ssp
+from ...system.model import System
+from ..options import Options
+from ..origin import Origin, of_file, with_gains
+from .built_in import FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, built_in
+from .recorded import recorded_run
+from .scenario import MADE_OF, Scenario
+from .scenario_file import ScenarioFile, parse_scenario
+from .single_fmu import single_fmu
+
+_SSP = (".ssp", ".ssd")
+_FMU = ".fmu"
+
+
+def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Scenario:
+    """The scenario that a name or a path means, or that runs a system; with these options.
+
+    A path leads to a scenario file (.toml) or to an SSP: package, folder or SSD, with `#Variant.ssd`
+    for another SSD than the default one; to an FMU (.fmu), which runs alone; or to the run.json of a run
+    to repeat. Raises CommandError for whatever is wrong with it.
+    """
+    if isinstance(source, System):
+        return Scenario("system", "", source).with_options(given)
+    if not isinstance(source, (str, Path)):
+        raise CommandError(f"a scenario is a name, a path or a System, not {source!r}.")
+    name, path = str(source), Path(source)
+    if name in SCENARIOS:
+        return _of_file(built_in(name), name, given, Origin(name))
+    if path.suffix.lower() == ".toml":
+        text = read_text(path, "the scenario")
+        read = parse_scenario(text, str(path), path.parent)
+        return _of_file(read, path.stem, given, of_file(path, text.encode()))
+    if path.suffix.lower() == ".json":
+        recorded = recorded_run(path, given)
+        return load_scenario(recorded.source, recorded.with_options(given))
+    read = ScenarioFile("", "", {}, str(path), Path())
+    if is_fmu(path):
+        return _of_fmu(path, None, read, given, _of_package(path))
+    if _is_ssp(path):
+        return _of_ssp(path, None, read, given, _of_package(path))
+    raise CommandError(
+        f"there is no scenario '{name}'; choose from {listed(SCENARIOS)}, or name a file that "
+        "ends in .toml, .ssp, .ssd or .fmu, or the run.json of a run.",
+        name=name,
+        choices=list(SCENARIOS),
+    )
+
+
+def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Origin) -> Scenario:
+    """The scenario of a file: its system, and the options of the usual one, of the file, and given."""
+    if read.system not in SYSTEMS:
+        file = read.folder / read.system
+        if is_fmu(file):
+            return _of_fmu(file, name, read, given, origin)
+        if not _is_ssp(file):
+            raise CommandError(
+                f"the scenario '{read.where}' names the system '{read.system}', which is neither an SSP, "
+                f"nor an FMU, nor one of {listed(SYSTEMS)}."
+            )
+        return _of_ssp(file, name, read, given, origin)
+    options = Options()
+    for layer in (built_in(read.system), read):
+        options = options.updated(with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
+    options = options.updated(with_gains(given))
+    made_of: dict[str, Any] = {}
+    if options.trajectory is not None:
+        if read.system not in FOLLOWING:
+            raise CommandError(
+                f"'{read.where}' follows no trajectory; --trajectory is for {listed(sorted(FOLLOWING))}."
+            )
+        made_of["trajectory"] = options.trajectory
+    if options.actuator:
+        options = replace(options, actuator=_read("actuator", options.actuator))
+        made_of["actuators"] = options.actuator
+    system = SYSTEMS[read.system](options.controller, options.gains, **made_of)
+    made = Scenario(name, read.description, system, options, origin=origin.updated(given), remarks=_remarks)
+    return replace(made, notes=made.notes_with(options))
+
+
+def _remarks(system: System, options: Options) -> list[str]:
+    return [note for remark in REMARKS for note in remark(system, options)]
+
+
+def _read(option: str, given: Mapping[str, Path | Entered]) -> dict[str, Entered]:
+    """What an option names by its files, read; what Python gives, as it is."""
+    reader = READERS[option]
+    return {name: one if isinstance(one, Entered) else reader(one) for name, one in given.items()}
+
+
+def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
+    """Raise CommandError where an option of built-in systems is given to another system."""
+    for option, has in MADE_OF.items():
+        if option in given or option in read.options:
+            raise CommandError(f"'{read.where}' has its own {has}; --{option} is for built-in systems.")
+
+
+def _of_fmu(
+    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: Origin
+) -> Scenario:
+    """The scenario of one FMU, with what a scenario file says about it."""
+    _refuse_of_built_in(read, given)
+    options = Options().updated(read.options, f"the scenario '{read.where}'", read.folder).updated(given)
+    alone = single_fmu(path, options)
+    return Scenario(
+        name or alone.name,
+        read.description or alone.description,
+        alone.system,
+        options.updated(alone.times),
+        alone.notes,
+        origin=origin.updated(given),
+    )
+
+
+def _of_ssp(
+    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: Origin
+) -> Scenario:
+    """The scenario of an SSP, with what a scenario file says about it."""
+    _refuse_of_built_in(read, given)
+    held = Held()
+    document = held.stack.enter_context(read_ssp(path))
+    options = Options().updated(_times(document))
+    options = options.updated(read.options, f"the scenario '{read.where}'", read.folder)
+    return Scenario(
+        name or document.name,
+        read.description or document.description,
+        document.system,
+        options.updated(given),
+        tuple(document.notes),
+        document.unpacked,
+        held,
+        origin.updated(given),
+    )
+
+
+def _of_package(path: Path) -> Origin:
+    """The origin that an SSP or an FMU is, by the content of its one file where it is one."""
+    file = path if _is_file(path) else _without_variant(path)
+    return of_file(path, file.read_bytes() if _is_file(file) else None)
+
+
+def _times(document: Document) -> dict[str, float]:
+    """The times that an SSP gives, as options."""
+    times = {
+        "start_time": document.start_time,
+        "stop_time": document.stop_time,
+        "step_size": document.step_size,
+    }
+    return {name: value for name, value in times.items() if value is not None}
+
+
+class Held:
+    """What has to stay until nobody needs it any more, such as a folder with unpacked FMUs."""
+
+    def __init__(self) -> None:
+        self.stack = contextlib.ExitStack()
+        self._finalizer = weakref.finalize(self, self.stack.close)
+
+
+def is_fmu(path: Path) -> bool:
+    """Whether a path means an FMU; PACKAGE.ssp#x.fmu would be a variant of a package."""
+    return path.suffix.lower() == _FMU and not _is_folder(path) and (_is_file(path) or not _is_ssp(path))
+
+
+def _is_ssp(path: Path) -> bool:
+    """Whether a path means an SSP, without or with the name of a variant in it."""
+    return any(x.suffix.lower() in _SSP or _is_folder(x) for x in (path, _without_variant(path)))
+
+
+def _without_variant(path: Path) -> Path:
+    return path.parent / path.name.partition("#")[0]
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):  # too long a name, or one that no file can have
+        return False
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

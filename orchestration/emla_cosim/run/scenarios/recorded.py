@@ -1,0 +1,95 @@
+"""Runs that were made, as their run.json tells them: the same scenario, with what was given beside it."""
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_origin
+
+from ...base.errors import CommandError
+from ...base.files import read_text
+from ..options import Options, table
+from ..origin import Origin
+from ..run_record import PYTHON
+
+NOT_REPEATED = ("resume", "real_time")
+"""Options of a run that its repetition does without: it begins at the beginning, and nobody waits for it."""
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """A run as its record tells it: what was named, what was given beside it, and the whole record."""
+
+    source: str
+    changed: Mapping[str, Any]
+    content: Mapping[str, Any]
+
+    def with_options(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """What was given then, and over it what is given now; CommandError for what does not fit."""
+        return Origin(changed=self.changed).updated(given).changed
+
+
+def recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
+    """The run whose run.json this is, to be repeated with these options over its own.
+
+    Raises CommandError for a file that is no such record, for one of a system or with an option that were
+    objects of Python, and for one of a version that did not say where a run comes from.
+    """
+    where = f"the record '{path}'"
+    try:
+        content = json.loads(read_text(path, "the record"))
+    except (ValueError, RecursionError) as error:
+        raise CommandError(f"{where} is not JSON: {error}.") from error
+    if not (isinstance(content, dict) and isinstance(content.get("settings"), dict)):
+        raise CommandError(f"{where} is none of a run; name a run.json that `emla run` wrote.")
+    if "source" not in content:
+        raise CommandError(
+            f"{where} does not say which scenario was run with which options: an earlier version wrote it, "
+            "or the run ended too early. Run the scenario itself."
+        )
+    source, changed = content["source"], content.get("changed")
+    if source is None:
+        raise CommandError(
+            f"{where} is of a system that was made in Python, which has to be made there again."
+        )
+    if not isinstance(source, str) or not source or source.lower().endswith(".json"):
+        raise CommandError(f"{where} has the source {source!r}; it must be the name or path of a scenario.")
+    if not isinstance(changed, dict):
+        raise CommandError(f"{where} has no table 'changed' of the options that were given.")
+    repeated = {n: v for n, v in changed.items() if n not in NOT_REPEATED and not _replaced(n, given)}
+    _check(repeated, where)
+    Options().updated(repeated, where)
+    return RecordedRun(source, repeated, content)
+
+
+def _replaced(name: str, given: Mapping[str, Any]) -> bool:
+    """Whether what is given now leaves nothing of what was given then."""
+    return name in given and not isinstance(given[name], Mapping)
+
+
+def _check(changed: Mapping[str, Any], where: str) -> None:
+    """Raise CommandError for options that no record has, and for those that were objects of Python."""
+    known = table()
+    for name, value in changed.items():
+        if name not in known:
+            continue  # which reading it tells better
+        if not known[name].about.recorded:
+            raise CommandError(f"{where} has the option '{name}', which no record has.")
+        for one in _entries(value, known[name].plain_type):
+            if _is_table(one) and set(one) == {PYTHON}:
+                raise CommandError(
+                    f"{where} has the {known[name].noun} {one[PYTHON]}, an object of Python that no record "
+                    f"can hold; give {known[name].flag} beside it, or repeat the run in Python.",
+                    option=name,
+                )
+
+
+def _entries(value: Any, of: Any) -> Iterable[Any]:
+    """What a table or a list has; of any other value itself."""
+    if _is_table(value) and get_origin(of) is Mapping:
+        return value.values()
+    return value if isinstance(value, list) else [value]
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict)

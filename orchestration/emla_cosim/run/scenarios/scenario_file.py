@@ -1,0 +1,80 @@
+"""Scenario files: TOML that names a system and says how it is run."""
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_origin
+
+from ...base.errors import CommandError, listed
+from ...base.option import RUN
+from ...base.values import converted
+from ..options import table
+
+
+@dataclass(frozen=True)
+class ScenarioFile:
+    """A scenario file; `system` is the name of a built-in one or the path of an SSP.
+
+    `options` are those that it gives, as they are written; paths in them are relative to `folder`, and
+    sentences call the file by `where`.
+    """
+
+    description: str
+    system: str
+    options: Mapping[str, Any]
+    where: str
+    folder: Path
+
+
+def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
+    """Read a scenario file; CommandError for what is not TOML, and for unknown keys."""
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # also numbers and nestings too long to be meant
+        raise CommandError(f"the scenario '{where}' is not TOML: {error}.") from error
+    label = f"the scenario '{where}'"
+    given = options_given(content, label, ("system", "description"))
+    if "system" not in content:
+        raise CommandError(f'{label} has no system; write system = "study" or the path of an SSP.')
+    return ScenarioFile(
+        converted(content.get("description", ""), str, f"'description' of {label}"),
+        converted(content["system"], str, f"'system' of {label}"),
+        given,
+        where,
+        folder,
+    )
+
+
+def options_given(
+    content: Mapping[str, Any], label: str, own: Sequence[str], command: str = RUN
+) -> dict[str, Any]:
+    """The options of a command among the keys of a file, which has the keys `own` beside them.
+
+    Raises CommandError for any other key; sentences call the file `label`.
+    """
+    options = {name: option for name, option in table(command).items() if option.about.in_file}
+    known = sorted([*options, *own])
+    for key in content:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            meant = f"did you mean '{near[0]}'?" if near else f"it may have {listed(known)}."
+            raise CommandError(f"{label} has the key '{key}'; {meant}", key=key)
+    given = {key: value for key, value in content.items() if key in options}
+    for key, value in given.items():
+        if get_origin(options[key].type) is Mapping and isinstance(value, dict):
+            given[key] = dict(_flat(value, options[key].type.__args__[1]))
+    return given
+
+
+def _flat(table: Mapping[str, Any], of: Any) -> Iterator[tuple[str, Any]]:
+    """Entries by their whole name: TOML nests names with dots unless they are quoted.
+
+    Where the entries are tables themselves, names have to be quoted.
+    """
+    for key, value in table.items():
+        if isinstance(value, dict) and not hasattr(of, "__dataclass_fields__"):
+            yield from ((f"{key}.{name}", inner) for name, inner in _flat(value, of))
+        else:
+            yield key, value

@@ -1,0 +1,91 @@
+"""One FMU as a system of its own: what its component is called, and how long it runs."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...fmu.interface import Interface, read_interface
+from ...system.model import Component, System
+from ..options import Options
+
+SPAN = 10.0
+"""Seconds that an FMU runs that does not say how long."""
+
+STEPS = 1000
+"""Steps in which an FMU runs that does not say how long they are."""
+
+_LONGEST = 60
+"""Letters of a component's name."""
+
+
+@dataclass(frozen=True)
+class SingleFmu:
+    """An FMU that runs alone: the component's name, its description, the system and its times in s.
+
+    `notes` are sentences on times that the FMU does not say, or that do not fit each other.
+    """
+
+    name: str
+    description: str
+    system: System
+    times: Mapping[str, float]
+    notes: tuple[str, ...]
+
+
+def single_fmu(path: Path, options: Options) -> SingleFmu:
+    """An FMU as a system of one component; times of the options win over its own.
+
+    Raises CommandError for a file that is no FMU, or nothing this master can run.
+    """
+    interface = read_interface(path)
+    name = component_name(str(interface.description.modelName))
+    times, notes = _times(interface, options)
+    description = " ".join(str(interface.description.description or "").split())
+    return SingleFmu(name, description, System((Component(name, fmu=path),), ()), times, tuple(notes))
+
+
+def component_name(model: str) -> str:
+    """What the component of a model is called: the last part of its name, with _ for what is no letter.
+
+    `Modelica.Blocks.PID 2` is `PID_2`.
+    """
+    name = re.sub(r"\W+", "_", model.rpartition(".")[2])[:_LONGEST].strip("_")
+    return name if name and not name[0].isdigit() else f"model_{name}".strip("_")
+
+
+def _times(interface: Interface, options: Options) -> tuple[dict[str, float], list[str]]:
+    """Start, stop and step of the default experiment, and sentences on what it leaves open."""
+    experiment = interface.description.defaultExperiment
+    said = {name: _seconds(experiment, name) for name in ("startTime", "stopTime", "stepSize")}
+    notes = list[str]()
+    start = said["startTime"] or 0.0 if options.start_time is None else options.start_time
+    stop, end = options.stop_time, said["stopTime"]
+    if stop is None:
+        stop = end if end is not None and end > start else start + SPAN
+        if stop != end:
+            notes.append(f"the FMU does not say when to stop; it runs for {SPAN:g} s without --stop-time")
+    step = said["stepSize"]
+    if options.step_size is not None:
+        step = options.step_size
+    elif step is None or not 0.0 < step <= stop - start:
+        step = (stop - start) / STEPS
+        notes.append(f"the FMU does not say how long a step is; without --step-size it is {step:g} s")
+    elif options.start_time is None and options.stop_time is None and not _whole(stop - start, step):
+        fitting = (stop - start) / math.ceil((stop - start) / step)
+        notes.append(f"its steps of {step:g} s do not end at {stop:g} s; it runs in steps of {fitting:g} s")
+        step = fitting
+    return {"start_time": start, "stop_time": stop, "step_size": step}, notes
+
+
+def _seconds(experiment: Any, name: str) -> float | None:
+    """A time of a default experiment; None where it has none, or none that is a number."""
+    text = getattr(experiment, name, None)
+    seconds = math.nan if text is None else float(text)
+    return seconds if math.isfinite(seconds) else None
+
+
+def _whole(span: float, step: float) -> bool:
+    return abs(round(span / step) * step - span) <= 1e-9 * span

@@ -1,0 +1,1 @@
+"""What keeps a crash, a signal or another process from costing results."""

@@ -1,0 +1,65 @@
+"""One run at a time into one folder."""
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from ..base.errors import CommandError
+
+_LOCK, _HOLDER = ".running", ".running.json"
+
+
+@contextmanager
+def alone(folder: Path, heir_of: int | None = None) -> Iterator[None]:
+    """Nobody else writes to this folder meanwhile; CommandError that names the process that does.
+
+    The lock goes with its process, however that ends, unless an FMU started another one, which holds it
+    too then. Who goes on for the process `heir_of`, which ended, does not mind a lock of that one. Where
+    a file system knows no locks there is none.
+    """
+    lock = FileLock(folder / _LOCK, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        if heir_of is None or _written(folder).get("process") != heir_of:
+            raise CommandError(
+                f"another run writes to '{folder}'{_holder(folder)}; wait for it, or give another folder."
+            ) from error
+    except NotImplementedError:
+        yield
+        return
+    except OSError as error:
+        raise CommandError(f"the output folder '{folder}' cannot be written: {error.strerror}.") from error
+    holder = folder / _HOLDER
+    try:
+        began = datetime.now().astimezone().isoformat(timespec="seconds")
+        with suppress(OSError):  # the lock holds without a name
+            holder.write_text(json.dumps({"process": os.getpid(), "began": began}), encoding="utf-8")
+        yield
+    finally:
+        for left in (holder, folder / _LOCK):
+            with suppress(OSError):  # the folder may be gone, or be a file by now
+                left.unlink()
+        lock.release()
+
+
+def _holder(folder: Path) -> str:
+    found = _written(folder)
+    if not {"process", "began"} <= set(found):  # it is just beginning, or just over
+        return ""
+    return f", process {found['process']} since {found['began']}"
+
+
+def _written(folder: Path) -> dict[str, Any]:
+    """What the holder of the lock wrote of itself; nothing where it did not."""
+    try:
+        found = json.loads((folder / _HOLDER).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

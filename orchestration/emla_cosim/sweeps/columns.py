@@ -1,0 +1,186 @@
+"""Columns of the table of a sweep as arrays: figures, factors, and how variants ended."""
+
+import difflib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import polars
+
+from ..base.arrays import Indices, Vector
+from ..base.errors import CommandError, listed
+from ..recorders.metrics import HELD, Shown, is_verdict
+from .result import DONE, STATUS, VARIANT
+
+if TYPE_CHECKING:
+    from .result import SweepResult
+
+LARGEST = 1e150
+"""Numbers beyond this count as none: their squares are none."""
+
+NOT_HELD = "not held"
+"""What became of a variant that ran to its end, but of which a verdict `held` is not true."""
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """What varies: `values` for each variant are numbers, or positions in `levels` where there are some."""
+
+    name: str
+    values: Vector
+    levels: tuple[str, ...] | None
+
+    @property
+    def varies(self) -> bool:
+        """Whether it has two values or more."""
+        return _varies(self.values)
+
+
+def factor(result: "SweepResult", name: str) -> Factor:
+    """A factor by its name; what is no number has levels, in the order in which they come."""
+    column = result.variants[name]
+    if column.dtype.is_numeric():
+        return Factor(name, _numbers(column), None)
+    texts = ["none" if value is None else _text(value) for value in column.to_list()]
+    levels = tuple(dict.fromkeys(texts))
+    position = {level: float(i) for i, level in enumerate(levels)}
+    return Factor(name, np.array([position[text] for text in texts]), levels)
+
+
+def check_figure(result: "SweepResult", figure: str) -> None:
+    """Raise CommandError for a figure that a sweep does not have."""
+    if figure in result.figures:
+        return
+    near = difflib.get_close_matches(str(figure), result.figures, n=3, cutoff=0.5)
+    there = f"there are {listed(result.figures)}." if result.figures else "there are none."
+    meant = f"did you mean {' or '.join(near)}?" if near else there
+    raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure, near=near)
+
+
+def figure_values(result: "SweepResult", figure: str) -> Vector:
+    """A figure for each row of the table, truths as 0 and 1.
+
+    NaN where it is missing, no finite number up to `LARGEST`, or of a variant that is not done. Raises
+    CommandError for a figure that the sweep does not have.
+    """
+    check_figure(result, figure)
+    values = _numbers(result.variants[figure])
+    values[~is_done(result)] = np.nan
+    return values
+
+
+def figure_by_variant(result: "SweepResult", figure: str, count: int) -> Vector:
+    """The same for the variants 0 to `count` - 1; NaN for one that has no row."""
+    values = np.full(count, np.nan)
+    values[numbers(result)] = figure_values(result, figure)
+    return values
+
+
+def numbers(result: "SweepResult") -> Indices:
+    """The number of the variant of each row."""
+    return result.variants[VARIANT].to_numpy().astype(np.intp)
+
+
+def is_truth(result: "SweepResult", figure: str) -> bool:
+    """Whether a figure is true or false."""
+    return result.variants[figure].dtype == polars.Boolean
+
+
+def varying(result: "SweepResult") -> list[str]:
+    """Figures that are not the same for all variants that are done: numbers first, then truths."""
+    found = [figure for figure in result.figures if _varies(figure_values(result, figure))]
+    return sorted(found, key=lambda figure: is_truth(result, figure))
+
+
+def nothing_varies(result: "SweepResult", what: str) -> CommandError:
+    """That there is no such figure or factor to draw."""
+    return CommandError(
+        f"no {what} varies between the variants of the sweep '{result.name}' that are done; there is nothing "
+        "to draw."
+    )
+
+
+def main_figure(result: "SweepResult") -> str | None:
+    """The figure that is looked at where nobody names one: the first that varies, or the first."""
+    return next(iter([*varying(result), *result.figures]), None)
+
+
+def is_done(result: "SweepResult") -> np.ndarray:
+    """Whether each variant is done, as truths."""
+    return _statuses(result) == DONE
+
+
+def verdicts(result: "SweepResult") -> list[str]:
+    """Return the figures that are verdicts: truths called `held`, such as `lift.held`."""
+    return [figure for figure in result.figures if is_verdict(figure) and is_truth(result, figure)]
+
+
+def good_outcome(result: "SweepResult") -> str:
+    """Return what people call variants without fault: held, or only done where no figure is a verdict."""
+    return HELD if verdicts(result) else DONE
+
+
+def outcomes(result: "SweepResult") -> np.ndarray:
+    """Return what became of each variant: its status, or `NOT_HELD`.
+
+    A variant that is done is not held where one of its verdicts is false or missing.
+    """
+    told = _statuses(result)
+    for figure in verdicts(result):
+        told[is_done(result) & (figure_values(result, figure) != 1.0)] = NOT_HELD
+    return told
+
+
+def shown_as(result: "SweepResult", figure: str) -> Shown:
+    """How a person sees a figure; its label begins with what it is of."""
+    known = result.shown.get(figure)
+    if known is None:
+        return Shown(figure, figure)
+    of = figure.removesuffix(known.name).rstrip(".") if figure.endswith(known.name) else ""
+    label = known.label if not of or known.label.startswith(of) else f"{of} {known.label}"
+    return Shown(figure, label, known.factor, known.unit, known.large)
+
+
+def influence(one: Factor, values: Vector) -> float:
+    """The absolute rank correlation of a factor with values, from 0 to 1; NaN are left out.
+
+    For levels it is the root of the part of the ranks' variance that they explain, less what as many levels
+    explain by chance.
+    """
+    kept = ~(np.isnan(one.values) | np.isnan(values))
+    x, y = one.values[kept], values[kept]
+    if not (_varies(x) and _varies(y)):
+        return 0.0
+    ranks = _ranks(y)
+    if one.levels is None:
+        return float(abs(np.corrcoef(_ranks(x), ranks)[0, 1]))
+    _, group = np.unique(x, return_inverse=True)
+    count = np.bincount(group)
+    if len(count) >= len(y):
+        return 0.0
+    means = np.bincount(group, ranks) / count
+    unexplained = np.var(ranks - means[group]) / np.var(ranks) * (len(y) - 1) / (len(y) - len(count))
+    return float(np.sqrt(max(1.0 - unexplained, 0.0)))
+
+
+def _statuses(result: "SweepResult") -> np.ndarray:
+    return np.array(result.variants[STATUS].to_list(), dtype=object)
+
+
+def _ranks(values: Vector) -> Vector:
+    return polars.Series(values).rank("average").to_numpy()
+
+
+def _varies(values: Vector) -> bool:
+    known = values[~np.isnan(values)]
+    return len(known) > 1 and float(np.ptp(known)) > 1e-12 * float(np.max(np.abs(known)))
+
+
+def _numbers(column: polars.Series) -> Vector:
+    values = column.cast(polars.Float64, strict=False).to_numpy().astype(float)  # of its own
+    values[~(np.abs(values) <= LARGEST)] = np.nan
+    return values
+
+
+def _text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,201 @@
+"""A plan laid out: every variant with its values, on systems that are made ready for it."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import polars
+import psutil
+
+from ..base.errors import CommandError
+from ..base.progress import Progress
+from ..run.scenarios.scenario import Scenario
+from ..run.simulation import PREPARED
+from ..study.loading import load
+from ..system.model import Value
+from .factors import Factor, factors
+from .farm import Work
+from .folder import digest
+from .plan import Plan
+from .result import VARIANT
+from .sampling import count, sample
+from .shipment import Preparation
+from .targets import is_prepared, merged
+from .worker import Variant
+
+_BYTES_PER_VALUE = 64
+"""Of memory, for a value as an object and in a table."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Variants that one prepared simulation can run, and what varies in it."""
+
+    preparation: Preparation
+    factors: Sequence[Factor]
+
+
+@dataclass(frozen=True)
+class Design:
+    """All variants of a plan.
+
+    `drawn` has a list of values for each factor, `group_of` the position in `groups` for each variant.
+    """
+
+    plan: Plan
+    method: str
+    groups: Sequence[Group]
+    drawn: Sequence[Sequence[Value | None]]
+    group_of: Sequence[int]
+
+    @property
+    def count(self) -> int:
+        """How many variants there are."""
+        return len(self.group_of)
+
+    @property
+    def factors(self) -> Sequence[Factor]:
+        """What varies."""
+        return self.groups[0].factors
+
+    def values(self, number: int) -> list[Value | None]:
+        """What a variant has in the table, for each factor."""
+        own = self.groups[self.group_of[number]].factors
+        return [factor.value(column[number]) for factor, column in zip(own, self.drawn, strict=True)]
+
+    def options(self, number: int) -> dict[str, Any]:
+        """All options of a variant that are its own."""
+        own = self.groups[self.group_of[number]].factors
+        return merged(f.options(value) for f, value in zip(own, self.values(number), strict=True))
+
+    def variant(self, number: int) -> Variant:
+        """A variant as it is run: with those options that a prepared simulation takes."""
+        return Variant(number, {n: x for n, x in self.options(number).items() if n not in PREPARED})
+
+    def work(self, finished: set[int]) -> list[Work]:
+        """All variants that are not finished, by group."""
+        left: list[list[int]] = [[] for _ in self.groups]
+        for number, group in enumerate(self.group_of):
+            if number not in finished:
+                left[group].append(number)
+        return [Work(group, numbers) for group, numbers in enumerate(left) if numbers]
+
+    def table(self) -> polars.DataFrame:
+        """Number and values of every variant."""
+        rows = [self.values(number) for number in range(self.count)]
+        columns = [_column(f.name, [row[i] for row in rows]) for i, f in enumerate(self.factors)]
+        return polars.DataFrame([polars.Series(VARIANT, range(self.count), polars.Int64), *columns])
+
+    @cached_property
+    def identities(self) -> list[dict[str, Any]]:
+        """What each group is made of, as plain data."""
+        return [group.preparation.identity for group in self.groups]
+
+    def identity(self, metrics: object) -> dict[str, Any]:
+        """What must be the same for a sweep to be resumed, by the names that sentences have for it."""
+        drawn = [
+            (factor.name, [asdict(target) for target in factor.targets], [str(v) for v in column])
+            for factor, column in zip(self.factors, self.drawn, strict=True)
+        ]
+        return {
+            "values": digest(drawn),
+            "seed": self.plan.seed,
+            "sampling": self.method,
+            "FMUs or settings": digest(self.identities),
+            "metrics": digest(metrics),
+        }
+
+    def provenance(self, metrics: object) -> list[str]:
+        """For each variant a hash of all that decides what comes out of it."""
+        parts = [digest((identity, metrics)) for identity in self.identities]
+        return [digest((parts[self.group_of[n]], self.options(n))) for n in range(self.count)]
+
+
+def designed(plan: Plan, progress: Progress) -> Design:
+    """Lay out a plan: build FMUs, resolve names, draw values.
+
+    Raises CommandError for whatever is wrong with it, RunError where FMUs cannot be built.
+    """
+    plan.check()
+    first = Preparation.of(_scenario(plan, {}), progress)
+    found = factors(plan.vary, first.system, first.interfaces, plan.where)
+    method = plan.sampling or ("grid" if plan.runs is None else "random")
+    distributions = [f.distribution for f in found]
+    _check_memory(plan, _count(plan, method, found), len(found))
+    drawn = sample(method, distributions, plan.runs, plan.seed)
+    prepared = [i for i, f in enumerate(found) if any(is_prepared(target) for target in f.targets)]
+    keys: dict[str, int] = {}
+    groups, group_of = list[Group](), list[int]()
+    for row in zip(*(drawn[i] for i in prepared), strict=True) if prepared else [()] * len(drawn[0]):
+        options = merged(found[i].options(value) for i, value in zip(prepared, row, strict=True))
+        key = json.dumps(options, sort_keys=True, default=str)
+        if key not in keys:
+            keys[key] = len(groups)
+            groups.append(_group(plan, options, first if not options else None, found, progress))
+        group_of.append(keys[key])
+    return Design(plan, method, groups, drawn, group_of)
+
+
+def _group(
+    plan: Plan,
+    options: Mapping[str, Any],
+    made: Preparation | None,
+    usual: Sequence[Factor],
+    progress: Progress,
+) -> Group:
+    """The system with these options, and what varies in it: the same as usual, under other circumstances."""
+    preparation = made or Preparation.of(_scenario(plan, options), progress)
+    found = factors(plan.vary, preparation.system, preparation.interfaces, plan.where)
+    if [f.name for f in found] != [f.name for f in usual]:
+        raise CommandError(f"{plan.where} varies other start values with {_told(options)} than without.")
+    shared = [(f, u) for f, u in zip(found, usual, strict=True) if len(f.targets) > 1]
+    if any(f.targets != u.targets for f, u in shared):
+        raise CommandError(f"{plan.where} multiplies other values with {_told(options)} than without.")
+    return Group(preparation, found)
+
+
+def _scenario(plan: Plan, options: Mapping[str, Any]) -> Scenario:
+    """The scenario of a plan with these options over those of the plan."""
+    given = merged([plan.options, options])
+    if isinstance(plan.scenario, Scenario):
+        return plan.scenario.with_options(given)
+    return load(plan.scenario, **given)
+
+
+def _count(plan: Plan, method: str, found: Sequence[Factor]) -> int:
+    """How many variants there will be; CommandError, which names the factor where one is at fault."""
+    try:
+        return count(method, [f.distribution for f in found], plan.runs)
+    except CommandError as error:
+        if "index" in error.fields:
+            name = found[error.fields["index"]].name
+            raise CommandError(f"'{name}' of {plan.where}: {error}", name=name) from error
+        raise CommandError(f"{plan.where}: {error}", **error.fields) from error
+
+
+def _check_memory(plan: Plan, variants: int, columns: int) -> None:
+    needed, there = variants * (columns + 8) * _BYTES_PER_VALUE, psutil.virtual_memory().available
+    if needed > 0.5 * there:
+        raise CommandError(
+            f"{plan.where} has {variants:,} variants, for which {there / 2**30:.3g} GiB of memory do not "
+            "suffice; take fewer levels or runs.",
+            variants=variants,
+        )
+
+
+def _told(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in options.items())
+
+
+def _column(name: str, values: Sequence[Value | None]) -> polars.Series:
+    """Values as a column of their type; of several types, as text."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds <= {int, float}:
+        kind: Any = polars.Int64 if kinds == {int} else polars.Float64
+    elif kinds == {bool}:
+        kind = polars.Boolean
+    else:
+        kind, values = polars.String, [None if v is None else str(v) for v in values]
+    return polars.Series(name, values, kind, strict=False)

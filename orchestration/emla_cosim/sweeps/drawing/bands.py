@@ -1,0 +1,146 @@
+"""Bands of percentiles over time of the signals that a sweep kept."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import polars
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError, check_choice
+from ...views.plots.style import BLUE, new_figure, tidied
+from ..columns import LARGEST, is_done
+from ..result import VARIANT, SweepResult
+from .labels import columns_for, hide_rest, put_legend, put_title, with_unit, wrapped
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PERCENTILES = (5, 25, 50, 75, 95)
+_MOST_TIMES = 400
+_MOST_PANELS = 12
+_ROWS_AT_ONCE = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """Percentiles of a signal over variants: a row of `values` for each of `PERCENTILES`, at `times` in s.
+
+    NaN where no variant has a value.
+    """
+
+    times: Vector
+    values: Vector
+
+
+def bands(result: SweepResult, signal: str) -> Bands:
+    """Percentiles of a signal, at no more than 400 times of the variant that came furthest.
+
+    Values of variants with other times are interpolated between their rows; a variant counts only from
+    its first row to its last. At most one signal of some of the variants is in memory at a time. Raises
+    CommandError for a signal that was not kept.
+    """
+    series = _series(result)
+    check_choice("kept signal", signal, result.signals)
+    extents = (
+        series.group_by(VARIANT)
+        .agg(polars.len().alias("rows"), polars.col("time").max().alias("end"))
+        .collect()
+        .sort(VARIANT)
+    )
+    if extents.is_empty():
+        raise CommandError(f"the sweep '{result.name}' kept no rows of signals.")
+    times = _times(series, extents)
+    values = np.full((len(extents), len(times)), np.nan)
+    row = 0
+    for first, last in _parts(extents):
+        part = series.filter(polars.col(VARIANT).is_between(first, last)).select(
+            VARIANT, polars.col("time").cast(polars.Float64), polars.col(signal).cast(polars.Float64)
+        )
+        table = part.collect().sort(VARIANT, "time")
+        variant, time, value = (table[name].to_numpy() for name in (VARIANT, "time", signal))
+        value = np.where(np.abs(value) <= LARGEST, value, np.nan)
+        cuts = np.flatnonzero(np.diff(variant)) + 1
+        for own_times, own in zip(np.split(time, cuts), np.split(value, cuts), strict=True):
+            values[row] = np.interp(times, own_times, own, left=np.nan, right=np.nan)
+            row += 1
+    return Bands(times, np.column_stack([_percentiles(column) for column in values.T]))
+
+
+def _series(result: SweepResult) -> polars.LazyFrame:
+    if result.series is None or not result.signals:
+        raise CommandError(f"the sweep '{result.name}' kept no signals over time.")
+    return result.series
+
+
+def _times(series: polars.LazyFrame, extents: polars.DataFrame) -> Vector:
+    furthest = extents.sort(["end", "rows", VARIANT], descending=[True, True, False])[VARIANT][0]
+    rows = series.filter(polars.col(VARIANT) == furthest).select("time").collect()["time"]
+    times = np.unique(rows.cast(polars.Float64).to_numpy())
+    return times[np.unique(np.linspace(0, len(times) - 1, _MOST_TIMES).round().astype(int))]
+
+
+def _parts(extents: polars.DataFrame) -> Iterator[tuple[int, int]]:
+    """First and last variants of parts that are not too large."""
+    part = extents["rows"].cum_sum() // _ROWS_AT_ONCE
+    for _, group in extents.group_by(part.alias("part"), maintain_order=True):
+        yield group[VARIANT][0], group[VARIANT][-1]
+
+
+def _percentiles(values: Vector) -> Vector:
+    known = values[~np.isnan(values)]
+    return np.percentile(known, PERCENTILES) if len(known) else np.full(len(PERCENTILES), np.nan)
+
+
+def draw_bands(result: SweepResult, signals: Sequence[str] = ()) -> "Figure":
+    """A panel for each signal that has values; the first 12 of those kept unless some are named."""
+    _series(result)
+    chosen = list(signals or result.signals[:_MOST_PANELS])
+    found = [(signal, bands(result, signal)) for signal in chosen]
+    found = [(signal, one) for signal, one in found if not np.isnan(one.values).all()]
+    if not found:
+        raise CommandError(f"the signals of the sweep '{result.name}' have no values.")
+    columns = columns_for(len(found))
+    figure, grid = new_figure(-(-len(found) // columns), columns, 7.5 if columns == 1 else 4.4, sharex="none")
+    for axes, (signal, one) in zip(grid.flat, found, strict=False):
+        _draw_panel(axes, one)
+        axes.set_title(
+            wrapped(with_unit(signal, result.units.get(signal) or ""), 54), fontsize=9, parse_math=False
+        )
+    hide_rest(grid, len(found))
+    for axes in grid.flat[max(len(found) - columns, 0) : len(found)]:
+        axes.set_xlabel("time / s", fontsize=8)
+    put_title(figure, f"{result.name}: signals over time")
+    put_legend(figure, _handles(), _note(result, len(result.signals) - len(found) if not signals else 0))
+    return figure
+
+
+def _draw_panel(axes: "Axes", one: Bands) -> None:
+    low, low_middle, median, high_middle, high = one.values
+    axes.fill_between(one.times, low, high, color=BLUE, alpha=0.18, linewidth=0)
+    axes.fill_between(one.times, low_middle, high_middle, color=BLUE, alpha=0.35, linewidth=0)
+    axes.plot(one.times, median, color=BLUE, linewidth=1.2)
+    tidied(axes)
+    axes.yaxis.get_offset_text().set_fontsize(8)
+
+
+def _handles() -> "dict[str, Artist]":
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    return {
+        "median": Line2D([], [], color=BLUE, linewidth=1.2),
+        "25 to 75 %": Patch(color=BLUE, alpha=0.5, linewidth=0),
+        "5 to 95 %": Patch(color=BLUE, alpha=0.18, linewidth=0),
+    }
+
+
+def _note(result: SweepResult, left_out: int) -> str:
+    variants, done = len(result.variants), int(is_done(result).sum())
+    note = f"{variants:,} variant{'s' if variants != 1 else ''}"
+    if done < variants:
+        note += f"; {variants - done:,} that are not done count as far as they came"
+    return f"{note}; {left_out} more signals have no panel" if left_out else note

@@ -1,0 +1,161 @@
+"""Names, numbers and levels on the axes of a picture: as they are, as far as there is room for them."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ..columns import Factor, shown_as
+from ..result import SweepResult
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+_DECADES = 2.0
+"""Positive numbers of which nine in ten span more than this are on a logarithmic axis."""
+
+_MOST_LEVELS = 12
+"""Of more levels only every n-th has its name on an axis."""
+
+
+def shortened(text: str, most: int) -> str:
+    """A text of at most so many characters; what is left out of its middle is told by dots."""
+    text = re.sub(r"\s", " ", text)
+    if len(text) <= most:
+        return text
+    front = (most - 1) // 2
+    return f"{text[:front].rstrip(' .')}…{text[len(text) - (most - 1 - front) :].lstrip(' .')}"
+
+
+def wrapped(text: str, width: int, lines: int = 2) -> str:
+    """A text in lines of at most so many characters, broken after dots and spaces if it can be.
+
+    A unit stays whole, and with what it belongs to.
+    """
+    text = shortened(text, width * lines)
+    found = [""]
+    for piece in re.split(r"(?<=[ .])(?<!/ )(?!/)(?![^(]*\))", text):
+        if len(found[-1] + piece.rstrip()) <= width:
+            found[-1] += piece
+        else:
+            found.append(piece)
+    if len(found) > lines or max(map(len, found)) > width + 1:
+        found = [text[i : i + width] for i in range(0, len(text), width)]
+    return "\n".join(line.strip() for line in found if line.strip())
+
+
+def with_unit(name: str, unit: str) -> str:
+    """A quantity as it stands at an axis: name / unit."""
+    if not unit:
+        return name
+    return f"{name} / ({unit})" if re.search(r"[ /.*]", unit) else f"{name} / {unit}"
+
+
+def factor_label(result: SweepResult, name: str) -> str:
+    """A factor with its unit."""
+    return with_unit(name, result.units.get(name) or "")
+
+
+def figure_label(result: SweepResult, name: str) -> str:
+    """A figure as a person calls it, with the unit a person sees it in."""
+    shown = shown_as(result, name)
+    return with_unit(shown.label, shown.unit)
+
+
+def is_wide(values: Vector) -> bool:
+    """Whether values need a logarithmic axis: all are positive, and most of them span many decades."""
+    known = values[~np.isnan(values)]
+    if not len(known) or known.min() <= 0.0:
+        return False
+    low, high = np.quantile(known, [0.05, 0.95])
+    return bool(np.log10(high / low) > _DECADES)
+
+
+def scale(axes: "Axes", axis: "Axis", values: Vector) -> None:
+    """Choose the scale of the x or y axis for numbers, with few ticks."""
+    from matplotlib.ticker import MaxNLocator, NullFormatter
+
+    if is_wide(values):
+        (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
+        axis.set_minor_formatter(NullFormatter())
+        return
+    axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    axes.ticklabel_format(axis="x" if axis is axes.xaxis else "y", scilimits=(-3, 4))
+    axis.get_offset_text().set_fontsize(8)
+
+
+def put_levels(
+    axis: "Axis", levels: Sequence[str], most: int = 24, room: int | None = None, first: float = 0.0
+) -> None:
+    """Names at the positions `first`, `first` + 1 and so on; of many only every n-th.
+
+    They are cut to `most` characters, and turned where all together do not fit into `room` characters.
+    """
+    places = range(0, len(levels), -(-len(levels) // _MOST_LEVELS))
+    names = [shortened(levels[i], most) for i in places]
+    turned = room is not None and sum(len(name) + 2 for name in names) > room
+    turn = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if turned else {}
+    axis.set_ticks([first + i for i in places], names, parse_math=False, **turn)
+    axis.set_tick_params(labelsize=8)
+
+
+def put_factor(axes: "Axes", axis: "Axis", one: Factor, room: int, most: int = 24) -> None:
+    """Prepare an axis for a factor: its scale, or the names of its levels as `put_levels` puts them."""
+    if one.levels is None:
+        scale(axes, axis, one.values)
+        return
+    is_x = axis is axes.xaxis
+    put_levels(axis, one.levels, most, room=room if is_x else None)
+    (axes.set_xlim if is_x else axes.set_ylim)(-0.5, len(one.levels) - 0.5)
+
+
+def spread(values: Vector, axis: int) -> Vector:
+    """Positions of levels moved apart by up to a quarter, the same way every time for axis 0 and for 1."""
+    return values + np.random.default_rng(axis).uniform(-0.25, 0.25, len(values))
+
+
+def put_title(figure: "Figure", title: str) -> None:
+    """What a picture shows."""
+    lines = wrapped(title, int(9.0 * figure.get_figwidth()))
+    figure.suptitle(lines, fontsize=12, fontweight="bold", parse_math=False)
+
+
+def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = "") -> None:
+    """What marks mean, below the picture, and over it in small letters what the picture leaves out."""
+    width = figure.get_figwidth()
+    columns = len(handles) if width > 1.5 * len(handles) else -(-len(handles) // 2)
+    legend = figure.legend(
+        handles=list(handles.values()),
+        labels=["label"] * len(handles),
+        loc="outside lower center",
+        ncols=columns,
+        fontsize=8,
+        frameon=False,
+    )
+    for text, label in zip(legend.get_texts(), handles, strict=True):
+        text.set(text=label, parse_math=False)
+    if note:
+        legend.set_title(" ")
+        legend.get_title().set(
+            text=wrapped(note, int(13.0 * width), 4),
+            parse_math=False,
+            color="#555555",
+            fontsize=8,
+            ha="center",
+        )
+
+
+def hide_rest(grid: np.ndarray, used: int) -> None:
+    """Take away the axes of a grid beyond the first so many."""
+    for axes in grid.flat[used:]:
+        axes.set_visible(False)
+
+
+def columns_for(panels: int) -> int:
+    """How many columns look well for so many panels."""
+    return 1 if panels <= 1 else 2 if panels <= 4 else 3

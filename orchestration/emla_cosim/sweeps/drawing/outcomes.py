@@ -1,0 +1,37 @@
+"""Colours of what became of variants, and their marks for a legend."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED
+from ..columns import NOT_HELD
+from ..result import DIED, DIVERGED, DONE, FAILED, REFUSED
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+
+_COLORS = {DONE: BLUE, NOT_HELD: ORANGE, DIVERGED: RED, FAILED: PURPLE, REFUSED: GREY, DIED: "#222222"}
+
+
+def color_of(outcome: str) -> str:
+    """The colour of a status, or of what is not held."""
+    return _COLORS.get(outcome, GREY)
+
+
+def present(outcomes: np.ndarray) -> dict[str, int]:
+    """How many variants came to each outcome, in the order of severity."""
+    found = {name: int((outcomes == name).sum()) for name in dict.fromkeys([*_COLORS, *outcomes])}
+    return {name: count for name, count in found.items() if count}
+
+
+def handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
+    """Marks for a legend: each outcome with its number; `done` is what those without fault are called."""
+    from matplotlib.lines import Line2D
+
+    return {
+        f"{done if name == DONE else name} ({count:,})": Line2D(
+            [], [], color=color_of(name), marker="o", linestyle="", markersize=5
+        )
+        for name, count in present(outcomes).items()
+    }

@@ -1,0 +1,163 @@
+"""A map over two factors of where variants are held."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.wording import number
+from ...recorders.metrics import HELD
+from ...views.plots.style import new_figure, tidied
+from ..columns import (
+    Factor,
+    factor,
+    figure_values,
+    good_outcome,
+    influence,
+    is_truth,
+    outcomes,
+    shown_as,
+    varying,
+)
+from ..result import DONE, SweepResult
+from .labels import (
+    factor_label,
+    figure_label,
+    is_wide,
+    put_factor,
+    put_legend,
+    put_levels,
+    put_title,
+    spread,
+    wrapped,
+)
+from .outcomes import color_of, handles, present
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ROOM = 80
+"""Characters that fit below the map."""
+
+_GOOD = ("#cfe0f1", "#12355f")
+"""Shades of variants that are held, for small and large figures."""
+
+_TITLES = {HELD: "where it is held", DONE: "which variants are done"}
+"""Titles of maps by what variants without fault are called."""
+
+
+def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
+    """Draw where variants are held; the shade is a figure of these.
+
+    Where no figure is a verdict, nobody knows what is held: the map says which variants are done. A grid of
+    two factors has a cell for each variant; of others the two factors are shown with which the outcome, or
+    the figure, has the largest rank correlation.
+    """
+    if len(figures) > 1:
+        raise CommandError(f"a map shows one figure, not {len(figures)}.")
+    told = outcomes(result)
+    name = figures[0] if figures else _first_figure(result)
+    values = (
+        figure_values(result, name) * shown_as(result, name).factor if name else np.full(len(told), np.nan)
+    )
+    values[told != DONE] = np.nan
+    if len(set(told)) < 2 and np.isnan(values).all():
+        raise CommandError(
+            f"the variants of the sweep '{result.name}' do not differ; there is nothing to map."
+        )
+    one, other = _two_factors(result, told, values)
+    figure, grid = new_figure(1, 1, 6.6, 4.6)
+    axes = grid[0, 0]
+    whole = result.sampling == "grid" and len(result.factors) == 2
+    shades = (_draw_cells if whole else _draw_points)(axes, one, other, values, told)
+    axes.set_xlabel(wrapped(factor_label(result, one.name), 80), fontsize=9, parse_math=False)
+    axes.set_ylabel(wrapped(factor_label(result, other.name), 54), fontsize=9, parse_math=False)
+    if name and not np.isnan(values).all():
+        bar = figure.colorbar(shades, ax=axes)
+        bar.ax.tick_params(labelsize=8)
+        bar.set_label(wrapped(figure_label(result, name), 54), fontsize=9, parse_math=False)
+    good = good_outcome(result)
+    put_title(figure, f"{result.name}: {_TITLES[good]}")
+    put_legend(figure, handles(told, good), "" if len(result.factors) == 2 else _note(result, told, good))
+    return figure
+
+
+def _first_figure(result: SweepResult) -> str | None:
+    return next((figure for figure in varying(result) if not is_truth(result, figure)), None)
+
+
+def _two_factors(result: SweepResult, told: np.ndarray, values: Vector) -> tuple[Factor, Factor]:
+    """The two that vary and have the largest influence, in the order of the sweep."""
+    factors = [one for name in result.factors if (one := factor(result, name)).varies]
+    if len(factors) < 2:
+        raise CommandError(
+            f"a map needs two factors that vary; the sweep '{result.name}' has {len(factors) or 'none'}."
+        )
+    followed = (told == DONE).astype(float) if _splits(told) else values
+    strongest = sorted(factors, key=lambda one: -influence(one, followed))[:2]
+    first, second = (one for one in factors if one in strongest)
+    return first, second
+
+
+def _splits(told: np.ndarray) -> bool:
+    return 0 < int((told == DONE).sum()) < len(told)
+
+
+def _note(result: SweepResult, told: np.ndarray, good: str) -> str:
+    what = f"being {good}" if _splits(told) else "the figure"
+    return f"The two of {len(result.factors)} factors with the largest rank correlation with {what}."
+
+
+def _shading(values: Vector) -> dict[str, Any]:
+    """Colours for the values among variants that are held."""
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
+
+    known = values[~np.isnan(values)]
+    low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
+    norm = LogNorm if is_wide(values) else Normalize
+    return {"cmap": LinearSegmentedColormap.from_list("held", _GOOD), "norm": norm(low, high)}
+
+
+def _draw_cells(axes: "Axes", one: Factor, other: Factor, values: Vector, told: np.ndarray) -> Any:
+    from matplotlib.colors import ListedColormap
+
+    x_levels, x = np.unique(one.values, return_inverse=True)
+    y_levels, y = np.unique(other.values, return_inverse=True)
+
+    def cells(content: Vector, chosen: np.ndarray) -> Any:
+        table = np.full((len(y_levels), len(x_levels)), np.nan)
+        table[y[chosen], x[chosen]] = content[chosen]
+        return np.ma.masked_invalid(table)
+
+    for outcome in present(told):
+        color = _GOOD[0] if outcome == DONE else color_of(outcome)
+        chosen = told == outcome
+        axes.pcolormesh(cells(np.ones(len(told)), chosen), cmap=ListedColormap([color]))
+    shades = axes.pcolormesh(cells(values, ~np.isnan(values)), **_shading(values))
+    for axis, factor_, levels in ((axes.xaxis, one, x_levels), (axes.yaxis, other, y_levels)):
+        names = [factor_.levels[int(v)] for v in levels] if factor_.levels else [number(v, 4) for v in levels]
+        put_levels(axis, names, room=_ROOM if axis is axes.xaxis else None, first=0.5)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    return shades
+
+
+def _draw_points(axes: "Axes", one: Factor, other: Factor, values: Vector, told: np.ndarray) -> Any:
+    x = spread(one.values, 0) if one.levels else one.values
+    y = spread(other.values, 1) if other.levels else other.values
+    size = float(np.clip(4000.0 / max(len(x), 1), 8.0, 40.0))
+    good = told == DONE
+    axes.scatter(x[good], y[good], s=size, color=_GOOD[0], linewidths=0)
+    shades = axes.scatter(x[good], y[good], s=size, c=values[good], linewidths=0, **_shading(values))
+    for outcome in present(told):
+        if outcome != DONE:
+            mine = told == outcome
+            axes.scatter(x[mine], y[mine], s=2 * size, marker="X", color=color_of(outcome), linewidths=0)
+    tidied(axes)
+    axes.margins(0.03)
+    put_factor(axes, axes.xaxis, one, _ROOM)
+    put_factor(axes, axes.yaxis, other, _ROOM)
+    return shades

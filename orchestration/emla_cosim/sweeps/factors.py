@@ -1,0 +1,243 @@
+"""What varies, with names instead of patterns, and what that means for a run."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..base.errors import CommandError
+from ..base.patterns import fits, is_pattern
+from ..base.quantities import quantity, unit_named
+from ..base.units import Unit
+from ..base.values import converted
+from ..fmu.interface import Interface
+from ..fmu.variables import find_variable
+from ..run.options import table
+from ..run.simulation import OF_THE_COMMAND
+from ..system.model import System, Value
+from ..system.resolution import refuse_driven
+from .distributions import Distribution, distribution
+from .kinds.discrete import Values
+from .reserved import RESERVED
+from .targets import FMU, OPTION, START, Target, assigned
+from .with_units import without_units
+
+_FIXED = (*OF_THE_COMMAND, "set", "mapping", "fault", "isolate", "fmus", "require", "compiled", "signals")
+"""Options that are the same for all variants."""
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One thing that varies: its name, where its value goes, and how it is distributed.
+
+    What the table of variants has of it is in `unit`: the value itself, or, where several targets have
+    values of their own, what multiplies these.
+    """
+
+    name: str
+    targets: Sequence[Target]
+    distribution: Distribution
+    unit: str = ""
+
+    def value(self, drawn: Value | None) -> Value | None:
+        """The value that the table of variants has, of one that was drawn; None for none."""
+        alone = self.targets[0].nominal if len(self.targets) == 1 else None
+        return drawn if drawn is None or alone is None else alone * float(drawn)
+
+    def options(self, value: Value | None) -> dict[str, Any]:
+        """The options that give a run a value of the table; None gives none."""
+        return assigned(self.targets, value)
+
+
+def factors(
+    vary: Mapping[str, Any], system: System, interfaces: Mapping[str, Interface], where: str
+) -> list[Factor]:
+    """What varies in this system; a pattern makes a factor of each start value that fits.
+
+    Raises CommandError for names that are not there, are driven or would be columns twice, and for
+    values that are no distribution.
+    """
+    found = list[Factor]()
+    for name, given in vary.items():
+        varying = _Varying(str(name), f"'{name}' of {where}", system, interfaces)
+        found += varying.factors(given)
+    _check_names(found, where)
+    return found
+
+
+def start_values(
+    pattern: str, system: System, interfaces: Mapping[str, Interface]
+) -> dict[str, float | None]:
+    """Names of all numbers that fit a pattern and can be set, with start values where these are known."""
+    varying = _Varying(pattern, f"'{pattern}'", system, interfaces)
+    names = varying._matching(pattern, Values((0,)))
+    return {name: start_number(name, system, interfaces) for name in names}
+
+
+def _check_names(found: Sequence[Factor], where: str) -> None:
+    """Raise CommandError where two factors have a name or a target in common, or a name is taken."""
+    names, targets = set[str](), dict[str, str]()
+    for factor in found:
+        if factor.name in RESERVED:
+            raise CommandError(
+                f"'{factor.name}' of {where} needs another name: every table of variants has this column."
+            )
+        if factor.name in names:
+            raise CommandError(f"{where} has two factors '{factor.name}'; give one another name.")
+        names.add(factor.name)
+        for target in factor.targets:
+            if target.name in targets:
+                both = f"as {targets[target.name]} and as {factor.name}"
+                raise CommandError(f"{where} varies {target.name} twice: {both}.", name=target.name)
+        targets |= {target.name: factor.name for target in factor.targets}
+
+
+def start_number(name: str, system: System, interfaces: Mapping[str, Interface]) -> float | None:
+    """The start value that a variable has in the scenario, in its unit there; None where it is no number."""
+    component, variable = system.split(name)
+    value = component.parameters.get(variable)
+    try:
+        if value is not None:
+            return float(value)
+        alias = component.alias(variable)
+        start = interfaces[component.name].variables[alias.variable].start
+        return None if start is None else alias.transformation.inverse()(float(start))
+    except ValueError:
+        return None
+
+
+@dataclass(frozen=True)
+class _Varying:
+    """What a plan calls `name`, in a system; sentences call it `label`."""
+
+    name: str
+    label: str
+    system: System
+    interfaces: Mapping[str, Interface]
+
+    def factors(self, given: Any) -> list[Factor]:
+        """A factor for each thing that the name means; a single one where `of` names them."""
+        of = None
+        if isinstance(given, Mapping) and "of" in given:
+            of = converted(given["of"], Sequence[str], f"'of' in {self.label}")
+            if not of:
+                raise CommandError(f"'of' in {self.label} is empty; it must be a list of names.")
+            given = {key: value for key, value in given.items() if key != "of"}
+        in_si = distribution(without_units(given, self._in_si, self.label), self.label)
+        if of is None:
+            names = self._names(self.name, in_si)
+            return [self._factor(name, [name], self._distribution(given, [name])) for name in names]
+        names = list(dict.fromkeys(name for pattern in of for name in self._names(pattern, in_si)))
+        return [self._factor(self.name, names, self._distribution(given, names))]
+
+    def _in_si(self, text: str) -> float:
+        """Return a quantity as a number in SI units, which has the order that it has in any other."""
+        found = quantity(text, f"{self.label}: {text}")
+        return found.in_unit(None if found.unit is None else found.unit.si, self.label)
+
+    def _distribution(self, given: Any, names: Sequence[str]) -> Distribution:
+        """Return the distribution in the unit that all of these names have."""
+
+        def convert(text: str) -> Any:
+            units = {self._unit(self._kind(name), name) for name in names}
+            label = f"{self.label}: {text}"
+            if len(units) > 1:
+                raise CommandError(f"{label} is for variables of different units; vary each by itself.")
+            (unit,) = units
+            if unit is None:
+                raise CommandError(f"{label} has a unit, but the variable has none; write a plain number.")
+            return quantity(text, label).in_unit(unit, label)
+
+        if any(self._takes_text(name) for name in names):
+            return distribution(given, self.label)
+        return distribution(without_units(given, convert, self.label), self.label)
+
+    def _takes_text(self, name: str) -> bool:
+        """Return whether values that look like quantities may be texts: files, names of levels."""
+        kind = self._kind(name)
+        if kind == OPTION:
+            return not table()[name].about.unit
+        if kind == FMU:
+            return True
+        component, variable = self.system.split(name)
+        variables = self.interfaces[component.name].variables
+        return variables[component.alias(variable).variable].type in ("String", "Enumeration")
+
+    def _factor(self, name: str, names: Sequence[str], distributed: Distribution) -> Factor:
+        relative = distributed.relative
+        targets = [Target(n, self._kind(n), self._nominal(n) if relative else None) for n in names]
+        if len(targets) > 1 and any(t.kind != START for t in targets):
+            raise CommandError(f"{self.label} varies several things at once; that is for start values.")
+        units = {self._unit(target.kind, target.name) for target in targets}
+        own = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
+        return Factor(name, targets, distributed, "" if own is None else str(own))
+
+    def _kind(self, name: str) -> str:
+        if name in table():
+            return OPTION
+        return FMU if any(c.name == name for c in self.system.components) else START
+
+    def _names(self, name: str, distributed: Distribution) -> list[str]:
+        """The option, component or start value that a name means, or start values that a pattern does."""
+        kind = self._kind(name)
+        if kind == OPTION and (name in _FIXED or not table()[name].about.in_file):
+            raise CommandError(f"{self.label}: the option {name} is the same for all variants.")
+        if kind == START and is_pattern(name) and (found := self._matching(name, distributed)):
+            return found
+        if kind == START:
+            self._check_start_value(name)
+        return [name]
+
+    def _matching(self, pattern: str, distributed: Distribution) -> list[str]:
+        """Real start values that fit, and Integer ones if all values are whole."""
+        whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
+        types = ("Real", "Integer") if whole else ("Real",)
+        driven = {x.ends[1] for x in self.system.connections}
+        found = list[str]()
+        for component in self.system.components:
+            named = {alias.variable: name for name, alias in component.aliases.items()}
+            interface = self.interfaces[component.name]
+            for own, variable in interface.variables.items():
+                name = f"{component.name}.{named.get(own, own)}"
+                free = interface.settable(own) and (component.name, own) not in driven
+                if free and variable.type in types and fits(name, pattern):
+                    found.append(name)
+        return found
+
+    def _check_start_value(self, name: str) -> None:
+        """Raise CommandError for a name that is no start value, or of one that is driven or computed."""
+        if "." not in name:
+            everything = [*table(), *(c.name for c in self.system.components)]
+            near = difflib.get_close_matches(name, everything, n=2, cutoff=0.6)
+            meant = f"did you mean {' or '.join(near)}?" if near else "write it as component.variable."
+            raise CommandError(
+                f"{self.label} is no option, no component and no start value; {meant}", name=name
+            )
+        component, variable = self.system.split(name)
+        interface, own = self.interfaces[component.name], component.alias(variable).variable
+        find_variable(component.name, interface.variables, own)
+        if not interface.settable(own):
+            near = [n for n in interface.variables if n.endswith(f".{own}") and interface.settable(n)]
+            meant = f"; did you mean {component.name}.{near[0]}?" if near else "."
+            raise CommandError(f"{self.label} is computed by the FMU and cannot be varied{meant}", name=name)
+        refuse_driven(replace(component, parameters={own: 0.0}), self.system)
+
+    def _nominal(self, name: str) -> float:
+        """The start value that the scenario has; CommandError where there is no number to multiply."""
+        number = start_number(name, self.system, self.interfaces) if self._kind(name) == START else None
+        if number is None:
+            raise CommandError(f"{self.label} is relative, but {name} has no number in the scenario.")
+        if number == 0.0:
+            raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
+        return number
+
+    def _unit(self, kind: str, name: str) -> Unit | None:
+        """Return the unit of a start value or of an option; None where there is none."""
+        if kind == OPTION:
+            unit = table()[name].about.unit
+            return unit_named(unit, self.label) if unit else None
+        if kind == FMU:
+            return None
+        component, variable = self.system.split(name)
+        alias = component.aliases.get(variable)
+        return alias.unit if alias is not None else self.interfaces[component.name].unit(variable)

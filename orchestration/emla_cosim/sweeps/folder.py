@@ -1,0 +1,216 @@
+"""The folder of a sweep: parts as chunks come back, one table when all are there."""
+
+import contextlib
+import hashlib
+import json
+import re
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import polars
+
+from ..base.errors import CommandError
+from ..base.files import UNFINISHED, read_text, writing_to, written_whole
+from .measures import Measures
+from .pictures import PICTURES
+from .place import Place
+from .result import PROBLEM, STATUS, VARIANT
+from .worker import Chunk, parquet
+
+TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
+WORST = "worst.txt"
+COMPLETED, UNFINISHED_SWEEP = "completed", "unfinished"
+
+_OURS = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(UNFINISHED)}.*")
+"""Names of parts, and of those that are being written."""
+
+_ENDS = {
+    VARIANT: polars.Int64,
+    STATUS: polars.String,
+    PROBLEM: polars.String,
+    "end_s": polars.Float64,
+}
+
+
+class SweepFolder(Place):
+    """What a sweep leaves: `variants.parquet`, `series/`, `sweep.json`, and `parts/` until it is complete."""
+
+    what = "sweep"
+    files = (TABLE, WORST, *(f"{kind}.png" for kind in PICTURES), RECORD)
+    inner = (PARTS, SERIES)
+
+    def check(self, identity: Mapping[str, Any], resume: bool) -> None:
+        """See that a sweep with this identity can begin here, or go on.
+
+        Raises CommandError where an unfinished sweep is there that is not to be resumed, or another one
+        is that should be.
+        """
+        found = self.record()
+        self._check_places(begun=bool(found))
+        if resume and not found:
+            raise CommandError(f"'{self.path}' has no sweep to resume; leave out --resume.")
+        if resume and (differing := _differing(found.get("identity"), identity)):
+            raise CommandError(
+                f"the sweep in '{self.path}' cannot be resumed, as it has other {differing}; "
+                "name another folder."
+            )
+        if not resume and found and not self.is_complete:
+            raise CommandError(
+                f"'{self.path}' has an unfinished sweep; --resume continues it, or name another folder."
+            )
+
+    def _check_places(self, begun: bool) -> None:
+        """Raise CommandError where what is in the place of an inner folder is no sweep's."""
+        for name in (PARTS, SERIES):
+            place = self._place / name
+            with writing_to(self.path):
+                there = list(place.iterdir()) if place.is_dir() else []
+            strange = [file for file in there if not begun or not _OURS.fullmatch(file.name)]
+            if strange or place.is_symlink() or (place.exists() and not place.is_dir()):
+                raise CommandError(f"'{self.path / name}' is no sweep's; move it, or name another folder.")
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether a sweep is there of which nothing is missing."""
+        return self.record().get("status") == COMPLETED
+
+    def check_room(self, variants: int, figures: int, values_each: int) -> None:
+        """Raise CommandError where the disk cannot hold results; `values_each` are those over time."""
+        needed = 8 * variants * (figures + values_each)
+        with writing_to(self.path):
+            free = shutil.disk_usage(self._place).free
+        if needed > free:
+            raise CommandError(
+                f"the results of {variants:,} variants take up to {needed / 2**30:.3g} GiB, and "
+                f"'{self.path}' has {free / 2**30:.3g} GiB left; keep fewer signals, or rows further apart."
+            )
+
+    def begin(self, record: Mapping[str, Any], resume: bool) -> None:
+        """Begin a sweep with this record, or go on with it; see `check`. Raises RunError."""
+        with writing_to(self.path):
+            if not resume:
+                self.clear()
+            for name in (PARTS, SERIES):
+                (self._place / name).mkdir(exist_ok=True)
+            self.write_record({**record, "status": UNFINISHED_SWEEP})
+            self._forget_orphans()
+
+    def clear(self) -> None:
+        """Remove what an earlier sweep left under the same names, but no links. May raise OSError."""
+        for name in (PARTS, SERIES):
+            self._remove(name)
+        for name in self.files:  # the record last: without it nobody knows whose the others are
+            if not (self._place / name).is_symlink():
+                (self._place / name).unlink(missing_ok=True)
+
+    def _remove(self, name: str) -> None:
+        """Remove a folder of parts, but for whatever else is in it. May raise OSError."""
+        for file in (self._place / name).glob("*.parquet"):
+            if _OURS.fullmatch(file.name):
+                file.unlink()
+        with contextlib.suppress(OSError):
+            (self._place / name).rmdir()
+
+    def record(self) -> dict[str, Any]:
+        """What sweep.json says; nothing where there is none. CommandError where it is none of ours."""
+        return self.record_of(self._place) if (self._place / RECORD).exists() else {}
+
+    @staticmethod
+    def record_of(folder: Path) -> dict[str, Any]:
+        """What sweep.json in this folder says. Raises CommandError where it cannot be read."""
+        try:
+            found = json.loads(read_text(folder / RECORD, "the record of the sweep"))
+        except ValueError as error:
+            raise CommandError(f"'{folder / RECORD}' cannot be read: {error}.") from error
+        if not isinstance(found, dict):
+            raise CommandError(f"'{folder / RECORD}' is not the record of a sweep.")
+        return found
+
+    def write_record(self, entries: Mapping[str, Any]) -> None:
+        """Write sweep.json with these entries and those that it has. Raises RunError."""
+        with writing_to(self.path), written_whole(self._place / RECORD) as stream:
+            stream.write((json.dumps({**self.record(), **entries}, indent=2) + "\n").encode())
+
+    def keep(self, chunk: Chunk, measures: Measures) -> None:
+        """Write what the variants of a chunk gave; it is there whole or not at all. Raises RunError."""
+        name = f"{chunk.outcomes[0].number:09d}.parquet"
+        with writing_to(self.path):
+            if chunk.series is not None:  # before the part, without which it does not count
+                with written_whole(self._place / SERIES / name) as stream:
+                    stream.write(chunk.series)
+            with written_whole(self._place / PARTS / name) as stream:
+                stream.write(parquet(_frame(chunk, measures)))
+
+    def finished(self) -> set[int]:
+        """Numbers of the variants that are there. Raises CommandError for a part that cannot be read."""
+        parts = self._parts()
+        return set() if parts is None else set(parts[VARIANT])
+
+    def merge(self, about: polars.DataFrame) -> None:
+        """Write variants.parquet: `about` (columns by variant) beside what came out. Raises RunError."""
+        parts = self._parts()
+        found = about.head(0) if parts is None else about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
+        with writing_to(self.path), written_whole(self._place / TABLE) as stream:
+            stream.write(parquet(found))
+
+    def close(self, whole: bool, wall_s: float) -> None:
+        """Say how long it took in s, and whether all variants are there: no parts are needed then."""
+        earlier = self.record()
+        spent = earlier.get("wall_s", 0.0) + wall_s
+        self.write_record({"wall_s": spent, "status": COMPLETED if whole else UNFINISHED_SWEEP})
+        if whole:
+            with contextlib.suppress(OSError):
+                self._remove(PARTS)
+            with contextlib.suppress(OSError):
+                (self._place / SERIES).rmdir()  # where there are none
+
+    def _parts(self) -> polars.DataFrame | None:
+        files = sorted((self._place / PARTS).glob("*.parquet"))
+        tables = [self._part(file) for file in files]
+        return polars.concat(tables, how="vertical") if tables else None
+
+    def _part(self, file: Path) -> polars.DataFrame:
+        try:
+            return polars.read_parquet(file)
+        except Exception as error:
+            raise CommandError(
+                f"'{self.path / PARTS / file.name}' cannot be read; remove it, and what it had is run again."
+            ) from error
+
+    def _forget_orphans(self) -> None:
+        """Remove signals of chunks whose part was not written."""
+        for file in (self._place / SERIES).glob("*.parquet"):
+            if not (self._place / PARTS / file.name).exists():
+                file.unlink()
+
+
+def digest(content: object) -> str:
+    """A short hash of plain data."""
+    text = json.dumps(content, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
+    rows = [(o.number, o.status, o.problem, o.end_s) for o in chunk.outcomes]
+    ends = polars.DataFrame(rows, schema=_ENDS, orient="row")
+    columns = [
+        polars.Series(
+            name,
+            [o.figures.get(name) for o in chunk.outcomes],
+            polars.Boolean if name in measures.truths else polars.Float64,
+            strict=False,
+        )
+        for name in measures.names
+    ]
+    return ends.with_columns(columns)
+
+
+def _differing(before: Any, now: Mapping[str, Any]) -> str:
+    """What is not the same in two identities; empty where all is."""
+    if not isinstance(before, Mapping):
+        return "contents"
+    names = sorted(set(before) | set(now))
+    found = [n for n in names if before.get(n) != json.loads(json.dumps(now.get(n)))]
+    return " and ".join(found)

@@ -1,0 +1,264 @@
+"""Distributions of real numbers."""
+
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from ...base.arrays import Vector
+from ...system.model import Value
+from .base import Distribution
+
+_OUTERMOST = 2.0**-53
+"""The quantile that stands for 0, and from 1 for 1, where there is no bound: random numbers hit these."""
+
+_LEAST_PROBABILITY = 1e-15
+"""A truncation that leaves less than this of a distribution is a mistake."""
+
+
+class _Continuous(Distribution):
+    """One of real numbers."""
+
+    def at(self, quantiles: Vector) -> list[Value]:
+        """The inverse distribution function, exact at the bounds."""
+        low, high = self._bounds
+        given = np.asarray(quantiles, dtype=np.float64)
+        inner = np.clip(given, _OUTERMOST if low is None else 0, 1 - _OUTERMOST if high is None else 1)
+        with np.errstate(over="ignore"):
+            values = np.array(self._inverse(inner))
+        if low is not None:
+            values = np.where(given <= 0, low, np.maximum(values, low))
+        if high is not None:
+            values = np.where(given >= 1, high, np.minimum(values, high))
+        return values.tolist()
+
+    @property
+    def ends(self) -> tuple[Value, Value]:
+        """The bounds; where there is none, the 5 % or 95 % quantile."""
+        low, high = self._bounds
+        inner = self.at(np.array([0.05, 0.95]))
+        return inner[0] if low is None else low, inner[1] if high is None else high
+
+    @property
+    @abstractmethod
+    def _bounds(self) -> tuple[float | None, float | None]:
+        """The lowest and the highest value; None where there is none."""
+
+    @abstractmethod
+    def _inverse(self, q: Vector) -> Vector:
+        """The inverse distribution function, but for rounding at the bounds."""
+
+    def _check(self) -> None:
+        low, high = self._bounds
+        if low is not None and high is not None and low >= high:
+            self.refuse(f"needs low < high; {low!r} to {high!r} is an empty range.", low=low, high=high)
+
+    def _check_positive(self, *names: str) -> None:
+        for name in names:
+            value = getattr(self, name)
+            if value is not None and value <= 0:
+                self.refuse(f"needs {name} > 0; it is {value!r}.", value=value)
+
+    def _check_width(self, low: float, high: float) -> None:
+        if math.isinf(high - low):
+            self.refuse(f"cannot be as wide as {low!r} to {high!r}: high - low has to be below 1.8e308.")
+
+    def _check_extremes(self) -> None:
+        """That no quantile is beyond the largest double."""
+        if not np.isfinite(self.at(np.array([0.0, 1.0]))).all():
+            self.refuse("as wide as this reaches beyond 1.8e308; give less deviation, or low and high.")
+
+
+class _Spaced(_Continuous):
+    """One between bounds, of which a grid may take a number of points."""
+
+    points: int | None
+
+    @property
+    def level_count(self) -> int | None:
+        """The number of points."""
+        return self.points
+
+    @property
+    def levels(self) -> Sequence[Value] | None:
+        """The values at evenly spaced quantiles, both bounds among them."""
+        return None if self.points is None else self.at(np.arange(self.points) / (self.points - 1))
+
+    def _check(self) -> None:
+        super()._check()
+        if self.points is not None and self.points < 2:
+            self.refuse(f"needs 2 points or more, both ends among them; points is {self.points}.")
+
+
+@dataclass(frozen=True)
+class Uniform(_Spaced):
+    """Equally likely everywhere from `low` to `high`; a grid takes `points` levels, evenly spaced."""
+
+    name: ClassVar[str] = "uniform"
+    noun: ClassVar[str] = "a uniform distribution"
+
+    low: float
+    high: float
+    points: int | None = None
+
+    @property
+    def _bounds(self) -> tuple[float, float]:
+        return self.low, self.high
+
+    def _inverse(self, q: Vector) -> Vector:
+        return self.low + q * (self.high - self.low)
+
+    def _check(self) -> None:
+        super()._check()
+        self._check_width(self.low, self.high)
+
+
+@dataclass(frozen=True)
+class LogUniform(_Spaced):
+    """The logarithm is uniform; `points` levels of a grid are evenly spaced in the logarithm."""
+
+    name: ClassVar[str] = "log-uniform"
+    noun: ClassVar[str] = "a log-uniform distribution"
+
+    low: float
+    high: float
+    points: int | None = None
+
+    @property
+    def _bounds(self) -> tuple[float, float]:
+        return self.low, self.high
+
+    def _inverse(self, q: Vector) -> Vector:
+        low, high = math.log(self.low), math.log(self.high)
+        return np.exp(low + q * (high - low))
+
+    def _check(self) -> None:
+        self._check_positive("low", "high")
+        super()._check()
+
+
+@dataclass(frozen=True)
+class Normal(_Continuous):
+    """By mean and standard deviation; truncated to `low` and `high` where these are given."""
+
+    name: ClassVar[str] = "normal"
+    noun: ClassVar[str] = "a normal distribution"
+
+    mean: float
+    deviation: float
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def _bounds(self) -> tuple[float | None, float | None]:
+        return self.low, self.high
+
+    @property
+    def _standard_bounds(self) -> tuple[float, float]:
+        low = -math.inf if self.low is None else (self.low - self.mean) / self.deviation
+        high = math.inf if self.high is None else (self.high - self.mean) / self.deviation
+        return low, high
+
+    def _inverse(self, q: Vector) -> Vector:
+        return self.mean + self.deviation * _truncated_normal(q, *self._standard_bounds)
+
+    def _check(self) -> None:
+        self._check_positive("deviation")
+        super()._check()
+        _check_truncation(self, *self._standard_bounds)
+        self._check_extremes()
+
+
+@dataclass(frozen=True)
+class LogNormal(_Continuous):
+    """The natural logarithm is normal; truncated to `low` and `high` where these are given.
+
+    `median` is that of the value, `deviation` the standard deviation of the logarithm.
+    """
+
+    name: ClassVar[str] = "log-normal"
+    noun: ClassVar[str] = "a log-normal distribution"
+
+    median: float
+    deviation: float
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def _bounds(self) -> tuple[float | None, float | None]:
+        return self.low, self.high
+
+    @property
+    def _standard_bounds(self) -> tuple[float, float]:
+        median = math.log(self.median)
+        low = -math.inf if self.low is None else (math.log(self.low) - median) / self.deviation
+        high = math.inf if self.high is None else (math.log(self.high) - median) / self.deviation
+        return low, high
+
+    def _inverse(self, q: Vector) -> Vector:
+        return np.exp(math.log(self.median) + self.deviation * _truncated_normal(q, *self._standard_bounds))
+
+    def _check(self) -> None:
+        self._check_positive("median", "deviation", "low", "high")
+        super()._check()
+        _check_truncation(self, *self._standard_bounds)
+        self._check_extremes()
+
+
+@dataclass(frozen=True)
+class Triangular(_Continuous):
+    """Density rises linearly from `low` to `mode`, the most likely value, and falls linearly to `high`."""
+
+    name: ClassVar[str] = "triangular"
+    noun: ClassVar[str] = "a triangular distribution"
+
+    low: float
+    mode: float
+    high: float
+
+    @property
+    def _bounds(self) -> tuple[float, float]:
+        return self.low, self.high
+
+    def _inverse(self, q: Vector) -> Vector:
+        width = self.high - self.low
+        below = (self.mode - self.low) / width
+        rising = self.low + width * np.sqrt(q * below)
+        falling = self.high - width * np.sqrt((1 - q) * (1 - below))
+        return np.where(q < below, rising, falling)
+
+    def _check(self) -> None:
+        super()._check()
+        self._check_width(self.low, self.high)
+        if not self.low <= self.mode <= self.high:
+            self.refuse(
+                f"needs low <= mode <= high; mode is {self.mode!r}, outside {self.low!r} to {self.high!r}."
+            )
+
+
+def _truncated_normal(q: Vector, low: float, high: float) -> Vector:
+    """The inverse distribution function of the standard normal distribution between two bounds.
+
+    By the probability below in the lower half and above in the upper half: each resolves its own tail.
+    """
+    probability = _probability(low, high)
+    below = ndtr(low) + q * probability
+    above = ndtr(-high) + (1 - q) * probability
+    return np.where(below < 0.5, ndtri(below), -ndtri(above))
+
+
+def _probability(low: float, high: float) -> float:
+    """What the standard normal distribution has between two bounds."""
+    return float(ndtr(-low) - ndtr(-high) if low > 0 else ndtr(high) - ndtr(low))
+
+
+def _check_truncation(distribution: Distribution, low: float, high: float) -> None:
+    """Raise CommandError where nothing is left between two bounds in standard deviations."""
+    if _probability(low, high) < _LEAST_PROBABILITY:
+        distribution.refuse(
+            "that is truncated needs low and high where it has values; nothing is left of it."
+        )

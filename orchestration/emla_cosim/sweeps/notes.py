@@ -1,0 +1,44 @@
+"""What a person should read before a sweep: notes on its scenario, and on what its variants make of it."""
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from ..base.errors import CommandError
+from .design import Design, Group
+from .factors import Factor
+from .targets import is_prepared, merged
+
+_NUMBER = re.compile(r"[-+]?[0-9][0-9.,]*(e[-+]?[0-9]+)?")
+
+
+def sweep_notes(design: Design) -> list[str]:
+    """Return sentences, without their stops, each once.
+
+    They are those on the scenario, then those on variants with all factors at one end of their ranges.
+    """
+    found: dict[str, str] = {}
+    for group in design.groups:
+        for note in _notes(group):
+            found.setdefault(_NUMBER.sub("#", note), note)
+    return list(found.values())
+
+
+def _notes(group: Group) -> Iterator[str]:
+    scenario = group.preparation.scenario
+    if scenario is None:
+        return
+    yield from scenario.notes
+    for end in (1, 0):  # the high one first: loads, speeds and strokes are
+        try:
+            variant = scenario.with_options(_at_ends(group.factors, end))
+        except CommandError as error:  # which is what a single run would say
+            yield f"some variants cannot do what they are to do: {str(error).strip().rstrip('.')}"
+            continue
+        yield from variant.notes
+
+
+def _at_ends(factors: Sequence[Factor], end: int) -> dict[str, Any]:
+    """Return the options of a variant with all factors at their low (0) or high end (1)."""
+    changing = [f for f in factors if not any(is_prepared(target) for target in f.targets)]
+    return merged(f.options(f.value(f.distribution.ends[end])) for f in changing)

@@ -1,0 +1,57 @@
+"""The pictures of a sweep by name, and as files."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..base.errors import CommandError, check_choice
+from ..base.files import written_whole
+from ..views.plots.style import save
+from .drawing.bands import draw_bands
+from .drawing.bars import draw_sobol, draw_tornado
+from .drawing.scatter import draw_figures
+from .drawing.stability import draw_map
+from .result import SweepResult
+from .sensitivity import ONE_AT_A_TIME
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PICTURES: dict[str, "Callable[[SweepResult, Sequence[str]], Figure]"] = {
+    "bands": draw_bands,
+    "figures": draw_figures,
+    "tornado": draw_tornado,
+    "sobol": draw_sobol,
+    "map": draw_map,
+}
+"""What draws each of the pictures that `SweepResult.plot` explains, for a result and the names to show.
+
+They raise CommandError where a result has nothing for them.
+"""
+
+
+_ONE_AT_A_TIME = ("bands", "tornado")
+
+
+def picture(result: SweepResult, kind: str, names: Sequence[str] = ()) -> "Figure":
+    """One picture; CommandError where there is no such kind, name, or nothing to draw."""
+    check_choice("picture", kind, PICTURES)
+    return PICTURES[kind](result, names)
+
+
+def draw(result: SweepResult, folder: Path) -> list[Path]:
+    """Write a PNG file for each picture that makes sense for a result; returns them. Raises OSError.
+
+    Of factors that vary one at a time a tornado says all that there is.
+    """
+    written = []
+    for kind in _ONE_AT_A_TIME if result.sampling == ONE_AT_A_TIME else PICTURES:
+        try:
+            figure = picture(result, kind)
+        except CommandError:  # the result has nothing for it
+            continue
+        path = folder / f"{kind}.png"
+        with written_whole(path) as stream:
+            save(figure, stream)
+        written.append(path)
+    return written

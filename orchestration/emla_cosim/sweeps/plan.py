@@ -1,0 +1,164 @@
+"""What a sweep is to do: a scenario, what varies, how it is sampled, and what is kept."""
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ..base.errors import CommandError
+from ..base.files import read_text
+from ..base.option import SWEEP
+from ..base.values import converted
+from ..run.options import read_option, table
+from ..run.scenarios.built_in import PLANS
+from ..run.scenarios.scenario import Scenario
+from ..run.scenarios.scenario_file import options_given
+from ..system.model import System
+from .measures import Metric
+from .sampling import SAMPLINGS
+from .targets import merged
+
+Source = str | Path | System | Scenario
+"""What a plan can be made of: a scenario, its name or its file."""
+
+_OWN = ("scenario", "description", "vary", "sampling", "runs", "seed", "metrics", "signals")
+_LARGEST_SEED = 2**63 - 1
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep before anything is known of its FMUs.
+
+    `scenario` is what is run, with `options` over its own. `vary` says what varies and how: the name of
+    a start value (component.variable), of a component (whose FMU varies) or of an option; see
+    `distributions.distribution` for the values. `sampling` is a name of `SAMPLINGS`, by default a grid
+    without `runs` and "random" with them; `seed` is that of whatever is drawn. `metrics` are what is
+    kept, by default all figures; `signals` are names or patterns of those to keep over time. `where` is
+    what sentences call the plan.
+    """
+
+    name: str
+    scenario: Source
+    vary: Mapping[str, Any]
+    description: str = ""
+    sampling: str | None = None
+    runs: int | None = None
+    seed: int = 0
+    metrics: Sequence[Metric] | Mapping[str, Metric] = ()
+    signals: Sequence[str] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    where: str = "the sweep"
+
+    def updated(self, given: Mapping[str, Any]) -> "Plan":
+        """With what is given beside it: `vary` and `options` are merged, None changes nothing.
+
+        So are tables among the options, such as `set`. A sampling that takes no runs drops those of the
+        plan. Raises CommandError for values of another type.
+        """
+        found = {name: value for name, value in given.items() if value is not None}
+        if (method := SAMPLINGS.get(str(found.get("sampling")))) is not None and not method.takes_runs:
+            found = {"runs": None, **found}
+        for name in ("vary", "options"):
+            if name in found and not isinstance(found[name], Mapping):
+                raise CommandError(f"'{name}' of {self.where} is {found[name]!r}; it must be a table.")
+        if "vary" in found:
+            found["vary"] = {**self.vary, **found["vary"]}
+        if "options" in found:
+            found["options"] = merged([self.options, found["options"]])
+        changed = replace(self, **found)
+        changed.check()
+        return changed
+
+    def check(self) -> None:
+        """Raise CommandError for what can be seen to be wrong without the scenario."""
+        types = {"runs": int | None, "seed": int, "sampling": str | None, "signals": Sequence[str]}
+        for name, type_ in types.items():
+            converted(getattr(self, name), type_, f"'{name}' of {self.where}")
+        if wrong := [name for name in self.options if name in table() and name not in table(SWEEP)]:
+            raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of {self.where}.")
+        if not 0 <= self.seed <= _LARGEST_SEED:
+            raise CommandError(f"the seed {self.seed} of {self.where} must be from 0 to {_LARGEST_SEED}.")
+        if not self.vary:
+            raise CommandError(
+                f"{self.where} varies nothing; say what does, such as "
+                "--vary lift.plant.motor.R_s=0.05:0.3:20."
+            )
+
+
+def plan_of(source: Source | Plan) -> Plan:
+    """A plan as it is, by its name, from a file (.toml with `vary`), or of a scenario, which varies nothing.
+
+    Raises CommandError for a file that cannot be read, or that is no plan.
+    """
+    if isinstance(source, Plan):
+        return source
+    if not isinstance(source, (str, Path)):
+        return Plan(source.name if isinstance(source, Scenario) else "system", source, {})
+    if str(source) in PLANS:
+        return _parsed(PLANS[str(source)](), str(source), f"the plan '{source}'", None)
+    path = Path(source)
+    if path.suffix.lower() == ".toml":
+        text = read_text(path, "the plan")
+        if _has_plan(text, path):
+            return _parsed(text, path.stem, f"the plan '{path}'", path.parent)
+    name = path.stem if path.suffix else path.name
+    return Plan(name, source, {}, where=f"the sweep of '{source}'")
+
+
+def _has_plan(text: str, path: Path) -> bool:
+    """Whether a file varies something, or is a scenario file; CommandError for what is not TOML."""
+    try:
+        return "vary" in tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # also numbers and nestings too long to be meant
+        raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
+
+
+def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
+    """The plan that a file holds; paths in it are relative to `folder`."""
+    content = tomllib.loads(text)
+    if "scenario" not in content:
+        raise CommandError(f'{label} has no scenario; write scenario = "study", or the path of one.')
+    scenario = converted(content["scenario"], str, f"'scenario' of {label}")
+    if folder is not None and (folder / scenario).exists():
+        scenario = str(folder / scenario)
+    options = {
+        option: read_option(option, value, f"'{option}' of {label}", folder)
+        for option, value in options_given(content, label, _OWN, SWEEP).items()
+    }
+    plan = Plan(
+        name,
+        scenario,
+        {
+            varied: _with_files_of(folder, given)
+            for varied, given in flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))
+        },
+        description=converted(content.get("description", ""), str, f"'description' of {label}"),
+        metrics=content.get("metrics", ()),
+        signals=converted(content.get("signals", []), Sequence[str], f"'signals' of {label}"),
+        options=options,
+        where=label,
+    )
+    return plan.updated({key: content[key] for key in ("sampling", "runs", "seed") if key in content})
+
+
+def _with_files_of(folder: Path | None, given: Any) -> Any:
+    """What one thing varies over, with files relative to the folder of the plan, as all paths in it."""
+    if folder is None:
+        return given
+    if isinstance(given, str):
+        return str(folder / given) if given.lower().endswith((".fmu", ".ssv")) and "," not in given else given
+    if isinstance(given, Mapping):
+        return {
+            key: _with_files_of(folder, value) if key == "values" else value for key, value in given.items()
+        }
+    return [_with_files_of(folder, one) for one in given] if isinstance(given, list) else given
+
+
+def flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Entries by their whole name: TOML nests names with dots unless they are quoted."""
+    for key, value in table.items():
+        if isinstance(value, dict) and not isinstance(value.get("distribution"), str):
+            yield from ((f"{key}.{name}", inner) for name, inner in flat(value))
+        else:
+            yield key, value

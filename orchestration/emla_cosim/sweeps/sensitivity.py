@@ -1,0 +1,175 @@
+"""Which factors a figure of a sweep follows: Sobol indices, and sensitivities around the nominal values."""
+
+import contextlib
+import math
+import warnings
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError
+from .columns import figure_by_variant, figure_values, numbers, varying
+from .result import SweepResult
+
+SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
+"""The samplings that these need."""
+
+
+@dataclass(frozen=True, eq=False)
+class SobolIndices:
+    """The parts of a figure's variance that factors explain, in the order of `factors`.
+
+    `first` is what a factor explains alone, `total` what it explains together with others; both have
+    half the width of their 95 % confidence interval beside them. They come from `groups` base samples;
+    `left_out` more have a variant without the figure.
+    """
+
+    figure: str
+    factors: tuple[str, ...]
+    first: Vector
+    first_confidence: Vector
+    total: Vector
+    total_confidence: Vector
+    groups: int
+    left_out: int
+
+    @property
+    def warning(self) -> str | None:
+        """A sentence that says that the indices are biased; None where nothing is left out."""
+        if not self.left_out:
+            return None
+        every = self.groups + self.left_out
+        return (
+            f"{self.left_out:,} of {every:,} base samples are left out of the Sobol indices of "
+            f"'{self.figure}': a variant of theirs lacks the figure. This biases the indices where what "
+            "makes variants fail also changes the figure. Judge a figure that every variant has, or narrow "
+            "the ranges."
+        )
+
+    def record(self) -> dict[str, Any]:
+        """Return all of it as sweep.json has it."""
+        numbers = {name: [_or_none(x) for x in getattr(self, name).tolist()] for name in _INDICES}
+        kept = {"factors": list(self.factors), **numbers, "groups": self.groups, "left_out": self.left_out}
+        return {**kept, "warning": self.warning}
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+_INDICES = ("first", "first_confidence", "total", "total_confidence")
+
+
+class LocalSensitivity(NamedTuple):
+    """A figure where a factor alone is low or high, and where all are nominal; None where it is missing."""
+
+    factor: str
+    low: float | None
+    high: float | None
+    nominal: float | None
+
+    @property
+    def effect(self) -> float:
+        """The distance between the least and the largest of the three."""
+        known = [value for value in self[1:] if value is not None]
+        return max(known) - min(known) if known else 0.0
+
+
+def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
+    """Sobol indices of a figure by the variants of a Saltelli sample, N (d + 2) rows for d factors.
+
+    A base sample counts only if all of its d + 2 variants have the figure (see `figure_values`). Of a
+    figure that is the same everywhere no factor explains anything: all indices are 0. Raises
+    CommandError for another sampling, a figure that the sweep does not have, or too few base samples.
+    """
+    check_sampling(result, SALTELLI, "Sobol indices")
+    rows = len(result.factors) + 2
+    count = -(-(int(numbers(result).max(initial=-1)) + 1) // rows)
+    values = figure_by_variant(result, figure, count * rows).reshape(count, rows)
+    whole = values[~np.isnan(values).any(axis=1)]
+    if len(whole) < 2:
+        raise CommandError(
+            f"{len(whole)} of {count} base samples of the sweep '{result.name}' have the figure '{figure}' "
+            f"in all of their {rows} variants; Sobol indices need 2, and hundreds to say anything.",
+            figure=figure,
+        )
+    first, first_confidence, total, total_confidence = _indices(result, figure, whole)
+    return SobolIndices(
+        figure,
+        tuple(result.factors),
+        first,
+        first_confidence,
+        total,
+        total_confidence,
+        groups=len(whole),
+        left_out=count - len(whole),
+    )
+
+
+def all_sobol_indices(result: SweepResult) -> dict[str, SobolIndices]:
+    """Return the Sobol indices of every figure that varies and has them, by its name."""
+    found = dict[str, SobolIndices]()
+    for figure in varying(result):
+        with contextlib.suppress(CommandError):  # too few variants have it
+            found[figure] = sobol_indices(result, figure)
+    return found
+
+
+def _indices(result: SweepResult, figure: str, values: Vector) -> list[Vector]:
+    """First order, total, and the confidence of each, from a row for each base sample."""
+    largest = float(np.max(np.abs(values)))
+    if np.ptp(values) <= 1e-12 * largest:
+        return [np.zeros(len(result.factors)) for _ in range(4)]
+    if np.ptp(values[:, [0, -1]]) <= 1e-12 * largest:
+        raise CommandError(
+            f"the figure '{figure}' of the sweep '{result.name}' varies in too few variants for Sobol "
+            "indices; take more samples.",
+            figure=figure,
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what SALib imports, and of resamples that are constant
+        from SALib.analyze import sobol
+
+        found = sobol.analyze(
+            {"num_vars": len(result.factors), "names": list(result.factors)},
+            values.ravel() / largest,
+            calc_second_order=False,
+            seed=result.seed + 1,  # it takes 0 for no seed
+        )
+    return [np.asarray(found[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf")]
+
+
+def local_sensitivities(result: SweepResult, figure: str) -> list[LocalSensitivity]:
+    """A figure where each factor alone is low and high, the factor of the largest effect first.
+
+    Variant 0 is the nominal one; those of each factor follow, low and high. Raises CommandError for another
+    sampling, or a figure that the sweep does not have.
+    """
+    check_sampling(result, ONE_AT_A_TIME, "local sensitivities")
+    count = 1 + 2 * len(result.factors)
+    figure_values(result, figure)  # says what is wrong with its name
+    if int(numbers(result).max(initial=-1)) >= count:
+        raise CommandError(
+            f"the sweep '{result.name}' has variants beyond the {count} that one-at-a-time gives for "
+            f"{len(result.factors)} factors: the nominal one, and a low and a high one for each."
+        )
+    nominal, *others = (
+        None if np.isnan(value) else float(value) for value in figure_by_variant(result, figure, count)
+    )
+    found = [
+        LocalSensitivity(name, low, high, nominal)
+        for name, low, high in zip(result.factors, others[::2], others[1::2], strict=True)
+    ]
+    return sorted(found, key=lambda one: -one.effect)
+
+
+def check_sampling(result: SweepResult, sampling: str, what: str) -> None:
+    """Raise CommandError, which says `what` needs it, where a sweep was sampled in another way."""
+    if result.sampling != sampling:
+        raise CommandError(
+            f"the sweep '{result.name}' was sampled by {result.sampling}; {what} need the sampling "
+            f"{sampling}.",
+            sampling=result.sampling,
+        )

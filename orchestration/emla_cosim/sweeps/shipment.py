@@ -1,0 +1,150 @@
+"""What travels to the workers, once: FMUs by their content, and the systems that are made of them."""
+
+import copyreg
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cloudpickle
+
+from ..base.errors import CommandError, called_as_in
+from ..base.files import sha256
+from ..base.progress import Progress
+from ..fmu.interface import Interface, read_interfaces
+from ..master.algorithms.registry import ALGORITHMS
+from ..recorders.metrics import METRICS
+from ..run.options import Options
+from ..run.preparation import prepared, until_data_end
+from ..run.run_record import plain, system_identity
+from ..run.scenarios.scenario import Scenario
+from ..run.simulation import PREPARED
+from ..system.model import System
+
+_OF_ONE_RUN = ("real_time", "checkpoint", "resume", "signals", "output", "plots")
+"""Options of a scenario that mean nothing for many runs."""
+
+
+def _by_name(module: ModuleType) -> tuple[Any, tuple[str]]:
+    return import_module, (module.__name__,)
+
+
+if (_kind := type(sys.modules[__name__.partition(".")[0]])) is not ModuleType:
+    copyreg.pickle(_kind, _by_name)  # of lazy_loader; else no function that uses the package could travel
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """A scenario whose FMUs are built and whose components are what the options make them.
+
+    `fmus` has the content hash of every component's FMU, `interfaces` what it shows of itself.
+    """
+
+    name: str
+    system: System
+    options: Options
+    fmus: Mapping[str, str]
+    interfaces: Mapping[str, Interface]
+    files: Mapping[str, Path]
+    holds: object = None
+    """What has to live for the files to be there."""
+    read: Mapping[Path, str] = field(default_factory=dict)
+    """What else was read, and what it is."""
+    scenario: Scenario | None = None
+    """What it was prepared of."""
+
+    @classmethod
+    def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
+        """Build what is missing, and read what is there; raises as `Scenario.prepare`."""
+        options, told = until_data_end(scenario.options), progress or Progress()
+        with called_as_in(scenario.unpacked):
+            system, fmus = prepared(scenario.system, options, told)
+            hashes = {path: sha256(path) for path in dict.fromkeys(fmus.values())}
+            interfaces = read_interfaces(fmus)
+        told.advance(1)
+        usual = Options()
+        fixed = [name for name in (*PREPARED, "set", *_OF_ONE_RUN) if name != "isolate"]
+        if options.follow_models:
+            fixed.remove("set")  # which tells a variant what must not follow from its own values
+        done = {name: getattr(usual, name) for name in fixed}
+        return cls(
+            scenario.name,
+            system,
+            replace(options, **done),
+            {name: hashes[path] for name, path in fmus.items()},
+            interfaces,
+            {hashes[path]: path for path in hashes},
+            scenario.holds,
+            options.files_read(),
+            scenario,
+        )
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """All that decides what a run gives, as plain data."""
+        times = self.options.start_time, self.options.stop_time, self.options.step_size
+        chosen = {o.name: plain(value) for o, value in self.options.in_effect() if o.about.recorded}
+        algorithm = self.options.algorithm_name
+        return {**system_identity(self.system, self.fmus), "options": chosen, "times": times, "by": algorithm}
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """A `Preparation` as it travels; `system` has no FMUs, `fmus` has them by content hash."""
+
+    name: str
+    system: System
+    options: Options
+    fmus: Mapping[str, str]
+
+    def simulated(self, files: Mapping[str, Path]) -> System:
+        """The system with the FMUs' files, given by content hash."""
+        return replace(
+            self.system,
+            components=tuple(replace(c, fmu=files[self.fmus[c.name]]) for c in self.system.components),
+        )
+
+
+@dataclass(frozen=True)
+class Shipment:
+    """All that workers need; `files` has name and content of FMU files by their hash.
+
+    Metrics and algorithms go along since users register their own.
+    """
+
+    key: str
+    shipped: Sequence[Shipped]
+    files: Mapping[str, tuple[str, bytes]]
+    metrics: Mapping[str, Any]
+    algorithms: Mapping[str, Any]
+    version: str
+
+    @classmethod
+    def of(cls, key: str, preparations: Sequence[Preparation]) -> "Shipment":
+        """Everything that these preparations need; `key` names it on the workers."""
+        paths = {sha: path for p in preparations for sha, path in p.files.items()}
+        return cls(
+            key,
+            [Shipped(p.name, _without_files(p.system), p.options, p.fmus) for p in preparations],
+            {sha: (path.name, path.read_bytes()) for sha, path in paths.items()},
+            dict(METRICS),
+            dict(ALGORITHMS),
+            version("emla-cosim"),
+        )
+
+
+def check_portable(kind: str, objects: Mapping[str, Any]) -> None:
+    """Raise CommandError for one of these, by name, that cannot be sent to another process."""
+    for name, one in objects.items():
+        try:
+            cloudpickle.dumps(one)
+        except Exception as error:
+            raise CommandError(f"the {kind} '{name}' cannot be sent to workers: {error}.") from error
+
+
+def _without_files(system: System) -> System:
+    return replace(system, components=tuple(replace(c, model="", fmu=None) for c in system.components))

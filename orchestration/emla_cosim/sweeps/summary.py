@@ -1,0 +1,202 @@
+"""What a person sees of a sweep in the terminal: how variants ended, figures, sensitivities, the worst."""
+
+import numpy as np
+import polars
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError
+from ..base.wording import counted
+from ..recorders.metrics import Shown
+from ..views.terminal import cell
+from .columns import (
+    NOT_HELD,
+    check_figure,
+    figure_values,
+    is_done,
+    is_truth,
+    main_figure,
+    outcomes,
+    shown_as,
+    verdicts,
+)
+from .result import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT, SweepResult
+from .sensitivity import ONE_AT_A_TIME, SALTELLI, local_sensitivities, sobol_indices
+
+_MOST_FACTORS = 12
+"""So many factors are in a table of sensitivities."""
+
+WORST = 5
+"""How many of the worst variants are shown unless somebody asks for more."""
+
+
+def summary(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[RenderableType]:
+    """All of this; `figure` is that of sensitivities and worst variants, None for the first that varies.
+
+    Raises CommandError for a figure that the sweep does not have.
+    """
+    parts: list[RenderableType] = [status_line(result)]
+    if figure is None:
+        figure = main_figure(result)
+    if figure is not None:
+        check_figure(result, figure)
+        if is_done(result).any():
+            parts += [figures_table(result), *_sensitivities(result, figure)]
+        if len(result.variants):
+            parts.append(worst_table(result, figure, count))
+    return parts
+
+
+def status_line(result: SweepResult) -> Text:
+    """How many variants there are, and how many ended in each way."""
+    statuses = [str(status) for status in result.variants[STATUS].to_list()]
+    names = dict.fromkeys([DONE, DIVERGED, REFUSED, FAILED, DIED, *statuses])
+    told = {name: f"{statuses.count(name):,} {name}" for name in names if name in statuses}
+    if wrong := int((outcomes(result) == NOT_HELD).sum()):
+        told[DONE] += f" ({wrong:,} of them {NOT_HELD})"
+    return Text(f"{_variants(len(statuses))}: {', '.join(told.values()) or 'none'}")
+
+
+def figures_table(result: SweepResult) -> RenderableType:
+    """Least, median, 95 % and largest value of figures over the variants that are done; truths by count.
+
+    Verdicts come first: no figure is read without them.
+    """
+    title = f"Figures of the variants that are done ({int(is_done(result).sum()):,})"
+    table = Table()
+    table.add_column("", overflow="fold")
+    for head in ("least", "median", "95 %", "largest"):
+        table.add_column(head, justify="right")
+    table.add_column("")
+    judged = verdicts(result)
+    for figure in [*judged, *(name for name in result.figures if name not in judged)]:
+        shown, values = shown_as(result, figure), figure_values(result, figure)
+        known = values[~np.isnan(values)]
+        if is_truth(result, figure):
+            cells = ["", "", "", f"{int(known.sum()):,} of {len(known):,} yes"]
+        else:
+            cells = [cell(value, shown) for value in _statistics(known)]
+        table.add_row(escape(shown.label), *cells, escape(shown.unit))
+    return _titled(title, table)
+
+
+def _statistics(known: Vector) -> list[float]:
+    if not len(known):
+        return [np.nan] * 4
+    return [float(value) for value in np.percentile(known, [0, 50, 95, 100])]
+
+
+def _sensitivities(result: SweepResult, figure: str) -> list[RenderableType]:
+    tables = {SALTELLI: sobol_table, ONE_AT_A_TIME: local_table}
+    if result.sampling not in tables:
+        return []
+    try:
+        return [tables[result.sampling](result, figure)]
+    except CommandError as error:  # there are too few variants
+        return [Text(str(error))]
+
+
+def sobol_table(result: SweepResult, figure: str) -> RenderableType:
+    """Sobol indices of a figure, the largest total first. Raises CommandError as `sobol_indices` does."""
+    found = sobol_indices(result, figure)
+    left_out = f", {found.left_out:,} left out" if found.left_out else ""
+    title = f"Sobol indices of {shown_as(result, figure).label}, from {found.groups:,} base samples{left_out}"
+    table = Table()
+    table.add_column("", overflow="fold")
+    for head in ("first order", "total"):
+        table.add_column(head, justify="right")
+    strongest = np.argsort(-found.total, kind="stable")
+    for i in strongest[:_MOST_FACTORS]:
+        table.add_row(
+            escape(found.factors[i]),
+            f"{found.first[i]:.2f} ± {found.first_confidence[i]:.2f}",
+            f"{found.total[i]:.2f} ± {found.total_confidence[i]:.2f}",
+        )
+    _tell_rest(table, len(strongest))
+    titled = _titled(title, table)
+    return titled if found.warning is None else Group(titled, Text(f"Warning: {found.warning}"))
+
+
+def local_table(result: SweepResult, figure: str) -> RenderableType:
+    """A figure where each factor alone is low and high, the largest effect first.
+
+    Raises CommandError as `local_sensitivities` does.
+    """
+    shown = shown_as(result, figure)
+    unit = f" in {shown.unit}" if shown.unit else ""
+    table = Table()
+    table.add_column("", overflow="fold")
+    for head in ("low", "nominal", "high"):
+        table.add_column(head, justify="right")
+    rows = local_sensitivities(result, figure)
+    for row in rows[:_MOST_FACTORS]:
+        values = (row.low, row.nominal, row.high)
+        table.add_row(escape(row.factor), *(_told(result, figure, shown, value) for value in values))
+    _tell_rest(table, len(rows))
+    return _titled(f"{shown.label}{unit}, each factor alone", table)
+
+
+def _tell_rest(table: Table, factors: int) -> None:
+    """A last row that says how many factors with less effect are left out."""
+    if (rest := factors - _MOST_FACTORS) > 0:
+        table.add_row(f"and {rest} with less effect", style="dim")
+
+
+def worst(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:
+    """The rows of the worst variants: those that are not done, that are not held, that lack the figure.
+
+    The largest numbers follow, or what is false before what is true; among equals the first variant. Raises
+    CommandError for a figure that the sweep does not have.
+    """
+    values = figure_values(result, figure)
+    badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
+    held = outcomes(result) != NOT_HELD
+    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, held, is_done(result)))
+    return result.variants[order[:count]]
+
+
+def worst_table(result: SweepResult, figure: str, count: int = WORST) -> RenderableType:
+    """The worst variants, see `worst`, each with its problem."""
+    rows, shown = worst(result, figure, count), shown_as(result, figure)
+    head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
+    table = Table()
+    table.add_column("variant", justify="right")
+    table.add_column("status")
+    table.add_column(escape(head), justify="right", overflow="fold", max_width=26)
+    table.add_column("", overflow="fold", ratio=1)
+    ended = dict(zip(result.variants[VARIANT], outcomes(result), strict=True))
+    for row in rows.iter_rows(named=True):
+        table.add_row(
+            str(row[VARIANT]),
+            escape(str(ended[row[VARIANT]])),
+            _told(result, figure, shown, row[figure]),
+            escape(row[PROBLEM] or ""),
+        )
+    return _titled("The worst variants", table)
+
+
+def commands(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[str]:
+    """What runs each of the worst variants alone, line by line; `figure` as in `summary`."""
+    figure = figure or main_figure(result)
+    if figure is None:
+        return []
+    lines = [line for n in worst(result, figure, count)[VARIANT] if (line := result.command(n))]
+    return [f"What runs {'it' if len(lines) == 1 else 'each'} alone:", *lines] if lines else []
+
+
+def _told(result: SweepResult, figure: str, shown: Shown, value: float | bool | None) -> str:
+    if value is None:
+        return "none"
+    return cell(bool(value) if is_truth(result, figure) else float(value), shown)
+
+
+def _titled(title: str, table: Table) -> RenderableType:
+    """A table below a line that may be longer than the table is wide."""
+    return Group(Text(title, style="table.title"), table)
+
+
+def _variants(count: int) -> str:
+    return counted(count, "variant", form=",")

@@ -1,0 +1,101 @@
+"""Where the values of a variant go, as options of a run and as arguments of `emla run`."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_origin
+
+from ..base.option import SWEEP, Entered, Option
+from ..inputs.input import Input
+from ..run.options import table
+from ..run.simulation import PREPARED
+from ..system.model import Replacement, Value
+
+OPTION, FMU, START = "option", "replace", "set"
+"""What a target is: an option, a component whose FMU varies, or a start value by its full name."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a value goes; `nominal` is what it multiplies there, if it is relative."""
+
+    name: str
+    kind: str = START
+    nominal: float | None = None
+
+
+def is_prepared(target: Target) -> bool:
+    """Return whether another value of a target needs another simulation."""
+    return target.kind == FMU or (target.kind == OPTION and target.name in PREPARED)
+
+
+def assigned(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
+    """The options that bring a value of the table of variants to these targets; none for None."""
+    found: dict[str, Any] = {}
+    if value is None:
+        return found
+    for target in targets:
+        given = value
+        if target.nominal is not None and len(targets) > 1:
+            given = target.nominal * float(value)
+        if target.kind == OPTION:
+            takes_several = get_origin(table()[target.name].type) is Sequence
+            found[target.name] = [given] if takes_several else given
+        else:
+            found.setdefault(target.kind, {})[target.name] = given
+    return found
+
+
+def merged(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Options of several factors as those of one run."""
+    found: dict[str, Any] = {}
+    for part in parts:
+        for name, value in part.items():
+            found[name] = {**found.get(name, {}), **value} if isinstance(value, Mapping) else value
+    return found
+
+
+def as_arguments(options: Mapping[str, Any]) -> list[str] | None:
+    """Options as `emla run` takes them; None where one is an object that only Python has."""
+    known, found = table(SWEEP), list[str]()
+    for name, value in options.items():
+        arguments = _arguments(known[name], value)
+        if arguments is None:
+            return None
+        found += arguments
+    return found
+
+
+def _arguments(option: Option, value: Any) -> list[str] | None:
+    flag = option.flag
+    if value is None or (value is False and option.type is not bool):
+        return []
+    if isinstance(value, bool):
+        return [flag if value else f"--no-{flag.removeprefix('--')}"]
+    if isinstance(value, Mapping):
+        entered = [one for one in value.values() if isinstance(one, Entered)]
+        if any(one.file is None for one in entered):
+            return None
+        return [text for name, inner in value.items() for text in _entry(flag, name, inner)]
+    if isinstance(value, (list, tuple)):
+        if option.about.parse is not None:
+            return [flag, ",".join(map(_text, value))]
+        if any(isinstance(inner, Input) and not inner.is_text for inner in value):
+            return None
+        return [text for inner in value for text in (flag, _text(inner))]
+    return [flag, _text(value)] if isinstance(value, (str, int, float, Path)) else None
+
+
+def _entry(flag: str, name: str, value: Any) -> list[str]:
+    if not isinstance(value, Replacement):
+        return [flag, f"{name}={_text(value)}"]
+    mapping = [] if value.mapping is None else ["--mapping", f"{name}={value.mapping}"]
+    return [flag, f"{name}={value.fmu}", *mapping]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, Entered):
+        return str(value.file)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,124 @@
+"""Start values as people give them: by patterns, and in units of their own."""
+
+import difflib
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from ..base.errors import CommandError, listed
+from ..base.patterns import fits, has_wildcard
+from ..base.quantities import has_unit, quantity
+from ..run.options import Options
+from .model import Component, System, Value
+
+if TYPE_CHECKING:
+    from ..fmu.interface import Interface
+
+FOLLOWERS: list[Callable[[System, Options], Mapping[str, Value]]] = []
+"""What computes further start values that follow from those that options set, by full name; registered."""
+
+_MOST = 20_000
+"""Among so many names near ones are looked for, which takes a while."""
+
+_NAMED = 3
+"""So many variables of a pattern are named."""
+
+
+def following_values(system: System, options: Options) -> dict[str, Value]:
+    """Return what models assume of the values that the options set, by full name.
+
+    Nothing follows without the option `follow_models`. `system` is as it was before the options.
+    """
+    if not options.follow_models:
+        return {}
+    return {name: value for follow in FOLLOWERS for name, value in follow(system, options).items()}
+
+
+def need_interfaces(values: Mapping[str, Value]) -> bool:
+    """Whether it takes the FMUs' variables to know what these start values are."""
+    return any(has_wildcard(name) or has_unit(value) for name, value in values.items())
+
+
+def named_plainly(values: Mapping[str, Value]) -> dict[str, Value]:
+    """Those whose names mean one variable each."""
+    return {name: value for name, value in values.items() if not has_wildcard(name)}
+
+
+def start_values(
+    system: System, interfaces: "Mapping[str, Interface]", values: Mapping[str, Value]
+) -> dict[str, Value]:
+    """Start values by full name, in the units that variables have in the system.
+
+    A pattern means all variables that fit and can be set: parameters and start values, but no input that is
+    driven. Names win over patterns, later patterns over earlier ones. Raises CommandError for a
+    pattern that means nothing, and for a unit that the variable cannot have.
+    """
+    if not need_interfaces(values):
+        return dict(values)
+    settable = list(_settable(system, interfaces))
+    known = set(settable)
+    found: dict[str, Value] = {}
+    for pattern, value in values.items():
+        if has_wildcard(pattern) and pattern not in known:
+            found |= dict.fromkeys(_meant(pattern, settable, system, interfaces), value)
+    found |= {name: v for name, v in values.items() if not has_wildcard(name) or name in known}
+    return {name: _in_its_unit(system, interfaces, name, value) for name, value in found.items()}
+
+
+def _settable(system: System, interfaces: "Mapping[str, Interface]") -> Iterator[str]:
+    """Full names of all variables that can be set, as the system calls them."""
+    driven = {x.ends[1] for x in system.connections}
+    for component in system.components:
+        interface = interfaces[component.name]
+        for name in _names(component, interface):
+            variable = component.alias(name).variable
+            if interface.settable(variable) and (component.name, variable) not in driven:
+                yield f"{component.name}.{name}"
+
+
+def _names(component: Component, interface: "Interface") -> list[str]:
+    """The variables of a component as the system calls them."""
+    others = {alias.variable for alias in component.aliases.values()}
+    return [*component.aliases, *(n for n in interface.variables if n not in others)]
+
+
+def _meant(
+    pattern: str, settable: list[str], system: System, interfaces: "Mapping[str, Interface]"
+) -> list[str]:
+    """The variables that a pattern means; CommandError for one that means none."""
+    found = [name for name in settable if fits(name, pattern)]
+    if found:
+        return found
+    names = (f"{c.name}.{n}" for c in system.components for n in _names(c, interfaces[c.name]))
+    fixed = [name for name in names if fits(name, pattern)]
+    if fixed:
+        named = [*fixed[:_NAMED], *([f"{len(fixed) - _NAMED} more"] if len(fixed) > _NAMED else [])]
+        raise CommandError(
+            f"'{pattern}' means {listed(named)}; none can be set: they are computed or driven.", name=pattern
+        )
+    near = _near(pattern, settable)
+    meant = f"did you mean {' or '.join(near)}?" if near else "* stands for anything, ? for one letter."
+    raise CommandError(f"no variable that can be set is called '{pattern}'; {meant}", name=pattern, near=near)
+
+
+def _near(pattern: str, names: list[str]) -> list[str]:
+    """Names that end in about what a pattern says."""
+    if len(names) > _MOST:
+        return []
+    said = pattern.replace("*", "").replace("?", "").strip(".")
+    ends = {".".join(name.split(".")[-said.count(".") - 1 :]): name for name in names}
+    return [ends[end] for end in difflib.get_close_matches(said, ends, n=3, cutoff=0.6)]
+
+
+def _in_its_unit(system: System, interfaces: "Mapping[str, Interface]", name: str, value: Value) -> Value:
+    """A value in the unit of its variable; CommandError for a unit that this cannot have."""
+    if not (isinstance(value, str) and has_unit(value)):
+        return value
+    component, own = system.split(name)
+    alias, interface = component.aliases.get(own), interfaces[component.name]
+    variable = interface.variables.get(alias.variable if alias is not None else own)
+    if variable is None or variable.type != "Real":
+        return value  # a text, or what setting it tells is wrong
+    unit = alias.unit if alias is not None else interface.unit(own)
+    if unit is None:
+        raise CommandError(f"{name} = {value} has a unit, but the variable has none; write a plain number.")
+    return quantity(value, f"{name} = {value}").in_unit(unit, f"{name} = {value}")

@@ -1,0 +1,104 @@
+"""Pictures of a motion, laid out as the paper's figures of it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hdrm_fmu.optimisation.assessment import Course
+from hdrm_fmu.optimisation.problem import MotionProblem
+from hdrm_fmu.trajectory import JOINTS
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError
+from ..base.files import check_places, written_whole
+from ..views.plots.style import BLUE, RED, new_figure, save, tidied
+from .result import TrajectoryResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PICTURES = ("forces-and-speeds", "positions-and-accelerations")
+"""Names of the pictures."""
+
+_POINTS = 1501
+
+
+class _Row(NamedTuple):
+    """One row of a picture: values by joint, their bounds, if there are any, and what they are."""
+
+    label: str
+    values: np.ndarray
+    bounds: tuple[Sequence[float], Sequence[float]] | None = None
+
+
+def drawn(result: TrajectoryResult) -> "dict[str, Figure]":
+    """The pictures by name."""
+    times = np.linspace(result.spline.start, result.spline.end, _POINTS)
+    seen, problem = result.course(times), result.problem
+    rows = (_forces_and_speeds(seen, problem), _positions_and_accelerations(seen, problem))
+    return {name: _picture(times, two) for name, two in zip(PICTURES, rows, strict=True)}
+
+
+def picture_places(path: Path, wanted: bool = True, problem: object = None) -> list[Path]:
+    """Where the pictures of a trajectory file go, beside it.
+
+    Raises CommandError where these files cannot be written, or one of them is that of the problem.
+    """
+    if path.suffix == ".png":
+        raise CommandError(f"the trajectory '{path}' must not end in .png, as its pictures do.")
+    places = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES] if wanted else []
+    used = {Path(problem): "the problem"} if isinstance(problem, (str, Path)) else {}
+    check_places({path: "the trajectory"} | dict.fromkeys(places, "the picture"), used)
+    return places
+
+
+def save_pictures(result: TrajectoryResult, path: Path) -> list[Path]:
+    """Draw the pictures beside a trajectory file; CommandError where they cannot be written."""
+    places = picture_places(path)
+    for place, figure in zip(places, drawn(result).values(), strict=True):
+        try:
+            with written_whole(place) as stream:
+                save(figure, stream)
+        except OSError as error:
+            raise CommandError(f"the picture '{place}' cannot be written: {error.strerror}.") from error
+    return places
+
+
+def _forces_and_speeds(seen: Course, problem: MotionProblem) -> tuple[_Row, _Row]:
+    forces = [[x / 1e3 for x in bounds] for bounds in (problem.f_LB, problem.f_UB)]
+    speeds = [[x * 1e3 for x in bounds] for bounds in (problem.v_LB, problem.v_UB)]
+    return (
+        _Row("force / kN", seen.force / 1e3, (forces[0], forces[1])),
+        _Row("speed / mm/s", seen.v * 1e3, (speeds[0], speeds[1])),
+    )
+
+
+def _positions_and_accelerations(seen: Course, problem: MotionProblem) -> tuple[_Row, _Row]:
+    machine = problem.machine
+    return (
+        _Row("stroke / m", seen.q, (machine.q_LB, machine.q_UB)),
+        _Row("acceleration / mm/s²", seen.a * 1e3),
+    )
+
+
+def _picture(times: Vector, rows: Sequence[_Row]) -> "Figure":
+    figure, axes = new_figure(len(rows), len(JOINTS), 3.2)
+    for i, row in enumerate(rows):
+        for j, joint in enumerate(JOINTS):
+            _panel(axes[i, j], times, row, j)
+            if i == 0:
+                axes[i, j].set_title(joint, fontsize=10)
+            if i == len(rows) - 1:
+                axes[i, j].set_xlabel("time / s", fontsize=9)
+        axes[i, 0].set_ylabel(row.label, fontsize=9)
+    return figure
+
+
+def _panel(axes: "Axes", times: Vector, row: _Row, joint: int) -> None:
+    axes.plot(times, row.values[:, joint], color=BLUE, linewidth=1.4)
+    for bounds in row.bounds or ():
+        axes.axhline(bounds[joint], color=RED, linewidth=0.9, linestyle="--")
+    tidied(axes)

@@ -1,0 +1,238 @@
+"""What a tuning is to do: a scenario, gains with their ranges, what is wanted of them, and where."""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ..base.errors import CommandError, listed
+from ..base.files import read_text
+from ..base.option import SWEEP
+from ..base.values import converted
+from ..run.options import read_option, table
+from ..run.scenarios.built_in import TUNINGS
+from ..run.scenarios.scenario import Scenario
+from ..run.scenarios.scenario_file import options_given
+from ..study.loading import load
+from ..sweeps.measures import Metric
+from ..sweeps.plan import Source, flat
+from ..sweeps.targets import merged
+from ..system.model import System
+
+USUAL = "usual"
+"""The case of a plan that names none: the scenario as it is."""
+
+_ONE_OF = ("name", "weight", "set", "require")
+
+
+@dataclass(frozen=True)
+class Case:
+    """Circumstances that gains have to do well in: other start values or options than the scenario's.
+
+    `set` has them by name, as a sweep varies them, each with one value, "110%" among them. `weight` is
+    that of its objective; with 0 only its requirements count. `require` are the conditions here, None
+    for those of the plan.
+    """
+
+    name: str
+    weight: float = 1.0
+    set: Mapping[str, Any] = field(default_factory=dict)
+    require: Sequence[str] | None = None
+
+
+@dataclass(frozen=True)
+class TuningPlan:
+    """A tuning before anything is known of its FMUs.
+
+    `vary` has the gains and their ranges, as a sweep takes them, and names without a dot that are used
+    in `derive` alone; `derive` has further start values as expressions over all these. `objective` is an
+    expression over figures, to be made small; `require` are conditions as `emla run --require` takes
+    them. `metrics` are further figures that both may name. `seeds` are names or patterns of the start
+    values that begin random sequences; `training` of them are drawn for the search and `validation`
+    others to look at what came of it. `evaluations` is how many sets of gains are tried. `tolerance` is
+    by how much the objective may be worse on the seeds of the validation, as a part of it; `margin` by
+    how much better than its condition a figure has to be in the search, so that it holds on other seeds.
+    `where` is what sentences call the plan.
+    """
+
+    name: str
+    scenario: Source
+    vary: Mapping[str, Any] = field(default_factory=dict)
+    objective: str = ""
+    derive: Mapping[str, Any] = field(default_factory=dict)
+    require: Sequence[str] = ()
+    metrics: Sequence[Metric] = ()
+    cases: Sequence[Case] = (Case(USUAL),)
+    seeds: Sequence[str] = ("*.seed",)
+    training: int = 2
+    validation: int = 4
+    evaluations: int = 200
+    seed: int = 0
+    tolerance: float | None = None
+    margin: float = 0.0
+    description: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    where: str = "the tuning"
+
+    def updated(self, given: Mapping[str, Any]) -> "TuningPlan":
+        """With what is given beside it: tables are merged, None changes nothing.
+
+        Conditions are added to those of the plan. Raises CommandError for values of another type.
+        """
+        found = {name: value for name, value in given.items() if value is not None}
+        for name in ("vary", "derive", "options"):
+            if name in found:
+                label = f"'{name}' of {self.where}"
+                found[name] = merged([getattr(self, name), converted_table(found[name], label)])
+        if "require" in found:
+            more = converted(found["require"], Sequence[str], f"'require' of {self.where}")
+            found["require"] = [*self.require, *more]
+        changed = replace(self, **found)
+        changed.check()
+        return changed
+
+    def loaded(self) -> Scenario:
+        """The scenario, with the options of the plan. Raises CommandError for whatever is wrong with it."""
+        if isinstance(self.scenario, Scenario):
+            return self.scenario.with_options(self.options)
+        return load(self.scenario, **self.options)
+
+    def check(self) -> None:
+        """Raise CommandError for what can be seen to be wrong without the scenario."""
+        for name, type_ in PLAIN.items():
+            converted(getattr(self, name), type_, f"'{name}' of {self.where}")
+        for name, least in (("training", 1), ("validation", 0), ("evaluations", 1), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise CommandError(
+                    f"'{name}' of {self.where} is {getattr(self, name)}; it must be at least {least}."
+                )
+        for name in ("tolerance", "margin"):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value < float("inf"):
+                raise CommandError(f"'{name}' of {self.where} is {value}; it must be a number from 0.")
+        if wrong := [name for name in self.options if name in table() and name not in table(SWEEP)]:
+            raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of {self.where}.")
+        if not self.vary:
+            raise CommandError(
+                f"{self.where} varies nothing; say what does, such as "
+                "--vary 'tilt.controller.beta[1]=200:4000'."
+            )
+        if not self.objective:
+            raise CommandError(
+                f"{self.where} has no objective; say what is to be made small, such as "
+                "--objective tilt.position_error_m."
+            )
+        self._check_cases()
+
+    def _check_cases(self) -> None:
+        names = [case.name for case in self.cases]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise CommandError(f"{self.where} has two cases '{twice[0]}'; give one another name.")
+        for case in self.cases:
+            if not 0 <= case.weight < float("inf"):
+                raise CommandError(
+                    f"the weight of the case '{case.name}' is {case.weight}; it must be 0 or more."
+                )
+        if not any(case.weight for case in self.cases):
+            raise CommandError(f"no case of {self.where} has a weight; give one a weight above 0.")
+
+
+PLAIN: dict[str, Any] = {
+    "objective": str,
+    "derive": Mapping[str, str],
+    "require": Sequence[str],
+    "seeds": Sequence[str],
+    "training": int,
+    "validation": int,
+    "evaluations": int,
+    "seed": int,
+    "tolerance": float | None,
+    "margin": float,
+    "description": str,
+}
+"""Types of those fields that are plain data, by name."""
+
+_OWN = ("scenario", "vary", "cases", "metrics", *PLAIN)
+
+
+def converted_table(value: Any, label: str) -> dict[str, Any]:
+    """A table with texts as names; CommandError for anything else."""
+    if not isinstance(value, Mapping):
+        raise CommandError(f"{label} is {value!r}; it must be a table.")
+    return dict(value)
+
+
+def tuning_of(source: Source | TuningPlan) -> TuningPlan:
+    """A plan as it is, by its name, from a file (.toml with `vary`), or of a scenario, which varies nothing.
+
+    Raises CommandError for a file that cannot be read, or that is no plan.
+    """
+    if isinstance(source, TuningPlan):
+        return source
+    if not isinstance(source, (str, Path)):
+        if not isinstance(source, (Scenario, System)):
+            raise CommandError(f"a tuning is of a plan or a scenario, by name or file, not of {source!r}.")
+        return TuningPlan(source.name if isinstance(source, Scenario) else "system", source)
+    if str(source) in TUNINGS:
+        return parsed(TUNINGS[str(source)](), str(source), f"the tuning '{source}'", None)
+    path = Path(source)
+    if path.suffix.lower() == ".toml":
+        text = read_text(path, "the plan")
+        try:
+            is_plan = "vary" in tomllib.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
+        if is_plan:
+            return parsed(text, path.stem, f"the tuning '{path}'", path.parent)
+    name = path.stem if path.suffix else path.name
+    return TuningPlan(name, source, where=f"the tuning of '{source}'")
+
+
+def parsed(text: str, name: str, label: str, folder: Path | None) -> TuningPlan:
+    """The plan that a text holds; paths in it are relative to `folder`. Raises CommandError."""
+    content = tomllib.loads(text)
+    if "scenario" not in content:
+        raise CommandError(f'{label} has no scenario; write scenario = "tilt", or the path of one.')
+    scenario = converted(content["scenario"], str, f"'scenario' of {label}")
+    if folder is not None and (folder / scenario).exists():
+        scenario = str(folder / scenario)
+    given = options_given({n: v for n, v in content.items() if n not in _OWN}, label, _OWN, SWEEP)
+    options = {n: read_option(n, value, f"'{n}' of {label}", folder) for n, value in given.items()}
+    own = {key: content[key] for key in PLAIN if key in content}
+    tables = {
+        key: dict(flat(converted_table(content.get(key, {}), f"'{key}' of {label}")))
+        for key in ("vary", "derive")
+    }
+    cases = {"cases": _cases(content["cases"], label)} if "cases" in content else {}
+    fields: dict[str, Any] = own | tables | cases
+    return TuningPlan(
+        name,
+        scenario,
+        **fields,
+        metrics=content.get("metrics", ()),
+        options=options,
+        where=label,
+    )
+
+
+def _cases(given: Any, label: str) -> list[Case]:
+    """The cases of a plan: tables in a list."""
+    found = list[Case]()
+    for place, content in enumerate(converted(given, Sequence[Any], f"'cases' of {label}"), 1):
+        of = f"case {place} of {label}"
+        case = converted_table(content, of)
+        if unknown := [key for key in case if key not in _ONE_OF]:
+            raise CommandError(f"{of} has the key '{unknown[0]}'; it may have {listed(_ONE_OF)}.")
+        require = case.get("require")
+        found.append(
+            Case(
+                converted(case.get("name", str(place)), str, f"'name' of {of}"),
+                converted(case.get("weight", 1.0), float, f"'weight' of {of}"),
+                dict(flat(converted_table(case.get("set", {}), f"'set' of {of}"))),
+                None if require is None else converted(require, Sequence[str], f"'require' of {of}"),
+            )
+        )
+    if not found:
+        raise CommandError(f"'cases' of {label} is empty; leave it out for the scenario as it is.")
+    return found

@@ -1,0 +1,167 @@
+"""The gains that are looked for, as a unit cube: each axis one of them, in its distribution's quantiles."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError, listed
+from ..fmu.interface import Interface
+from ..run.options import table
+from ..run.simulation import PREPARED
+from ..sweeps.distributions import Distribution, distribution
+from ..sweeps.factors import Factor, factors, start_number
+from ..sweeps.kinds.continuous import LogUniform, Uniform
+from ..sweeps.targets import OPTION, START, merged
+from ..system.model import System, Value
+from .expressions import Expression, expression
+from .plan import TuningPlan
+
+_FINE = 2001
+"""Points of an axis among which that of a given value is looked for."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One gain; `factor` says where it goes, None for one that only others derive from."""
+
+    name: str
+    distribution: Distribution
+    factor: Factor | None = None
+
+    def value(self, quantile: float) -> Value:
+        """The gain at a place from 0 to 1, in its unit."""
+        (drawn,) = self.distribution.at(np.array([quantile]))
+        found = drawn if self.factor is None else self.factor.value(drawn)
+        assert found is not None
+        return found
+
+    def place(self, value: float | None) -> float:
+        """Where a gain is, as near as its range has it; in the middle for None."""
+        if value is None:
+            return 0.5
+        places = np.linspace(0.0, 1.0, _FINE)
+        drawn = self.distribution.at(places)
+        if not all(isinstance(x, (int, float)) for x in drawn):
+            return 0.5
+        values = [drawn if self.factor is None else self.factor.value(x) for x in drawn]
+        return float(places[int(np.argmin(np.abs(np.array(values, dtype=float) - value)))])
+
+
+@dataclass(frozen=True)
+class Space:
+    """All of them, what derives from them, and what they are in the scenario."""
+
+    axes: Sequence[Axis]
+    derived: Sequence[tuple[Sequence[Factor], Expression]]
+    start: Mapping[str, float | None]
+
+    def values(self, point: Vector) -> dict[str, Value]:
+        """The gains at a point of the cube, by name."""
+        return {axis.name: axis.value(float(x)) for axis, x in zip(self.axes, point, strict=True)}
+
+    def options(self, values: Mapping[str, Value]) -> dict[str, Any]:
+        """The options that bring gains to a run, and what derives from them."""
+        parts = [axis.factor.options(values[axis.name]) for axis in self.axes if axis.factor is not None]
+        numbers = {name: float(x) for name, x in values.items() if isinstance(x, (int, float))}
+        for targets, derived in self.derived:
+            parts += [factor.options(derived.value(numbers)) for factor in targets]
+        return merged(parts)
+
+    def places(self) -> list[float]:
+        """Where the scenario's own gains are."""
+        return [axis.place(self.start[axis.name]) for axis in self.axes]
+
+
+def space(plan: TuningPlan, system: System, interfaces: Mapping[str, Interface]) -> Space:
+    """The space of a plan in a system. Raises CommandError for names that are not there or cannot vary."""
+    free = [name for name in plan.vary if _is_free(name, plan.vary[name], system)]
+    known = {name: _range(given) for name, given in plan.vary.items() if name not in free}
+    found = factors(known, system, interfaces, plan.where)
+    _check_start_values(found, plan.where)
+    axes = [Axis(f.name, f.distribution, f) for f in found]
+    axes += [Axis(name, distribution(_range(plan.vary[name]), f"'{name}' of {plan.where}")) for name in free]
+    derived = _derived(plan, axes, system, interfaces)
+    used = {name for _, one in derived for name in one.names}
+    if idle := [name for name in free if name not in used]:
+        raise CommandError(
+            f"'{idle[0]}' of {plan.where} is no start value and no option, and nothing is derived from it; "
+            "write it as component.variable, or use it in 'derive'.",
+            name=idle[0],
+        )
+    start = {axis.name: _start(axis, system, interfaces) for axis in axes}
+    return Space(axes, derived, start)
+
+
+def check_during_a_run(found: Sequence[Factor], where: str) -> None:
+    """Raise CommandError for one that a prepared simulation cannot vary."""
+    for factor in found:
+        for target in factor.targets:
+            if target.kind != START and (target.kind != OPTION or target.name in PREPARED):
+                raise CommandError(
+                    f"'{factor.name}' of {where} needs another preparation; start values and options of "
+                    "how a run is stepped do not.",
+                    name=factor.name,
+                )
+
+
+def _check_start_values(found: Sequence[Factor], where: str) -> None:
+    """Raise CommandError for a gain that is an option or an FMU."""
+    for factor in found:
+        if wrong := [target for target in factor.targets if target.kind != START]:
+            raise CommandError(
+                f"'{wrong[0].name}' of {where} is no start value; gains are start values.", name=wrong[0].name
+            )
+
+
+def _is_free(name: str, given: Any, system: System) -> bool:
+    """Whether a name stands for nothing but itself."""
+    is_component = any(c.name == name for c in system.components)
+    return "." not in name and name not in table() and not is_component and not _has_targets(given)
+
+
+def _has_targets(given: Any) -> bool:
+    return isinstance(given, Mapping) and "of" in given
+
+
+def _range(given: Any) -> Any:
+    """What a plan gives; LOW:HIGH of positive numbers by its logarithm, as gains are compared by ratios."""
+    if not isinstance(given, str):
+        return given
+    found = distribution(given, "the range")
+    if isinstance(found, Uniform) and found.low > 0:
+        return LogUniform(found.low, found.high, found.points, relative=found.relative)
+    return found
+
+
+def _derived(
+    plan: TuningPlan, axes: Sequence[Axis], system: System, interfaces: Mapping[str, Interface]
+) -> list[tuple[Sequence[Factor], Expression]]:
+    names = [axis.name for axis in axes]
+    taken = {t.name for axis in axes if axis.factor is not None for t in axis.factor.targets}
+    found = list[tuple[Sequence[Factor], Expression]]()
+    for name, text in plan.derive.items():
+        label = f"'{name}' of 'derive' in {plan.where}"
+        one = expression(text, label)
+        if unknown := sorted(one.names - set(names)):
+            raise CommandError(
+                f"{label} uses '{unknown[0]}', which does not vary; there are {listed(names)}."
+            )
+        targets = factors({name: 0.0}, system, interfaces, plan.where)
+        _check_start_values(targets, plan.where)
+        if both := taken & {t.name for f in targets for t in f.targets}:
+            raise CommandError(f"{plan.where} gives {min(both)} twice: varied and derived.", name=min(both))
+        taken |= {t.name for f in targets for t in f.targets}
+        found.append((targets, one))
+    return found
+
+
+def _start(axis: Axis, system: System, interfaces: Mapping[str, Interface]) -> float | None:
+    """What a gain is in the scenario, if it is one number there."""
+    if axis.factor is None or axis.factor.targets[0].kind != START:
+        return None
+    if axis.factor.targets[0].nominal is not None and len(axis.factor.targets) > 1:
+        return 1.0
+    return start_number(axis.factor.targets[0].name, system, interfaces)

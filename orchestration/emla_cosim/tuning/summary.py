@@ -1,0 +1,103 @@
+"""What a person sees of a tuning in the terminal: gains, what they are worth, and what does not hold."""
+
+import math
+from collections.abc import Iterator, Mapping
+
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from ..base.wording import counted, number
+from .result import Tuned, TuneResult
+from .score import Score, told
+
+
+def summary(result: TuneResult) -> list[RenderableType]:
+    """Gains before and after, the objective on both sets of seeds, and the conditions at their worst."""
+    parts: list[RenderableType] = [_gains(result), _objective(result)]
+    if any(result.best.training.worst.values()):
+        parts.append(_conditions(result))
+    return parts
+
+
+def lines(result: TuneResult) -> Iterator[str]:
+    """How much was run, and how well it holds on other seeds."""
+    yield (
+        f"{counted(result.history.height, 'set')} of gains tried, "
+        f"{counted(result.runs, 'run', form=',')} in {result.wall_s:.0f} s; "
+        f"{counted(int((result.history['violation'] == 0.0).sum()), 'set')} as required"
+    )
+    if result.best.validation is None:
+        if result.complete:
+            yield "No seeds to validate with."
+        return
+    seeds = len(result.seeds["validation"])
+    worse = 100.0 * (result.best.ratio - 1.0)
+    if math.isfinite(worse):
+        word = "worse" if worse > 0 else "better"
+        yield f"On {seeds} seeds that it was not tuned on the objective is {abs(worse):.2g} % {word}."
+
+
+def _gains(result: TuneResult) -> Table:
+    table = Table(title=escape(f"Gains of {result.name}"), title_justify="left")
+    for head in ("", "start", "best", ""):
+        table.add_column(head, justify="left" if not head else "right", overflow="fold")
+    for name, value in result.best.values.items():
+        started = result.start.values.get(name)
+        table.add_row(escape(name), _value(started), _value(value), escape(result.units.get(name, "")))
+    return table
+
+
+def _value(value: object) -> str:
+    if value is None:
+        return ""
+    return number(value, 5) if isinstance(value, float) else escape(str(value))
+
+
+def _objective(result: TuneResult) -> Table:
+    table = Table(title=escape(f"{result.objective}, mean over seeds"), title_justify="left")
+    for head in ("", "start", "validation", "ratio", "best", "validation", "ratio"):
+        table.add_column(head, justify="left" if not head else "right")
+    for case in result.best.training.by_case:
+        table.add_row(escape(case), *_pair(result.start, case), *_pair(result.best, case))
+    table.add_row("all", *_pair(result.start, None), *_pair(result.best, None), style="bold")
+    return table
+
+
+def _pair(gains: Tuned, case: str | None) -> tuple[str, str, str]:
+    """The objective in training and validation, and by how much they differ."""
+    found = [_of(score, case) for score in (gains.training, gains.validation)]
+    ratio = found[1] / found[0] if found[0] else math.nan
+    return _number(found[0]), _number(found[1]), "" if ratio != ratio else f"{ratio:.2f}"
+
+
+def _of(score: Score | None, case: str | None) -> float:
+    if score is None:
+        return math.nan
+    return score.objective if case is None else score.by_case.get(case, math.nan)
+
+
+def _number(value: float) -> str:
+    return "" if value != value else f"{value:.4g}"
+
+
+def _conditions(result: TuneResult) -> Table:
+    """Figures at their worst over seeds; those that are not as required stand out."""
+    table = Table(title="Conditions, figures at their worst", title_justify="left")
+    for head in ("", "", "start", "best", "validation"):
+        table.add_column(head, justify="left" if not head else "right", overflow="fold")
+    for case, conditions in result.best.training.worst.items():
+        for condition in conditions:
+            scores = (result.start.training, result.best.training, result.best.validation)
+            table.add_row(
+                escape(case), escape(condition), *(_worst(score, case, condition) for score in scores)
+            )
+    return table
+
+
+def _worst(score: Score | None, case: str, condition: str) -> str:
+    worst: Mapping[str, object] = {} if score is None else score.worst[case][condition]
+    if not worst:
+        return ""
+    shown = told(worst["figure"])
+    return shown if worst["met"] else f"[red]{shown} ✗[/]"

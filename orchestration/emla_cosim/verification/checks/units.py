@@ -1,0 +1,196 @@
+"""Units: defined where they are used, and what their names say."""
+
+import math
+from collections.abc import Iterator, Mapping
+
+from ...base.unit_names import counts_turns, meaning
+from ...base.units import BASE_UNITS
+from ..check import check
+from ..declared import Declared, Unit, Variable, repeated
+from ..saying import judged, listed
+from ..subject import Subject
+from ..verdict import Clause, Outcome
+
+_CLOSE = 1e-4
+"""Relative difference of factors that are meant to be the same: some are written with few digits."""
+_TURN = 2.0 * math.pi
+_RAD = BASE_UNITS.index("rad")
+
+
+@check(
+    "units.defined",
+    "Units are defined",
+    Clause(
+        "2.2.3",
+        "Unit of the variable defined with UnitDefinitions.Unit.name that is used for the model equations.",
+    ),
+    "Add a `Unit` to `UnitDefinitions` for every unit that a variable or type has, with its exponents.",
+    needs=("description.schema",),
+)
+def defined(subject: Subject) -> Outcome:
+    """Every unit that is used is defined, once, and every display unit belongs to a unit."""
+    declared = subject.declared
+    problems = [*_repeated(declared), *_undefined(declared)]
+    return judged(problems, f"{len(declared.units)} units are defined.", list(_bare(declared)))
+
+
+def _repeated(declared: Declared) -> Iterator[str]:
+    for name in repeated(u.name for u in declared.units):
+        yield f"The unit {name} is defined more than once."
+    for unit in declared.units:
+        for name in repeated(d["name"] for d in unit.display):
+            yield f"The unit {unit.name} has more than one display unit {name}."
+
+
+def _undefined(declared: Declared) -> Iterator[str]:
+    used = [(v.name, v.own.get("unit")) for v in declared.variables]
+    used += [(f"the type {t.name}", t.attributes.get("unit")) for t in declared.types]
+    for who, unit in used:
+        if unit is not None and unit not in declared.units_by_name:
+            yield f"The unit {unit!r} of {who} is not defined."
+    for variable in declared.variables:
+        if variable.attributes.get("displayUnit") is not None and variable.unit is None:
+            yield f"{variable} has a display unit, but no unit."
+
+
+def _bare(declared: Declared) -> Iterator[str]:
+    bare = [u.name for u in declared.units if u.base is None]
+    if bare:
+        yield f"Nobody says what the unit {listed(bare)} is made of (BaseUnit)."
+    for variable in declared.variables:
+        shown, unit = variable.attributes.get("displayUnit"), declared.unit_of(variable)
+        if shown is not None and unit and shown not in [unit.name, *(d["name"] for d in unit.display)]:
+            yield f"The display unit {shown!r} of {variable} is not defined, and is ignored."
+
+
+@check(
+    "units.consistent",
+    "Units are what their names say",
+    Clause(
+        "2.2.2",
+        "Optionally, a value given in unit Unit can be converted to a value with respect to unit BaseUnit "
+        "utilizing the conversion factor and offset attributes:",
+    ),
+    "Correct the exponents and the factor, or the name; masters convert connected values by them.",
+    needs=("units.defined",),
+)
+def consistent(subject: Subject) -> Outcome:
+    """Exponents and factors of units with well-known names are right, and those of their display units."""
+    units = subject.declared.units
+    problems = [p for unit in units for p in (*_finite(unit), *_wrong(unit), *_wrong_display(unit))]
+    doubts = [d for unit in units for d in _offset(unit)]
+    known = sum(meaning(u.name) is not None for u in units)
+    return judged(
+        problems, f"{known} of {len(units)} units have well-known names, and are what these say.", doubts
+    )
+
+
+def _finite(unit: Unit) -> Iterator[str]:
+    every = [
+        (unit.name, unit.base or {}),
+        *((f"{d['name']} (display of {unit.name})", d) for d in unit.display),
+    ]
+    for name, attributes in every:
+        factor, offset = _number(attributes, "factor", 1.0), _number(attributes, "offset", 0.0)
+        if not (math.isfinite(factor) and factor and math.isfinite(offset)):
+            yield f"The unit {name} has the factor {factor:g} and the offset {offset:g}."
+
+
+def _wrong(unit: Unit) -> Iterator[str]:
+    known = meaning(unit.name)
+    if known is None or unit.base is None:
+        return
+    exponents = _exponents(unit.base)
+    if exponents[:_RAD] != known.exponents[:_RAD]:
+        yield f"The unit {unit.name} is said to be {_told(exponents)}, but is {_told(known.exponents)}."
+        return
+    factor = _number(unit.base, "factor", 1.0)
+    turns = exponents[_RAD] - known.exponents[_RAD]
+    powers = (-1, 0, 1) if counts_turns(unit.name) else (0, turns if abs(turns) == 1 else 0)
+    allowed = [known.factor * _TURN**k for k in powers]
+    if not any(_same(factor, one) for one in allowed):
+        yield f"The unit {unit.name} has the factor {factor:g}, but is {known.factor:g} {_told(exponents)}."
+
+
+def _wrong_display(unit: Unit) -> Iterator[str]:
+    mine = meaning(unit.name)
+    for display in unit.display:
+        theirs = meaning(display["name"])
+        if mine is None or theirs is None:
+            continue
+        factor = _number(display, "factor", 1.0)
+        right = mine.factor / theirs.factor
+        turning = counts_turns(unit.name) or counts_turns(display["name"])
+        allowed = [right * _TURN**k for k in ((-1, 0, 1) if turning else (0,))]
+        if mine.exponents[:_RAD] != theirs.exponents[:_RAD]:
+            yield f"{display['name']} is no display unit of {unit.name}: it measures something else."
+        elif not any(_same(factor, one) for one in allowed):
+            yield f"1 {unit.name} is shown as {factor:g} {display['name']}, but is {right:g}."
+
+
+def _offset(unit: Unit) -> Iterator[str]:
+    known = meaning(unit.name)
+    if known is not None and unit.base is not None:
+        offset = _number(unit.base, "offset", 0.0)
+        if abs(offset - known.offset) > _CLOSE * abs(known.offset):
+            yield f"The unit {unit.name} has the offset {offset:g}; by its name it is {known.offset:g}."
+
+
+@check(
+    "units.derivatives",
+    "A derivative has the unit of its variable per second",
+    Clause(
+        "2.2.7",
+        'If present, this variable is the derivative of variable with ScalarVariable index "derivative".',
+    ),
+    "Give the derivative the unit of its variable divided by `s`, with the same factor.",
+    needs=("units.consistent", "structure.derivatives"),
+)
+def derivatives(subject: Subject) -> Outcome:
+    """Where both have units, that of der(x) is that of x per second."""
+    declared = subject.declared
+    pairs = [
+        (v, of)
+        for v in declared.variables
+        if (of := declared.variable(int(v.own.get("derivative", 0)))) is not None
+    ]
+    if any(v.causality == "independent" and v.unit not in (None, "s") for v in declared.variables):
+        pairs = []  # they are per something else
+    problems, doubts = [], []
+    for variable, of in pairs:
+        exponents, factors = _agree(declared, variable, of)
+        if not (exponents and factors):
+            told = f"{variable} is in {variable.unit}, but is the derivative of {of}, which is in {of.unit}."
+            (doubts if exponents else problems).append(told)
+    fine = f"{len(pairs)} derivatives have units that agree with their variables'."
+    return judged(problems, fine, doubts)
+
+
+def _agree(declared: Declared, derivative: Variable, of: Variable) -> tuple[bool, bool]:
+    """Whether exponents and factors of their units agree, as far as both are known."""
+    bases = [u.base for v in (of, derivative) if (u := declared.unit_of(v))]
+    if len(bases) < 2 or bases[0] is None or bases[1] is None:
+        return True, True
+    expected, found = _exponents(bases[0], per_second=True), _exponents(bases[1])
+    one, other = (_number(base, "factor", 1.0) for base in (bases[0], bases[1]))
+    return expected[:_RAD] == found[:_RAD], _same(one, other)
+
+
+def _exponents(base: Mapping[str, str], per_second: bool = False) -> tuple[int, ...]:
+    found = [int(base.get(one, 0)) for one in BASE_UNITS]
+    found[BASE_UNITS.index("s")] -= per_second
+    return tuple(found)
+
+
+def _told(exponents: tuple[int, ...]) -> str:
+    """Exponents in words: `kg m2 s-2`."""
+    pairs = zip(BASE_UNITS, exponents, strict=True)
+    return " ".join(f"{base}{power if power != 1 else ''}" for base, power in pairs if power) or "1"
+
+
+def _number(attributes: Mapping[str, str], name: str, otherwise: float) -> float:
+    return float(attributes.get(name, otherwise))
+
+
+def _same(one: float, other: float) -> bool:
+    return math.isclose(one, other, rel_tol=_CLOSE)

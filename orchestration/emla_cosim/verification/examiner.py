@@ -1,0 +1,61 @@
+"""The process that examines FMUs: reads what to examine, and answers with progress and findings.
+
+It is a process of its own, so that checks can divide from one that has no threads and has loaded
+little, whatever the caller did before.
+"""
+
+import gc
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from ..sandbox.channel import Channel, own_channel
+from ..sandbox.interruption import ask_no_more
+from ..sandbox.processes import end_with
+from .examination import examined
+from .report import Examined
+from .settings import Settings
+from .subject import Subject
+
+
+class Job(NamedTuple):
+    """A file to examine, an FMU or a system of them; what reports call it, and its path as it was given."""
+
+    path: Path
+    settings: Settings
+    name: str
+    given: Path
+    system: bool = False
+
+
+def main() -> None:
+    """Serve the parent at the other end of standard input and output; temporary files go into its folder."""
+    import lief  # noqa: F401  # slow to load: once, before processes divide
+
+    gc.freeze()  # so that processes that divide from this one do not copy what they only look at
+    ask_no_more()  # it is the parent who ends an examination
+    end_with(os.getppid(), lambda: os._exit(0))
+    channel = own_channel()
+    tempfile.tempdir = sys.argv[1]
+    while True:
+        try:
+            job: Job = channel.receive()
+        except EOFError:
+            os._exit(0)
+        channel.send(_done(job, channel))
+
+
+def _done(job: Job, channel: Channel) -> Examined:
+    if job.system:
+        from .systems import examined_system
+
+        return examined_system(job.path, job.settings, channel.send)
+    with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
+        subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
+        return examined(subject, channel.send)
+
+
+if __name__ == "__main__":
+    main()

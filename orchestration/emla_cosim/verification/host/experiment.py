@@ -1,0 +1,70 @@
+"""A run that any FMU can be asked for: its times, and inputs that move within their ranges."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from ...base.arrays import Vector
+from ..subject import Subject
+
+MOST_STEPS = 100
+"""Of one run; what goes wrong later than that, a reference shows."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Communication points in s, and the value of every moved input at each of them."""
+
+    times: Vector
+    inputs: dict[str, Vector]
+
+    @property
+    def step(self) -> float:
+        """The communication step in s."""
+        return float(self.times[1] - self.times[0])
+
+    def at(self, k: int) -> dict[str, float]:
+        """Inputs by name at a point."""
+        return {name: float(values[k]) for name, values in self.inputs.items()}
+
+
+def experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
+    """The beginning of the FMU's default experiment, with its step, and at most so many of them."""
+    start, step, count = span(subject)
+    times = start + step * np.arange(min(steps, count) + 1, dtype=np.float64)
+    inputs = subject.of_causality("input")
+    return Experiment(times, {v.name: _moved(v, i, times) for i, v in enumerate(inputs)})
+
+
+def span(subject: Subject) -> tuple[float, float, int]:
+    """Start and step in s, and the number of steps, of the FMU's default experiment."""
+    given = subject.description.defaultExperiment
+    start = number(given.startTime if given else None, 0.0)
+    stop = number(given.stopTime if given else None, start + 1.0)
+    stop = stop if stop > start else start + 1.0
+    step = number(given.stepSize if given else None, (stop - start) / MOST_STEPS)
+    step = step if 0.0 < step <= stop - start else (stop - start) / MOST_STEPS
+    return start, step, max(1, round((stop - start) / step))
+
+
+def number(value: Any, otherwise: float) -> float:
+    """What an attribute of the model description says, or something else where it is no finite number."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return otherwise
+    return number if math.isfinite(number) else otherwise
+
+
+def _moved(variable: ModelVariable, index: int, times: Vector) -> Vector:
+    """A sine around the start value, of a tenth of the range, and with a period of its own."""
+    middle = number(variable.start, 0.0)
+    low, high = number(variable.min, -math.inf), number(variable.max, math.inf)
+    typical = abs(number(variable.nominal, middle or 1.0))
+    width = 0.1 * (high - low if math.isfinite(high - low) else typical)
+    periods = 2.0 + 0.5 * (index % 7)
+    phase = 2.0 * np.pi * periods * (times - times[0]) / (times[-1] - times[0])
+    return np.clip(middle + width * np.sin(phase), low, high)

@@ -1,0 +1,94 @@
+"""Places at which the equations of an FMU can be asked for values and derivatives, again and again."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ..subject import Subject
+from . import structure
+from .afresh import only_once
+from .experiment import experiment, number
+from .instance import Instance
+from .structure import Dependency
+
+_STEPS = 20
+"""Of a model's run on which it is asked."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """An instance in a mode in which knowns may be set and unknowns got in any order.
+
+    `values` are those of the knowns. Whoever changes a known sets it back.
+    """
+
+    instance: Instance
+    dependencies: list[Dependency]
+    knowns: list[str]
+    values: dict[str, float]
+    where: str
+
+    @property
+    def unknowns(self) -> list[str]:
+        """Names of the unknowns."""
+        return [d.unknown for d in self.dependencies]
+
+    def scale(self, known: str) -> float:
+        """How large a change of a known is neither lost nor far away."""
+        variable = self.instance.subject.variables[known]
+        nominal = abs(number(variable.nominal, 0.0))
+        width = 0.1 * (number(variable.max, math.inf) - number(variable.min, -math.inf))
+        return max(nominal, abs(self.values[known]), width if math.isfinite(width) else 0.0) or 1.0
+
+    def shifted(self, changes: dict[str, float]) -> Vector:
+        """Values of the unknowns with some knowns changed by so much; they are set back before it returns."""
+        old = {name: self.values[name] for name in changes}
+        self.instance.set({name: old[name] + by for name, by in changes.items()})
+        try:
+            return np.array(self.instance.get(self.unknowns), dtype=float)
+        finally:
+            self.instance.set(old)
+
+    def directional(self, knowns: Sequence[str], seed: Sequence[float]) -> Vector:
+        """What fmi2GetDirectionalDerivative says of the unknowns."""
+        unknowns = [self.instance.reference(n) for n in self.unknowns]
+        with self.instance.calling():
+            call: Any = self.instance.fmu.getDirectionalDerivative
+            return np.array(call(unknowns, [self.instance.reference(n) for n in knowns], list(seed)))
+
+
+def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
+    """Instances in initialization mode, with inputs of several times of the experiment."""
+    course = experiment(subject)
+    knowns = [v.name for v in subject.of_causality("input")]
+    places = np.linspace(0, len(course.times) - 1, 1 if only_once(subject) else count)
+    for k in np.unique(places.astype(int)):
+        instance = Instance(subject)
+        instance.enter_initialization(course.at(0), float(course.times[0]))
+        values = course.at(int(k))
+        instance.set(values)
+        found = structure.at_initialization(subject)
+        yield Point(instance, found, knowns, values, f"in initialization mode (inputs {k})")
+        instance.free()
+
+
+def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
+    """A model in event mode, at several times of the experiment."""
+    course = experiment(subject, _STEPS)
+    knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
+    instance = Instance(subject, kind="ModelExchange")
+    instance.initialize(course.at(0), float(course.times[0]))
+    wanted = set(np.linspace(0, len(course.times) - 1, count).astype(int))
+    for k, time in enumerate(course.times):
+        instance.set(course.at(k))
+        if k in wanted:
+            values = {n: course.at(k)[n] for n in knowns}
+            found = structure.at_events(subject)
+            yield Point(instance, found, knowns, values, f"of the model at t = {time:.9g} s")
+        if instance.terminated or k == len(course.times) - 1:
+            return
+        instance.step(float(time), course.step)

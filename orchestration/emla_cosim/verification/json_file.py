@@ -1,0 +1,113 @@
+"""The report as JSON, for programs.
+
+    {
+      "format": "emla-verify", "version": 1,           1 until a field changes its meaning or goes
+      "made_by": "emla-cosim 0.1.0", "started": "2026-01-31T12:00:00+00:00",
+      "passed": true,                                  no check of any FMU failed
+      "counts": {"passed": 8, "warning": 1, "failed": 0, "skipped": 2},
+      "examined": [
+        {
+          "name": "build/Plant.fmu",                   what it is called
+          "path": "build/Plant.fmu",                   as it was given
+          "passed": true, "verdict": "warning",        the verdict that decides
+          "seconds": 1.5,
+          "facts": {"FMI": "2.0", ...},                texts by name
+          "findings": [
+            {
+              "check": "reference.tube", "title": "...", "verdict": "passed",
+              "sentence": "...", "details": ["..."], "hint": "...", "seconds": 0.2,
+              "clause": {"document": "FMI 2.0.4", "section": "4.2.2", "sentence": "..."},
+              "figures": {"steps": 1000, ...},         whatever the check counts or measures
+              "comparisons": [
+                {
+                  "signal": "x", "unit": "m",
+                  "inside": false, "left_at": 0.7,     null where it stays in its tube
+                  "worst": 0.01, "worst_at": 0.9,      in the unit of the signal, and in s
+                  "tube": {"value": 0.001, "time": 0.005}
+                }
+              ]
+            }
+          ]
+        }
+      ]
+    }
+
+A number that is infinite or not a number is null. Verdicts are passed, warning, failed and skipped.
+"""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..recorders.tubes.comparison import Comparison
+from ..views.pages.plain import plain
+from ..views.pages.writing import write_text
+from .verdict import Verdict
+
+if TYPE_CHECKING:
+    from .report import Examined, Finding, Report
+
+VERSION = 1
+"""Of what the fields mean."""
+
+
+def as_dict(report: "Report") -> dict[str, Any]:
+    """The report as nothing but dictionaries, lists, texts, numbers that are finite, booleans and None."""
+    return plain(
+        {
+            "format": "emla-verify",
+            "version": VERSION,
+            "made_by": f"emla-cosim {report.version}",
+            "started": report.started,
+            "passed": report.passed,
+            "counts": {verdict.value: report.counts[verdict] for verdict in Verdict},
+            "examined": [_examined(one) for one in report.examined],
+        }
+    )
+
+
+def save(report: "Report", path: Path) -> None:
+    """Write it. Raises CommandError and RunError as `write_text`."""
+    write_text(json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n", path, "the JSON report")
+
+
+def _examined(one: "Examined") -> dict[str, Any]:
+    from .report import worst
+
+    return {
+        "name": one.label,
+        "path": str(one.path),
+        "passed": one.passed,
+        "verdict": worst(one.findings).value,
+        "seconds": one.seconds,
+        "facts": one.facts,
+        "findings": [_finding(finding) for finding in one.findings],
+    }
+
+
+def _finding(finding: "Finding") -> dict[str, Any]:
+    clause, outcome = finding.clause, finding.outcome
+    return {
+        "check": finding.check,
+        "title": finding.title,
+        "verdict": finding.verdict.value,
+        "sentence": finding.sentence,
+        "details": outcome.details,
+        "clause": {"document": clause.document, "section": clause.section, "sentence": clause.sentence},
+        "hint": finding.hint,
+        "seconds": finding.seconds,
+        "figures": outcome.figures,
+        "comparisons": [_comparison(one) for one in outcome.comparisons],
+    }
+
+
+def _comparison(one: Comparison) -> dict[str, Any]:
+    return {
+        "signal": one.signal,
+        "unit": one.unit,
+        "inside": one.inside,
+        "worst": one.worst,
+        "worst_at": one.worst_at,
+        "left_at": one.left_at,
+        "tube": {"value": one.tube.value, "time": one.tube.time},
+    }

@@ -1,0 +1,90 @@
+"""The report as JUnit XML, as CI systems display it: a suite per FMU, a case per check."""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from ..views.pages.text import visible
+from ..views.pages.writing import write_text
+from .labels import labels
+from .verdict import Verdict
+
+if TYPE_CHECKING:
+    from .report import Examined, Finding, Report
+
+
+def save(report: "Report", path: Path) -> None:
+    """Write it. Raises CommandError and RunError as `write_text`."""
+    names = labels([one.label for one in report.examined])
+    suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
+    root = _element(
+        "testsuites",
+        name="emla verify",
+        tests=sum(report.counts.values()),
+        failures=report.counts[Verdict.FAILED],
+        errors=0,
+        time=_time(sum(one.seconds for one in report.examined)),
+    )
+    root.extend(suites)
+    etree.indent(root)
+    text = etree.tostring(root, encoding="unicode")
+    write_text(f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n', path, "the JUnit report")
+
+
+def _suite(one: "Examined", name: str, report: "Report") -> Any:
+    suite = _element(
+        "testsuite",
+        name=one.label,
+        tests=len(one.findings),
+        failures=len(one.of(Verdict.FAILED)),
+        errors=0,
+        skipped=len(one.of(Verdict.SKIPPED)),
+        time=_time(one.seconds),
+        timestamp=report.started,
+    )
+    properties = _element("properties")
+    facts = {"emla-cosim": report.version, **one.facts}
+    properties.extend(_element("property", name=fact, value=value) for fact, value in facts.items())
+    suite.append(properties)
+    suite.extend(_case(finding, _class_name(name)) for finding in one.findings)
+    return suite
+
+
+def _class_name(label: str) -> str:
+    """As CI systems group cases: folders as packages, no other dots."""
+    return label.removesuffix(".fmu").replace(".", "_").replace("/", ".")
+
+
+def _case(finding: "Finding", class_name: str) -> Any:
+    case = _element("testcase", classname=class_name, name=finding.check, time=_time(finding.seconds))
+    if finding.verdict == Verdict.FAILED:
+        case.append(_element("failure", _explained(finding), type=finding.check, message=finding.sentence))
+    elif finding.verdict == Verdict.SKIPPED:
+        case.append(_element("skipped", message=finding.sentence))
+    elif finding.verdict == Verdict.WARNING:
+        case.append(_element("system-out", f"Warning: {_explained(finding)}"))
+    return case
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds if math.isfinite(seconds) else 0.0:.3f}"
+
+
+def _explained(finding: "Finding") -> str:
+    """All that is known, in paragraphs."""
+    clause = f"{finding.clause}: \u201c{finding.clause.sentence}\u201d"
+    return "\n\n".join(_paragraphs(finding.sentence, finding.outcome.details, clause, finding.hint))
+
+
+def _paragraphs(sentence: str, details: Iterable[str], clause: str, hint: str) -> list[str]:
+    return [part for part in (sentence, "\n".join(details), clause, hint) if part]
+
+
+def _element(tag: str, text: str | None = None, **attributes: Any) -> Any:
+    element = etree.Element(tag, {name: visible(value) for name, value in attributes.items()})
+    if text is not None:
+        element.text = visible(text)
+    return element

@@ -1,0 +1,142 @@
+"""The report as one page for people: searchable, with plots of results beside references."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..views.pages.comparisons import compared
+from ..views.pages.page import Plots, rendered
+from ..views.pages.writing import write_text
+from .labels import labels
+from .verdict import Verdict
+
+if TYPE_CHECKING:
+    from .report import Examined, Finding, Report
+
+
+def save(report: "Report", path: Path) -> None:
+    """Write it. Raises CommandError and RunError as `write_text`."""
+    write_text(page(report), path, "the HTML report")
+
+
+def page(report: "Report") -> str:
+    """The text of the page."""
+    plots = Plots()
+    names = labels([one.label for one in report.examined])
+    parts = [
+        _Part(k, one, name, plots)
+        for k, (one, name) in enumerate(zip(report.examined, names, strict=True), 1)
+    ]
+    groups = list(dict.fromkeys(group for part in parts for group in part.groups))
+    return rendered(
+        __package__ or "",
+        "page.html",
+        plots,
+        report=report,
+        parts=parts,
+        groups=groups,
+        verdicts=list(Verdict),
+        headline=_headline(report),
+        thing=_thing(report),
+        started=_moment(report.started),
+        seconds=sum(one.seconds for one in report.examined),
+    )
+
+
+class _Part:
+    """One FMU, as the page's template wants it."""
+
+    def __init__(self, index: int, one: "Examined", name: str, plots: Plots) -> None:
+        self.id, self.one, self.name = f"fmu-{index}", one, name
+        self.rows = [_Row(f"{self.id}-{_word(f.check)}", f, plots) for f in one.findings]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The one that decides."""
+        return _worst(self.rows)
+
+    @property
+    def counts(self) -> Counter[Verdict]:
+        """How many checks ended in which way."""
+        return Counter(row.finding.verdict for row in self.rows)
+
+    @cached_property
+    def groups(self) -> dict[str, "_Group"]:
+        """Findings by the first part of their checks' names."""
+        found: dict[str, list[_Row]] = {}
+        for row in self.rows:
+            found.setdefault(row.finding.check.partition(".")[0], []).append(row)
+        return {name: _Group(f"{self.id}-{_word(name)}-checks", rows) for name, rows in found.items()}
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Findings of one kind about one FMU."""
+
+    id: str
+    rows: Sequence["_Row"]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The one that decides."""
+        return _worst(self.rows)
+
+    @property
+    def count(self) -> int:
+        """How many checks ended with the verdict that decides."""
+        return sum(row.finding.verdict == self.verdict for row in self.rows)
+
+
+class _Row:
+    """One finding."""
+
+    def __init__(self, name: str, finding: "Finding", plots: Plots) -> None:
+        self.id, self.finding, self.outcome = name, finding, finding.outcome
+        self.signals = compared(self.outcome.comparisons, plots)
+
+    @property
+    def advised(self) -> bool:
+        """Whether there is something to be done about it."""
+        return self.finding.verdict in (Verdict.FAILED, Verdict.WARNING) and bool(self.finding.hint)
+
+
+def _worst(rows: Sequence[_Row]) -> Verdict:
+    from .report import worst
+
+    return worst([row.finding for row in rows])
+
+
+def _word(name: str) -> str:
+    """As an id of HTML may be."""
+    return re.sub(r"[^\w.-]", "_", name)
+
+
+def _headline(report: "Report") -> str:
+    count, thing = len(report.examined), _thing(report)
+    bad = sum(not one.passed for one in report.examined)
+    how = "failed" if bad else "passed"
+    if count == 1:
+        return f"The {thing} {how}"
+    return f"{bad} of {count} {thing}s {how}" if 0 < bad < count else f"All {count} {thing}s {how}"
+
+
+def _thing(report: "Report") -> str:
+    """What was examined: FMUs, or systems."""
+    systems = [one.path.suffix.lower() not in ("", ".fmu") for one in report.examined]
+    return "system" if systems and all(systems) else "FMU"
+
+
+def _moment(text: str) -> dict[str, Any]:
+    """A time for people; as it is where it is none."""
+    try:
+        return {
+            "machine": text,
+            "people": datetime.fromisoformat(text).strftime("%d %B %Y, %H:%M %Z").lstrip("0"),
+        }
+    except ValueError:
+        return {"machine": None, "people": text}

@@ -1,0 +1,175 @@
+"""Reference files made of a run of the FMU itself, to see later whether it still does the same."""
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.files import place_of, written_whole
+from ..host.drive import outputs
+from ..host.experiment import span
+from ..subject import Subject
+from .excitation import excited
+from .files import Reference, read_columns
+from .following import followed, inputs_at, start_values
+
+MOST_STEPS = 100_000
+"""Of a run that is recorded."""
+
+_ROWS = 1000
+"""Of generated inputs and of the recorded outputs, about, unless a step is said."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What is recorded, and where: `folder` has the reference files in the end.
+
+    Inputs come from a CSV file, `inputs`, or have a shape of `excitation.SHAPES` within their ranges.
+    `stop` and `step` are times in s, by default those of the FMU's default experiment. `values` are start
+    values. Files that are there already are only written again if that is wanted: `overwrite`.
+    """
+
+    folder: Path
+    inputs: Path | None = None
+    shape: str = "steps"
+    stop: float | None = None
+    step: float | None = None
+    values: dict[str, Any] = field(default_factory=dict)
+    overwrite: bool = False
+
+    def files(self, name: str) -> list[Path]:
+        """The files of an FMU of this name."""
+        return [self.folder / f"{name}_{kind}" for kind in ("in.csv", "ref.csv", "ref.opt", "ref.toml")]
+
+
+def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
+    """Raise CommandError where files are there that would be overwritten, or cannot be written.
+
+    Also for start values and inputs that FMUs do not have, where their model descriptions can be read.
+    """
+    try:
+        recording.folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise CommandError(f"the folder '{recording.folder}' cannot be made: {reason}.") from error
+    written: set[Path] = set()
+    for fmu in fmus:
+        for path in recording.files(fmu.stem):
+            place_of(path, "the reference")
+            if path in written:
+                raise CommandError(f"two FMUs are called {fmu.stem}; record one at a time.")
+            if path.exists() and not recording.overwrite:
+                raise CommandError(f"there is '{path}' already; --overwrite replaces it.")
+            written.add(path)
+        subject = Subject(fmu, recording.folder)
+        try:
+            _ = subject.description
+        except Exception:  # which the checks tell better
+            continue
+        _course(subject, recording)
+        start_values(subject, recording.values)
+        if recording.inputs is not None:
+            inputs_at(subject, read_columns(recording.inputs, "the inputs"), np.zeros(2))
+
+
+def recorded(subject: Subject, recording: Recording) -> list[Path]:
+    """Run the FMU and write its reference files, which are returned.
+
+    Raises CallError where the FMU refuses a call, CommandError for inputs that do not fit, OSError.
+    """
+    start, step, count = _course(subject, recording)
+    stop = start + count * step
+    every = max(1, count // _ROWS)
+    times = np.asarray(start + step * np.arange(0, count + 1, every), dtype=np.float64)
+    if recording.inputs is not None:
+        inputs = read_columns(recording.inputs, "the inputs")
+    else:
+        inputs = excited(subject, recording.shape, times)
+    names = outputs(subject)
+    wanted = {"time": times} | dict.fromkeys(names, times)
+    plan = Reference(recording.folder, wanted, inputs, start, stop, step, every * step, recording.values)
+    found = followed(subject, plan)
+    rows = {"time": found.times} | {n: found.values[:, i] for i, n in enumerate(found.names)}
+    texts = {
+        "ref.csv": _csv(rows),
+        "ref.opt": _options(start, stop, step, every * step),
+        "ref.toml": _about(subject, recording),
+    }
+    if len(inputs) > 1:
+        texts["in.csv"] = _csv(inputs)
+    else:  # what an earlier recording left would be taken for its inputs
+        (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
+    return [_written(recording.folder / f"{subject.path.stem}_{kind}", text) for kind, text in texts.items()]
+
+
+def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
+    """Start and step in s, and the number of steps; CommandError where they do not fit."""
+    start, step, count = span(subject)
+    if recording.step is not None:
+        if not recording.step > 0.0:
+            raise CommandError(f"the step size {recording.step:g} s must be a positive number.")
+        step, count = recording.step, max(1, round(count * step / recording.step))
+    if recording.stop is not None:
+        if not recording.stop > start:
+            raise CommandError(f"the stop time {recording.stop:g} s must be after the start, {start:g} s.")
+        count = max(1, round((recording.stop - start) / step))
+    if count > MOST_STEPS:
+        raise CommandError(
+            f"{count} steps of {step:g} s are too many to record; give --stop-time or --step-size."
+        )
+    return start, step, count
+
+
+def _written(path: Path, text: str) -> Path:
+    with written_whole(path) as stream:
+        stream.write(text.encode())
+    return path
+
+
+def _csv(columns: dict[str, Vector]) -> str:
+    """Columns as text, numbers with the digits that bring back the same double."""
+    text = StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([repr(float(v)) for v in row] for row in zip(*columns.values(), strict=True))
+    return text.getvalue()
+
+
+def _options(start: float, stop: float, step: float, interval: float) -> str:
+    entries = {"StartTime": start, "StopTime": stop, "StepSize": step, "OutputIntervalLength": interval}
+    return "".join(f"{name}, {value!r}\n" for name, value in entries.items())
+
+
+def _about(subject: Subject, recording: Recording) -> str:
+    driven = f"inputs of {recording.inputs.name}" if recording.inputs else f"{recording.shape} as inputs"
+    description = subject.description
+    made_by = (
+        f"emla verify --record, {version('emla-cosim')}: {subject.path.name} (GUID {description.guid}, "
+        f"{description.generationTool or 'unnamed tool'}) with {driven}"
+    )
+    values = "".join(f"{_quoted(n)} = {_value(v)}\n" for n, v in recording.values.items())
+    return f"made_by = {_quoted(made_by)}\n" + (f"\n[set]\n{values}" if values else "")
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return _quoted(value) if isinstance(value, str) else repr(value)
+
+
+def _quoted(text: str) -> str:
+    """A text as TOML has it."""
+    return '"' + "".join(_escaped(letter) for letter in text) + '"'
+
+
+def _escaped(letter: str) -> str:
+    if letter in '"\\':
+        return f"\\{letter}"
+    return letter if letter.isprintable() else f"\\U{ord(letter):08x}"

@@ -1,0 +1,62 @@
+"""Signals beside their references, as rows of a page with a plot each."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...recorders.tubes.comparison import Comparison
+from .page import Plots
+from .plot import Band, Line, Plot
+
+_OPEN_PLOTS = 3
+"""Signals whose plots are open from the beginning, where so many left their tubes."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One signal beside its reference, its plot, and whether that is shown without being asked for."""
+
+    comparison: Comparison
+    plot: str
+    open: bool
+
+    @property
+    def share(self) -> float | None:
+        """The worst deviation as a part of the tube's width; None where that is no number."""
+        return _share(self.comparison)
+
+
+def compared(comparisons: Sequence[Comparison], plots: Plots) -> list[Compared]:
+    """Rows for the macro of `comparisons.html`: what left its tube first, then what came near an edge."""
+    ordered = sorted(comparisons, key=_urgency)
+    many = sum(not one.inside for one in ordered)
+    return [
+        Compared(one, plots.add(_plot(one)), k < max(1, min(many, _OPEN_PLOTS)))
+        for k, one in enumerate(ordered)
+    ]
+
+
+def _share(one: Comparison) -> float | None:
+    share = abs(one.worst) / one.tube.value if one.tube.value > 0 else math.nan
+    return share if math.isfinite(share) else None
+
+
+def _urgency(one: Comparison) -> tuple[bool, float]:
+    """What left its tube stands first, by when it did; then what came nearest to an edge."""
+    if one.left_at is not None:
+        return False, one.left_at
+    return True, -(_share(one) or 0.0)
+
+
+def _plot(one: Comparison) -> Plot:
+    return Plot(
+        one.unit,
+        (
+            Line("result", one.time, one.values, "blue" if one.inside else "red"),
+            Line("reference", one.reference_time, one.reference, "grey", dashed=True),
+        ),
+        Band("tube", one.time, one.lower, one.upper),
+        mark=(one.worst_at, "worst"),
+        since=None if one.left_at is None else (one.left_at, "left the tube"),
+        against=1,
+    )

@@ -1,0 +1,85 @@
+"""A page that needs nothing else: a template, with the style, the scripts and the plots of all pages."""
+
+from collections.abc import Iterable
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from ...base import colors
+from .drawing import library, template
+from .plot import Plot, Shape
+from .text import number, shortened, visible
+
+
+class Plots:
+    """The plots of one page, which draws each when it is first seen."""
+
+    def __init__(self) -> None:
+        self._found: list[Plot] = []
+        self._own: dict[str, str] = {}
+        self._shapes: set[Shape] = set()
+
+    def add(self, plot: Plot) -> str:
+        """The id under which a template places it: `{{ figure(id, label) }}`."""
+        self._found.append(plot)
+        return f"plot-{len(self._found)}"
+
+    def hold(self, name: str, content: str, shapes: Iterable[Shape]) -> None:
+        """Keep JSON for a script of the page, which makes plots of these shapes of it."""
+        self._own[name] = content
+        self._shapes.update(shapes)
+
+    def scripts(self) -> Markup:
+        """The elements that hold data, templates and the library; nothing where nothing is to be drawn."""
+        shapes = self._shapes.union(plot.shape for plot in self._found)
+        if not shapes:
+            return Markup()
+        data = [_script(f"plot-{k}-data", plot.as_json()) for k, plot in enumerate(self._found, 1)]
+        data += [_script(name, content) for name, content in self._own.items()]
+        figures = [_script(f"figure-{shape}", template(shape)) for shape in sorted(shapes)]
+        bokeh = Markup('<script type="text/plain" id="bokeh">\n{}\n</script>').format(Markup(library()))
+        return Markup("\n").join([*data, *figures, bokeh])
+
+
+def rendered(package: str, name: str, plots: Plots, **context: Any) -> str:
+    """The page of a template in a package of ours, which extends `base.html`.
+
+    Whatever stands in `context` may come from anybody: it is shown as it is, and does nothing.
+    """
+    asked = _environment(package).get_template(name)
+    return asked.render(plots=plots, colors=colors, **context)
+
+
+@cache
+def _environment(package: str) -> Environment:
+    loaders = [PackageLoader(package, "."), PackageLoader(__package__ or "", "assets")]
+    made = Environment(
+        loader=ChoiceLoader(loaders),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_finalized,
+    )
+    made.filters |= {"number": number, "brief": lambda text, most=160: shortened(visible(text), most)}
+    made.globals["asset"] = _asset
+    return made
+
+
+def _finalized(value: Any) -> Any:
+    """What a template shows: text of others without anything that is not seen."""
+    return value if isinstance(value, (Markup, int, float)) else visible(value)
+
+
+def _asset(name: str) -> Markup:
+    """A style sheet or script of this room, as it is."""
+    return Markup((files(__package__ or "") / "assets" / name).read_text(encoding="utf-8"))
+
+
+def _script(name: str, content: str) -> Markup:
+    """JSON for scripts of the page; no text in it can end the element."""
+    safe = content.replace("<", "\\u003c")
+    return Markup('<script type="application/json" id="{}">{}</script>').format(name, Markup(safe))

@@ -1,0 +1,125 @@
+"""Pictures of systems that no metrics know: their signals by unit, for each part of the system."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ...base.arrays import Vector
+from .panels import ShownPanel
+from .plotting import Drawing
+from .stacked import panels_needed, stacked, unit_panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ...run.result import Result
+
+_MOST_PICTURES = 6
+
+_MOST_SIGNALS, _MOST_PANELS = 60, 20
+"""In a picture."""
+
+
+@dataclass(frozen=True)
+class _Group:
+    title: str
+    signals: Sequence[str]
+
+
+@dataclass(frozen=True)
+class ByUnit(Drawing):
+    """The picture at this position, from 0, of all that a system without metrics has.
+
+    A small system is in one picture. Of a larger one each branch (what stands before the first dot) has
+    its own, and each component of a large branch. Signals that did not change are left out.
+    """
+
+    position: int
+
+    def signals(self, result: "Result") -> Iterable[str]:
+        """Those of its group."""
+        group = self._group(result)
+        return group.signals if group is not None else ()
+
+    def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[ShownPanel]:
+        """What it shows; nothing where there is no such group."""
+        group = self._group(result)
+        if group is None:
+            return []
+        return unit_panels(group.signals, _units(result), data, group.title)
+
+    def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
+        """The panels, one below the other."""
+        panels = self.resolved(result, data)
+        return stacked([[panel] for panel in panels], panels[0].column) if panels else None
+
+    def _group(self, result: "Result") -> _Group | None:
+        groups = _groups(result)
+        return groups[self.position] if self.position < len(groups) else None
+
+
+BY_UNIT: dict[str, Drawing] = {
+    "signals" if i == 0 else f"signals-{i + 1}": ByUnit(i) for i in range(_MOST_PICTURES)
+}
+"""The pictures by the name of their file."""
+
+
+def _groups(result: "Result") -> list[_Group]:
+    if any(result.metrics.values()):
+        return []
+    units = _units(result)
+    changing = [name for name in result.names if _changes(result.signals.get(name))]
+    parts = {"": changing}
+    for split in (_branch, lambda name: _component(result, name)):
+        parts = {
+            title: signals
+            for whole, inside in parts.items()
+            for title, signals in (_split(inside, split) if _is_large(inside) else {whole: inside}).items()
+        }
+    left_out = len(parts) - _MOST_PICTURES
+    found = list[_Group]()
+    for part, signals in list(parts.items())[:_MOST_PICTURES]:
+        kept = _first(signals, units)
+        counted = f" ({len(kept)} of {len(signals)} signals)" if len(kept) < len(signals) else ""
+        further = f"; {left_out} more parts are not drawn" if left_out > 0 and not found else ""
+        if kept:
+            found.append(_Group(f"{': '.join(filter(None, (result.name, part)))}{counted}{further}", kept))
+    return found
+
+
+def _units(result: "Result") -> dict[str, str]:
+    return {name: str(unit) for name, unit in result.units.items() if unit is not None}
+
+
+def _changes(figures: Mapping[str, float] | None) -> bool:
+    return figures is None or figures["minimum"] != figures["maximum"]
+
+
+def _is_large(signals: Sequence[str]) -> bool:
+    return len(signals) > _MOST_SIGNALS
+
+
+def _split(signals: Sequence[str], by: Callable[[str], str]) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for name in signals:
+        found.setdefault(by(name), []).append(name)
+    return found
+
+
+def _branch(name: str) -> str:
+    return name.partition(".")[0]
+
+
+def _component(result: "Result", name: str) -> str:
+    """The component that a signal is of; what stands before the last dot where nobody knows it."""
+    own = [c for c in result.record.get("components", ()) if name.startswith(f"{c}.")]
+    return max(own, key=len) if own else name.rpartition(".")[0]
+
+
+def _first(signals: Sequence[str], units: Mapping[str, str]) -> list[str]:
+    """The first signals that there is room for."""
+    found = list[str]()
+    for name in signals[:_MOST_SIGNALS]:
+        if panels_needed([*found, name], units) <= _MOST_PANELS:
+            found.append(name)
+    return found

@@ -1,0 +1,96 @@
+"""How all pictures look: colours, figures that need no state of matplotlib, names as they are."""
+
+import warnings
+from collections.abc import Sequence
+from io import BytesIO
+from typing import IO, TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ...base.colors import BLUE, COLORS, GREEN, GREY, ORANGE, PURPLE, RED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "BLUE",
+    "COLORS",
+    "GREEN",
+    "GREY",
+    "ORANGE",
+    "PURPLE",
+    "RED",
+    "new_figure",
+    "save",
+    "tidied",
+    "with_margins",
+]
+
+
+def new_figure(
+    rows: int,
+    columns: int,
+    width: float,
+    height: float = 2.1,
+    sharex: Literal["col", "none"] = "col",
+    measured: bool = True,
+) -> "tuple[Figure, np.ndarray]":
+    """A figure and its grid of axes, each of this width and height in inches.
+
+    Labels are measured to find room for them, unless `with_margins` gives it.
+    """
+    from matplotlib.figure import Figure
+
+    class Shown(Figure):
+        """A figure that a notebook shows as a picture, whatever it was told of matplotlib."""
+
+        def _repr_png_(self) -> bytes:
+            content = BytesIO()
+            save(self, content)
+            return content.getvalue()
+
+    size = (1.2 + width * columns, 0.8 + height * rows)
+    figure = Shown(figsize=size, dpi=120, layout="constrained" if measured else None)
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
+
+
+def with_margins(figure: "Figure", grid: np.ndarray) -> None:
+    """Give the grid of a figure room for titles and labels as they usually are, and put them there.
+
+    To measure every label, as figures do otherwise, takes more time than all of the drawing.
+    """
+    rows, columns = grid.shape
+    width, height = figure.get_size_inches()
+    left, right, bottom, top = 0.95, 0.15, 0.55, 0.78
+    between, below = 0.75, 0.25
+    wide = (width - left - right - between * (columns - 1)) / columns
+    high = (height - bottom - top - below * (rows - 1)) / rows
+    figure.subplots_adjust(
+        left / width, bottom / height, 1 - right / width, 1 - top / height, between / wide, below / high
+    )
+    for axes in grid.flat:
+        axes.set_title(axes.get_title(), y=1.0, fontsize=11, parse_math=False)
+        axes.xaxis.set_label_coords(0.5, -0.28 / high)
+        axes.yaxis.set_label_coords(-0.56 / wide, 0.5)
+
+
+def tidied(axes: "Axes", labels: Sequence[str] = ()) -> None:
+    """With a legend of the lines, if there are labels; they appear as they are, no formula, none left out."""
+    if labels:
+        legend = axes.legend(axes.lines, ["label"] * len(labels), fontsize=8, edgecolor="none")
+        for text, label in zip(legend.get_texts(), labels, strict=True):
+            text.set(text=label, parse_math=False)
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=8)
+    axes.margins(x=0.01)
+
+
+def save(figure: "Figure", stream: IO[bytes]) -> None:
+    """Write a figure as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)  # a box says so too
+        FigureCanvasAgg(figure).print_png(stream)

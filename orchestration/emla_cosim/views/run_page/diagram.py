@@ -1,0 +1,173 @@
+"""A system as boxes and lines, placed as in the packages that we write."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from ...base.wording import counted
+from ...ssp.documents.structure import Connection, Connector, Element, SystemElement
+from ...ssp.writer.drawing import drawn
+
+_MOST, _MOST_ALONE = 24, 100
+"""Boxes of one diagram: of more, parts are drawn apart; and of one that has no parts."""
+
+_MOST_DIAGRAMS = 40
+
+_COLORS = ("blue", "orange", "green", "red", "purple", "grey")
+_MARGIN = 4.0
+_LETTER, _SMALL = 0.62, 2.6
+"""Width of a letter as a part of its height, and how high those of labels are."""
+
+
+@dataclass(frozen=True)
+class Wire:
+    """All connections from one component to another: `signals` are pairs of an output and an input."""
+
+    source: str
+    target: str
+    signals: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A component, or a part of a system; lengths in mm, `letters` is how high those of its name are."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    above: str
+    name: str
+    letters: float
+    color: str
+    told: str
+
+
+@dataclass(frozen=True)
+class Line:
+    """What runs from one box to another: a path of SVG, a label at its beginning, and what it is in full."""
+
+    path: str
+    color: str
+    label: str
+    x: float
+    y: float
+    told: str
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """Boxes and lines; `view` is the view box of SVG."""
+
+    title: str
+    boxes: tuple[Box, ...]
+    lines: tuple[Line, ...]
+    view: tuple[float, float, float, float]
+
+
+def wires(components: Iterable[str], connections: Sequence[str]) -> list[Wire]:
+    """The connections of run.json between these components; what cannot be understood is left out."""
+    known = sorted(components, key=len, reverse=True)
+    found: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for text in connections:
+        source, _, target = text.partition(" -> ")
+        a, b = _split(source, known), _split(target.partition(" ")[0], known)
+        if a is not None and b is not None:
+            found.setdefault((a[0], b[0]), []).append((a[1], b[1]))
+    return [Wire(a, b, tuple(signals)) for (a, b), signals in found.items()]
+
+
+def _split(path: str, components: Sequence[str]) -> tuple[str, str] | None:
+    """Component and variable, where the longest names of components come first."""
+    name = next((c for c in components if path.startswith(f"{c}.")), None)
+    return None if name is None else (name, path.removeprefix(f"{name}."))
+
+
+def diagrams(components: Mapping[str, str], wires: Sequence[Wire]) -> list[Diagram]:
+    """The diagram of a system; of a large one that of its parts, and one of each part.
+
+    `components` has what there is to know of each by its name. Parts are what names begin with, before
+    the first dot. There is none where even the parts are too many to be seen.
+    """
+    parts: dict[str, dict[str, str]] = {}
+    for name, told in components.items():
+        parts.setdefault(name.partition(".")[0], {})[name] = told
+    if 0 < len(components) <= (_MOST if len(parts) < len(components) else _MOST_ALONE):
+        return [_diagram("", components, wires)]
+    made = []
+    if 0 < len(parts) <= _MOST:
+        told = {part: counted(len(inside), "component") for part, inside in parts.items()}
+        made.append(_diagram("Overview", told, _between(wires)))
+    for part, inside in list(parts.items())[:_MOST_DIAGRAMS]:
+        if 1 < len(inside) <= _MOST_ALONE:
+            made.append(_diagram(part, inside, [w for w in wires if {w.source, w.target} <= set(inside)]))
+    return made
+
+
+def _between(wires: Iterable[Wire]) -> list[Wire]:
+    """What runs from one part to another."""
+    found: dict[tuple[str, str], tuple[tuple[str, str], ...]] = {}
+    for wire in wires:
+        ends = wire.source.partition(".")[0], wire.target.partition(".")[0]
+        if ends[0] != ends[1]:
+            found[ends] = found.get(ends, ()) + wire.signals
+    return [Wire(*ends, signals) for ends, signals in found.items()]
+
+
+def _diagram(title: str, components: Mapping[str, str], wires: Sequence[Wire]) -> Diagram:
+    system = drawn(_structure(components, wires))
+    elements = {e.name: e for e in system.elements}
+    kinds = list(dict.fromkeys(name.rpartition(".")[2] for name in components))
+    colors = {n: _COLORS[kinds.index(n.rpartition(".")[2]) % len(_COLORS)] for n in components}
+    boxes = tuple(_box(e, components[name], colors[name]) for name, e in elements.items())
+    lines = tuple(
+        _line(c, wire, elements, colors[wire.source])
+        for c, wire in zip(system.connections, wires, strict=True)
+    )
+    xs = [x for b in boxes for x in (b.x, b.x + b.width)]
+    ys = [y for b in boxes for y in (b.y, b.y + b.height)]
+    xs += [line.x + _LETTER * _SMALL * len(line.label) for line in lines]
+    for connection in system.connections:
+        xs += [x for x, _ in connection.waypoints]
+        ys += [-y for _, y in connection.waypoints]
+    left, top = min(xs) - _MARGIN, min(ys) - _MARGIN
+    return Diagram(title, boxes, lines, (left, top, max(xs) + _MARGIN - left, max(ys) + _MARGIN - top))
+
+
+def _structure(components: Mapping[str, str], wires: Sequence[Wire]) -> SystemElement:
+    """The system with one connector for each wire that begins or ends at a component."""
+    ends: dict[str, list[Connector]] = {name: [] for name in components}
+    for wire in wires:
+        ends[wire.source].append(Connector(f"to {wire.target}", "output"))
+        ends[wire.target].append(Connector(f"from {wire.source}", "input"))
+    return SystemElement(
+        "",
+        elements=tuple(Element(name, tuple(found)) for name, found in ends.items()),
+        connections=tuple(
+            Connection(w.source, f"to {w.target}", w.target, f"from {w.source}") for w in wires
+        ),
+    )
+
+
+def _box(element: Element, told: str, color: str) -> Box:
+    x1, y1, x2, y2 = element.extent or (0.0, 0.0, 0.0, 0.0)
+    above, _, name = element.name.rpartition(".")
+    letters = min(4.2, (x2 - x1 - 4.0) / (_LETTER * max(len(name), 1)))
+    return Box(x1, -y2, x2 - x1, y2 - y1, above, name, max(letters, 1.0), color, f"{element.name}: {told}")
+
+
+def _line(connection: Connection, wire: Wire, elements: Mapping[str, Element], color: str) -> Line:
+    start = _point(elements[wire.source], connection.start_connector)
+    end = _point(elements[wire.target], connection.end_connector)
+    points = [start, *connection.waypoints, end]
+    path = "M" + "L".join(f"{x:.1f} {-y:.1f}" for x, y in points)
+    outputs = list(dict.fromkeys(output for output, _ in wire.signals))
+    label = ", ".join(outputs) if len(", ".join(outputs)) <= 14 else counted(len(outputs), "signal")
+    told = "\n".join(f"{wire.source}.{a} → {wire.target}.{b}" for a, b in wire.signals[:40])
+    return Line(path, color, label, start[0] + 1.0, -start[1] - 0.9, told)
+
+
+def _point(element: Element, connector: str) -> tuple[float, float]:
+    x1, y1, x2, y2 = element.extent or (0.0, 0.0, 0.0, 0.0)
+    found = next(c for c in element.connectors if c.name == connector)
+    x, y = found.position or (0.0, 0.0)
+    return x1 + x * (x2 - x1), y1 + y * (y2 - y1)

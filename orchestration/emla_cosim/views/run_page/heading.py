@@ -1,0 +1,46 @@
+"""What a run was and how it ended, in words."""
+
+from dataclasses import dataclass
+
+from ...run.result import Result
+from ..telling import changes, short
+
+
+@dataclass(frozen=True)
+class Heading:
+    """`verdict` is passed, warning or failed, and `sentences` say why.
+
+    `changed` is what was said beside the scenario, by what it is called; `span` the time that was simulated.
+    """
+
+    title: str
+    verdict: str
+    sentences: tuple[str, ...]
+    changed: tuple[tuple[str, str], ...]
+    span: str
+
+
+def heading(result: Result) -> Heading:
+    """The heading of the page."""
+    verdict, sentences = _ending(result)
+    return Heading(
+        result.name,
+        verdict,
+        tuple(sentences),
+        tuple((name, short(value)) for name, value in changes(result)),
+        f"{result.times.start:g} s to {result.end_s:g} s",
+    )
+
+
+def _ending(result: Result) -> tuple[str, list[str]]:
+    if result.interrupted:
+        said = result.problem or f"interrupted at t = {result.end_s:.6g} s."
+        return "warning", [f"{said[:1].upper()}{said[1:]}", *result.remarks]
+    if result.problem is not None:
+        return "failed", [f"Failed: {result.problem}", *result.remarks]
+    if result.remarks:
+        return "warning", list(result.remarks)
+    found = [figures for kind in result.metrics.values() for figures in kind.values()]
+    held = [figures["held"] for figures in found if "held" in figures]
+    more = "; all joints held" if held and all(held) else ""
+    return "passed", [f"Ran to its end{more}."]

@@ -1,0 +1,73 @@
+"""All signals of a run: their figures, and their curves for who wants to see them."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...base.arrays import Vector
+from ...recorders.signal_figures import NAMES
+from ...run.result import Result
+from ..pages.curves import condensed, drawable, small
+from ..pages.page import Plots
+from ..pages.plot import Shape
+from ..pages.text import shortened, visible
+
+MOST = 1000
+"""Signals that a page holds."""
+
+_POINTS, _MOST_POINTS = 150_000, 5000
+"""Points of all curves together, of about 11 bytes each, and of one."""
+
+_LINES = 6
+"""Lines of one plot, which has as many colours."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A signal with its figures, None where there is none."""
+
+    name: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    rms: float | None
+    final: float | None
+
+
+def listed(result: Result, data: Mapping[str, Vector], plots: Plots) -> list[Row]:
+    """The first signals in `data`, whose curves the page then holds."""
+    names = [name for name in data if name != "time"][:MOST]
+    units = {name: str(result.units.get(name) or "") for name in names}
+    plots.hold("signals-data", _curves(data, units), [Shape(n) for n in range(1, _LINES + 1)])
+    return [Row(name, units[name], **_figures(result.signals.get(name, {}))) for name in names]
+
+
+def _curves(data: Mapping[str, Vector], units: Mapping[str, str]) -> str:
+    time = data["time"]
+    curves = _small(time, [drawable(data[name]) for name in units]) if len(time) else []
+    return json.dumps(
+        [
+            {"label": visible(name), "unit": shortened(visible(unit), 40), **curve}
+            for (name, unit), curve in zip(units.items(), curves, strict=bool(curves))
+        ],
+        separators=(",", ":"),
+        allow_nan=False,
+    )
+
+
+def _small(time: Vector, curves: Sequence[Vector]) -> list[dict[str, Any]]:
+    """Curves of as many points as there is room for; what smooth ones leave is for the others."""
+    fair = _POINTS // (2 * len(curves))
+    kept = [condensed(time, curve, fair) for curve in curves]
+    used = sum(map(len, kept))
+    rough = [k for k, found in enumerate(kept) if len(found) >= fair]
+    for k in rough:
+        kept[k] = condensed(time, curves[k], min(fair + (_POINTS - used) // len(rough), _MOST_POINTS))
+    return [small(time, curve, found) for curve, found in zip(curves, kept, strict=True)]
+
+
+def _figures(figures: Mapping[str, float]) -> dict[str, float | None]:
+    """Those of metrics.json, which has nothing where one is no number."""
+    return {name: value if math.isfinite(value := figures.get(name, math.nan)) else None for name in NAMES}

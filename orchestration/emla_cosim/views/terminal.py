@@ -1,0 +1,210 @@
+"""What a person sees of a run in the terminal: progress bars and the table of results."""
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, cast
+
+from rich.console import Console, RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from ..base.errors import CosimError
+from ..base.wording import counted
+from .telling import cell, how_stepped
+
+if TYPE_CHECKING:
+    from ..recorders.metrics import Figures, Shown
+    from ..run.result import Result
+    from .output_folder import OutputFolder
+
+
+class _Stderr:
+    """Standard error as it is now, which nobody misses where it cannot be written."""
+
+    def write(self, text: str) -> int:
+        with suppress(OSError, ValueError):
+            sys.stderr.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError, ValueError):
+            sys.stderr.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(sys.stderr, name)
+
+
+_MOST_SIGNALS = 10
+"""That left their tubes: so many have a row."""
+
+_UNFOLDED = 10_000
+"""Columns that no table needs."""
+_MOST_FIGURES = 20
+"""Signals whose figures have a row."""
+
+OUT, ERR = Console(), Console(file=cast(IO[str], _Stderr()))
+"""Results go to standard output, progress and errors to standard error."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a person wants to see: nothing but errors, or also how replacements fit that fit."""
+
+    quiet: bool = False
+    fit: bool = False
+
+
+_wanted = Wanted()
+
+
+@contextmanager
+def showing(what: Wanted) -> Iterator[None]:
+    """Show this meanwhile."""
+    global _wanted
+    before, _wanted = _wanted, what
+    try:
+        yield
+    finally:
+        _wanted = before
+
+
+def wanted() -> Wanted:
+    """What is to be shown."""
+    return _wanted
+
+
+def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
+    """Put something out, unless only errors are to be, or it is what the command was `asked_for`.
+
+    Raises CosimError where standard output cannot be written.
+    """
+    if _wanted.quiet and not asked_for:
+        return
+    with _written():
+        OUT.print(shown, **how)
+
+
+def show_table(table: Table) -> None:
+    """Put a table out: as wide as the terminal, and where there is none so wide that nothing is folded."""
+    with _written():
+        (OUT if OUT.is_terminal else Console(width=_UNFOLDED)).print(table)
+
+
+def put_out(text: str) -> None:
+    """Put out a text for programs, to the letter; CosimError where standard output cannot be written."""
+    with _written():
+        OUT.file.write(text)
+        OUT.file.flush()
+
+
+@contextmanager
+def _written() -> Iterator[None]:
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise CosimError(f"the standard output cannot be written: {reason}.") from error
+
+
+def show_result(
+    result: "Result", notes: Sequence[str], output: "OutputFolder", pictures: Sequence[Path]
+) -> None:
+    """The metrics as tables, how the steps were made, and where everything is."""
+    for remark in result.remarks:
+        say(remark)
+    span = result.end_s - result.times.start
+    for kind, figures in result.metrics.items():
+        if result.shown[kind]:
+            show(_figures(f"{result.name}, {span:g} s simulated", figures, result.shown[kind]))
+    if not any(result.metrics.values()) and result.signals:
+        _show_signals(result, f"{result.name}, {span:g} s simulated")
+    for note in notes:
+        say(f"Note: {note}.")
+    if result.comparisons:
+        _show_agreement(result)
+    for line in how_stepped(result):
+        say(line)
+    say(f"Wrote {output.path}/: {output.results.name}, metrics.json, run.json")
+    drawn = [path.name for path in pictures if path.suffix != ".html"]
+    if drawn:
+        say(f"Pictures: {', '.join(drawn)}")
+    for path in pictures:
+        if path.suffix == ".html":
+            say(f"Report: {path}")
+
+
+def show_error(sentence: str) -> None:
+    """A sentence that says what went wrong."""
+    ERR.show_cursor()  # who drew progress may not have come to that
+    ERR.print(f"[bold red]Error:[/] {escape(sentence)}", highlight=False, soft_wrap=True)
+
+
+def show_interrupted() -> None:
+    """That somebody ended what was done."""
+    ERR.print("[bold red]Interrupted.[/]")
+
+
+def show_file(path: Path) -> None:
+    """A file that was written, and its size."""
+    size = path.stat().st_size / 1024
+    show(f"{escape(str(path))}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)
+
+
+def say(text: str) -> None:
+    """One line as it is: names in it are no markup."""
+    show(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("")
+    for name in figures:
+        table.add_column(escape(name), justify="right")
+    table.add_column("")
+    for figure in shown:
+        values = (cell(f[figure.name], figure) for f in figures.values())
+        table.add_row(escape(figure.label), *values, escape(figure.unit))
+    return table
+
+
+def _show_signals(result: "Result", title: str) -> None:
+    """A table with the figures of the first signals, each in its unit."""
+    names = ("minimum", "maximum", "rms", "final")
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("", overflow="fold")
+    for name in names:
+        table.add_column(name, justify="right")
+    table.add_column("")
+    for signal, figures in islice(result.signals.items(), _MOST_FIGURES):
+        unit = result.units.get(signal)
+        values = ("none" if math.isnan(figures[name]) else f"{figures[name]:.5g}" for name in names)
+        table.add_row(escape(signal), *values, escape(str(unit) if unit is not None else ""))
+    show(table)
+    if (more := len(result.signals) - _MOST_FIGURES) > 0:
+        say(f"The figures of {more} more signals are in metrics.json.")
+
+
+def _show_agreement(result: "Result") -> None:
+    """How many signals stayed in their tubes, and a table of those that did not, the first one first."""
+    from ..recorders.tubes.comparing import (
+        that_left,  # with NumPy, which most of what is shown here does without
+    )
+
+    left = that_left(result.comparisons)
+    place = result.record["reference"]["run"]
+    agree = counted(len(result.comparisons), "signal agrees", "signals agree")
+    say(f"{len(result.comparisons) - len(left)} of {agree} with {place}")
+    if not left:
+        return
+    table = Table("signal", "left at / s", "off by", "allowed", "", "at / s")
+    for one in left[:_MOST_SIGNALS]:
+        figures = (f"{one.left_at:.6g}", f"{one.worst:.3g}", f"{one.tube.value:.3g}")
+        table.add_row(escape(one.signal), *figures, escape(one.unit), f"{one.worst_at:.6g}")
+    if len(left) > _MOST_SIGNALS:
+        table.add_row(f"and {len(left) - _MOST_SIGNALS} more, in run.json")
+    show(table)
