@@ -16,7 +16,7 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 from emla_cosim.run.requirements import requirement
 from emla_cosim.run.scenarios.built_in import TUNINGS
-from emla_cosim.sweeps.result import DIVERGED, DONE
+from emla_cosim.sweeps.data import DIVERGED, DONE
 from emla_cosim.sweeps.worker import Outcome
 from emla_cosim.system.model import Component, System
 from emla_cosim.tuning.expressions import expression

@@ -8,7 +8,8 @@ import numpy as np
 
 from emla_cosim.recorders.tubes.comparison import Comparison
 from emla_cosim.recorders.tubes.tube import Tube
-from emla_cosim.verification.report import Examined, Finding, Report
+from emla_cosim.verification.findings import Examined, Finding
+from emla_cosim.verification.report import Report
 from emla_cosim.verification.verdict import Clause, Outcome, failed, passed, skipped, warned
 
 CLAUSE = Clause("2.1.5", "The function returns a new instance of an FMU.")

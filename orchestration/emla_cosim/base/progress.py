@@ -1,9 +1,6 @@
 """What a command tells while it goes on."""
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from ..run.replacement import Fit
+from .fit import Fit
 
 
 class Progress:
@@ -21,5 +18,5 @@ class Progress:
     def note(self, sentence: str) -> None:
         """Something worth knowing while it goes on."""
 
-    def replaced(self, fit: "Fit") -> None:
+    def replaced(self, fit: Fit) -> None:
         """A component is replaced; this is how the other FMU fits."""

@@ -21,17 +21,18 @@ from ..run.scenarios.built_in import SCENARIOS
 from ..sandbox.interruption import interruption
 from ..study.controllers import ROBUSTNESS_SETS
 from ..study.paper import PRINTED
+from ..sweeps.data import REFUSED, VARIANT
 from ..sweeps.farm import Scheduler, farm
-from ..sweeps.result import REFUSED, VARIANT
 from ..sweeps.shipment import Shipment, check_portable
 from ..sweeps.sweeping import check_cluster
 from ..sweeps.worker import Chunk, Outcome
 from .cases import Case, checked_resolution, robustness_cases, stability_maps, stability_stop_time
 from .contest import Contest, Terms, laid_out
+from .data import PAPER, ROBUSTNESS, STABILITY, TABLES
 from .entrants import ALL, Choice, Entrant, entrants, others
 from .measuring import FIGURES_ALONE, WITH_ERRORS
 from .reserves import checked_reserves
-from .result import PAPER, ROBUSTNESS, STABILITY, TABLES, CompareResult
+from .result import CompareResult
 from .rows import table as rows_of
 from .writing import CompareFolder, record_of
 

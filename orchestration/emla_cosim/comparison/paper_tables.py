@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ..study.controllers import CONTROLLERS
 from ..study.paper import PRINTED, REFERENCE, Cells, PrintedTable
+from .data import CompareData
 from .grid import Cell, Grid, rounded
-from .result import CompareResult
 from .rows import SHOWN, Row, of_entrant
 from .summary import Summary, marked, summaries
 
@@ -15,12 +15,12 @@ _ROUNDED = 0.006
 """Two averages that differ by more are not the same: the paper prints two or three digits."""
 
 
-def paper_grids(result: CompareResult) -> list[Grid]:
+def paper_grids(result: CompareData) -> list[Grid]:
     """The table and its averages for each table of the paper of which anything was run."""
     return [grid for printed in PRINTED for grid in _grids(result, printed)]
 
 
-def _grids(result: CompareResult, printed: PrintedTable) -> Iterator[Grid]:
+def _grids(result: CompareData, printed: PrintedTable) -> Iterator[Grid]:
     rows = [r for r in result.rows.rows(named=True) if (r["scenario"], r["joint"]) in printed.cells]
     if rows:
         yield _cells(rows, printed)

@@ -10,8 +10,8 @@ from ..base.arrays import Vector
 from ..study.paper import PRINTED
 from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidied
 from .cases import stability_maps
+from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
 from .grid import rounded
-from .result import PAPER, ROBUSTNESS, STABILITY, CompareResult
 from .rows import HELD, SHOWN, Row, of_entrant
 from .summary import Summary, lost_text, summaries
 from .tables import grouped
@@ -35,7 +35,7 @@ _SMALLEST = 1e-9
 _COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY, "#1d8a99", "#c77cae", "#8c6d31", "#444444")
 
 
-def pictures(result: CompareResult) -> "dict[str, Figure]":
+def pictures(result: CompareData) -> "dict[str, Figure]":
     """Those that suit the table, by name; none where nothing was run."""
     if not len(result.rows):
         return {}
@@ -49,15 +49,15 @@ def pictures(result: CompareResult) -> "dict[str, Figure]":
     return found
 
 
-def _places(result: CompareResult) -> dict[tuple[Any, ...], list[Row]]:
+def _places(result: CompareData) -> dict[tuple[Any, ...], list[Row]]:
     return grouped(result.rows.rows(named=True), "scenario", "joint")
 
 
-def _color(result: CompareResult, entrant: str) -> str:
+def _color(result: CompareData, entrant: str) -> str:
     return _COLORS[list(result.entrants).index(entrant) % len(_COLORS)]
 
 
-def _bars(result: CompareResult) -> "Figure":
+def _bars(result: CompareData) -> "Figure":
     """For each joint and figure a bar for each controller, and a line where the paper has its own RSBA.
 
     Bars are means over seeds, with their standard deviations.
@@ -109,7 +109,7 @@ def _printed(scenario: str, joint: str, figure: str) -> float | None:
     return None
 
 
-def _errors(result: CompareResult) -> "Figure":
+def _errors(result: CompareData) -> "Figure":
     """The position error of each joint over time, with each controller."""
     places = _places(result)
     figure, grid = new_figure(len(places), 1, 8.0, 1.9, sharex="none")
@@ -140,7 +140,7 @@ def _draw_error(axes: "Axes", errors: polars.DataFrame, joint: str, color: str) 
     axes.plot(time[:whole:every], 1e6 * np.fmax(largest, _SMALLEST), color=color, lw=1.0)
 
 
-def _robustness(result: CompareResult) -> "Figure":
+def _robustness(result: CompareData) -> "Figure":
     """For each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
@@ -207,7 +207,7 @@ def _label(axes: "Axes", columns: Sequence[str], rows: Sequence[str] | None) -> 
     axes.spines[:].set_visible(False)
 
 
-def _maps(result: CompareResult) -> "dict[str, Figure]":
+def _maps(result: CompareData) -> "dict[str, Figure]":
     """For each map a panel for each joint and controller: which points hold."""
     found = {}
     for number, one in enumerate(stability_maps(), start=1):

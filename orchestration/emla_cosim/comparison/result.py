@@ -1,24 +1,20 @@
 """What came out of a comparison."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import polars
 
+from .data import CompareData
 from .grid import Grid
+from .tables import grids, lost_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAPER, ROBUSTNESS, STABILITY, CERTIFICATE = "paper", "robustness", "stability", "certificate"
-TABLES = (PAPER, ROBUSTNESS, STABILITY)
-"""Comparisons that have a form of their own."""
-
 
 @dataclass(frozen=True)
-class CompareResult:
+class CompareResult(CompareData):
     """What came out of a comparison of controllers.
 
     `rows` has a row for each scenario, case, joint, controller, set of gains and seed: `seed` is the
@@ -31,22 +27,9 @@ class CompareResult:
     if anywhere.
     """
 
-    name: str
-    table: str | None
-    rows: polars.DataFrame
-    entrants: Sequence[str]
-    errors: Mapping[int, polars.DataFrame] = field(default_factory=dict)
-    commands: Mapping[int, str] = field(default_factory=dict)
-    notes: Sequence[str] = ()
-    complete: bool = True
-    wall_s: float = 0.0
-    folder: Path | None = None
-
     @property
     def grids(self) -> list[Grid]:
         """The tables, in the order in which they are shown."""
-        from .tables import grids
-
         return grids(self)
 
     @property
@@ -56,8 +39,6 @@ class CompareResult:
 
     def markdown(self) -> str:
         """All tables as Markdown: what comparison.md holds."""
-        from .tables import lost_lines
-
         tables = "\n".join(grid.markdown() for grid in self.grids)
         lines = "".join(f"- {line}\n" for line in lost_lines(self))
         lost = f"\nNot held:\n\n{lines}" if lines else ""

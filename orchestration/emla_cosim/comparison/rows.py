@@ -8,7 +8,7 @@ import polars
 
 from ..recorders.metrics import Shown
 from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
-from ..sweeps.result import DIED, DONE
+from ..sweeps.data import DIED, DONE
 from ..sweeps.worker import Outcome
 from .contest import Contest, Heat
 

@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
 from .grid import Cell, Grid
 from .paper_tables import paper_grids
-from .result import PAPER, ROBUSTNESS, STABILITY, CompareResult
 from .rows import HELD, LOST_AT, SHOWN, WHY, Row, of_entrant
 from .summary import Summary, marked, mean_text, summaries
 
@@ -22,7 +22,7 @@ _FIGURES = (
 _COMPACT = ("position_error_m", "torque_peak_N_m", "saturated_after_settling")
 
 
-def grids(result: CompareResult) -> list[Grid]:
+def grids(result: CompareData) -> list[Grid]:
     """All tables of a result."""
     if result.table == PAPER:
         return paper_grids(result)
@@ -33,7 +33,7 @@ def grids(result: CompareResult) -> list[Grid]:
     return list(_plain(result))
 
 
-def lost_lines(result: CompareResult) -> list[str]:
+def lost_lines(result: CompareData) -> list[str]:
     """For each joint that was not held a line that says with which controller, in how many runs, and why."""
     if result.table == STABILITY:
         return []  # that is what the maps show
@@ -58,7 +58,7 @@ def _lost_line(summary: Summary, several: Mapping[str, bool]) -> str:
     return f"{where}{first['joint']} with {summary.entrant}{runs}: {first[WHY]}."
 
 
-def _header(result: CompareResult, first: str) -> list[str]:
+def _header(result: CompareData, first: str) -> list[str]:
     return [first, *(name.replace("/", "\n") for name in result.entrants)]
 
 
@@ -73,7 +73,7 @@ def _under(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def _plain(result: CompareResult) -> Iterator[Grid]:
+def _plain(result: CompareData) -> Iterator[Grid]:
     """For each joint its figures in rows, and the controllers in columns."""
     shown = [SHOWN[name] for name in _FIGURES]
     for (scenario,), rows in grouped(result.rows.rows(named=True), "scenario").items():
@@ -93,7 +93,7 @@ def _plain(result: CompareResult) -> Iterator[Grid]:
         yield Grid(title, _header(result, ""), body, _under(rows), lines)
 
 
-def _robustness(result: CompareResult) -> Iterator[Grid]:
+def _robustness(result: CompareData) -> Iterator[Grid]:
     """For each joint the cases in rows, and the controllers in columns; then how many of these hold."""
     first, *others = (SHOWN[name] for name in _COMPACT)
     meaning = ", ".join(f"{one.label} / {one.unit}" for one in (first, *others))
@@ -112,7 +112,7 @@ def _robustness(result: CompareResult) -> Iterator[Grid]:
         yield Grid(f"Cases of {scenario} that hold", _header(result, "joint"), _shares(result, rows))
 
 
-def _stability(result: CompareResult) -> Iterator[Grid]:
+def _stability(result: CompareData) -> Iterator[Grid]:
     """For each map how many of its points hold."""
     rows = [{**row, "map": row["case"].partition(":")[0]} for row in result.rows.rows(named=True)]
     for (name,), own in grouped(rows, "map").items():
@@ -120,7 +120,7 @@ def _stability(result: CompareResult) -> Iterator[Grid]:
         yield Grid(title, _header(result, "joint"), _shares(result, own))
 
 
-def _shares(result: CompareResult, rows: Sequence[Row]) -> list[Sequence[Cell]]:
+def _shares(result: CompareData, rows: Sequence[Row]) -> list[Sequence[Cell]]:
     """For each joint in how many cases each controller holds it, with all seeds."""
     return [
         [Cell(str(joint)), *(_share([r for r in own if of_entrant(r) == e]) for e in result.entrants)]

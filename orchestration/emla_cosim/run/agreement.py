@@ -1,22 +1,22 @@
 """A result held against a run that was kept: which signals stay in the tubes around it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..recorders.stored import StoredRun
 from ..recorders.tubes.comparing import compared, how_it_left, that_left
 from ..recorders.tubes.comparison import Comparison
 from ..recorders.tubes.tolerance import Tolerance, tolerance_of
 
-if TYPE_CHECKING:
-    from .result import Result
+if TYPE_CHECKING:  # which loads polars
+    from ..recorders.stored import StoredRun
 
 _NAMED = 3
 """Signals that a sentence tells of; run.json has all."""
 
 
-def common(names: Sequence[str], stored: StoredRun) -> list[str]:
+def common(names: Sequence[str], stored: "StoredRun") -> list[str]:
     """The signals that both have; CommandError where there is none."""
     known = set(stored.names)
     found = [name for name in names if name in known]
@@ -29,18 +29,25 @@ def common(names: Sequence[str], stored: StoredRun) -> list[str]:
 
 
 def agreement(
-    result: "Result", stored: StoredRun, tolerance: Mapping[str, Tolerance]
+    kept: Sequence[str],
+    read: Callable[[Sequence[str]], Mapping[str, Vector]],
+    units: Mapping[str, Any],
+    stored: "StoredRun",
+    tolerance: Mapping[str, Tolerance],
 ) -> tuple[Comparison, ...]:
-    """Every signal that both have, over the time that both have, in the order of the result."""
-    names = common(result.names, stored)
-    found, reference = result.read(["time", *names]), stored.read(["time", *names])
+    """Every signal that both have, over the time that both have, in the order of `kept`.
+
+    `kept` are the signals of a result, `units` theirs by name; `read` returns columns by their names.
+    """
+    names = common(kept, stored)
+    found, reference = read(["time", *names]), stored.read(["time", *names])
     for table, where in ((found, "the result"), (reference, f"the run to compare with, '{stored.path}',")):
         if not len(table["time"]):
             raise CommandError(f"{where} has no rows.")
     return tuple(
         compared(
             name,
-            str(result.units.get(name) or ""),
+            str(units.get(name) or ""),
             found["time"],
             found[name],
             reference["time"],
@@ -51,7 +58,7 @@ def agreement(
     )
 
 
-def disagreement(comparisons: Sequence[Comparison], stored: StoredRun) -> str | None:
+def disagreement(comparisons: Sequence[Comparison], stored: "StoredRun") -> str | None:
     """The sentence that says which signals left their tubes, the first one first; None where none did."""
     left = that_left(comparisons)
     if not left:
@@ -61,7 +68,7 @@ def disagreement(comparisons: Sequence[Comparison], stored: StoredRun) -> str | 
     return f"{len(left)} of {len(comparisons)} signals do not agree with '{stored.path}': {told}{more}."
 
 
-def agreement_record(comparisons: Sequence[Comparison], stored: StoredRun) -> dict[str, Any]:
+def agreement_record(comparisons: Sequence[Comparison], stored: "StoredRun") -> dict[str, Any]:
     """What run.json says of it: how many signals agree, and those that do not, the first one first."""
     return {
         "run": str(stored.path),

@@ -13,7 +13,8 @@ from ..fmu.models import build
 from ..inputs.placing import Readable, data_end, with_inputs
 from ..system.model import Replacement, System
 from ..system.signal_faults import with_components, with_faults
-from ..system.start_values import following_values, named_plainly, need_interfaces, start_values
+from ..system.start_values import named_plainly, need_interfaces, start_values
+from .followers import following_values
 from .options import Options
 from .parameter_files import file_values
 from .replacement import fitted

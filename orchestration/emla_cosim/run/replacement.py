@@ -1,60 +1,19 @@
 """One component replaced by an FMU of somebody else: what fits, what is converted, what is missing."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
 from ..base.files import read_file
+from ..base.fit import FITS, Fit, Match
 from ..base.units import IDENTITY, LinearTransformation, Unit, conversion
 from ..fmu.interface import Interface
 from ..ssp.documents.parameters import parse_mapping
 from ..ssp.documents.structure import MappingEntry, TableTransformation
 from ..system.model import Alias, Component, Connection, Replacement, System
 from ..system.resolution import in_fmu_terms, transformed
-
-FITS = "fits"
-"""The verdict on a variable that has another name, and the same unit."""
-
-
-@dataclass(frozen=True)
-class Match:
-    """A variable of the component and its counterpart; `verdict` says how they fit.
-
-    `fatal` is true where the system cannot run like this.
-    """
-
-    kind: str
-    ours: str
-    theirs: str
-    verdict: str
-    fatal: bool = False
-
-    def __str__(self) -> str:
-        names = " as ".join(filter(None, (self.ours, self.theirs)))
-        return f"the {self.kind} {names} {self.verdict}"
-
-
-@dataclass(frozen=True)
-class Fit:
-    """How an FMU fits in the place of a component: matches worth a line, and how many need none."""
-
-    component: str
-    fmu: Path
-    matches: Sequence[Match]
-    same: int
-
-    @property
-    def worth_a_look(self) -> bool:
-        """Whether anything is not just as it was, perhaps under another name."""
-        return any(m.fatal or m.verdict != FITS for m in self.matches)
-
-    @property
-    def problems(self) -> list[Match]:
-        """What keeps the system from running."""
-        return [m for m in self.matches if m.fatal]
 
 
 def fitted(

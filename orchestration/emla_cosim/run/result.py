@@ -15,6 +15,7 @@ from ..recorders.metrics import Figures, Shown
 from ..recorders.table import Table
 from ..recorders.tubes.comparison import Comparison
 from ..recorders.tubes.tolerance import Tolerance
+from .agreement import agreement
 
 if TYPE_CHECKING:
     import pandas
@@ -127,11 +128,11 @@ class Result:
         `reference` is a folder of results, or a table; `tolerance` says how wide tubes are, by name or
         pattern, a number relative to the signal's range. Raises CommandError where there is no such run.
         """
-        from ..recorders.stored import stored_run
-        from .agreement import agreement
+        from ..recorders.stored import stored_run  # which loads polars
 
         given = converted(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
-        return agreement(self, stored_run(converted(reference, Path, "the reference")), given)
+        stored = stored_run(converted(reference, Path, "the reference"))
+        return agreement(self.names, self.read, self.units, stored, given)
 
     def save(
         self, folder: str | Path, plots: bool = True, animate: bool = False, report: bool = False

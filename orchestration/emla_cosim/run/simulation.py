@@ -37,9 +37,10 @@ from ..recorders.table import Table
 from ..recorders.time_series import TimeSeries
 from ..system.bond import Bond
 from ..system.model import System, Value
-from ..system.start_values import following_values, start_values
+from ..system.start_values import start_values
 from .agreement import agreement, agreement_record, common, disagreement
 from .experiment import isolated, run_times, selected, steps_per_row
+from .followers import following_values
 from .options import Options
 from .origin import Origin
 from .preparation import prepared, until_data_end
@@ -520,7 +521,7 @@ def _compared(going: _Going, result: Result) -> Result:
     """The result of a whole run with its signals beside those of the one that it is held against."""
     if going.stored is None or result.interrupted:
         return result
-    found = agreement(result, going.stored, going.options.tolerance)
+    found = agreement(result.names, result.read, result.units, going.stored, going.options.tolerance)
     record = {**result.record, "reference": agreement_record(found, going.stored)}
     return replace(result, comparisons=found, record=record)
 

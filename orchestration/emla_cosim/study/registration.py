@@ -6,9 +6,9 @@ from importlib.resources import files
 
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
+from ..run.followers import FOLLOWERS
 from ..run.requirements import RENAMED
 from ..run.scenarios.built_in import FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
-from ..system.start_values import FOLLOWERS
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.plotting import FIGURES

@@ -2,7 +2,6 @@
 
 import difflib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import polars
@@ -10,10 +9,7 @@ import polars
 from ..base.arrays import Indices, Vector
 from ..base.errors import CommandError, listed
 from ..recorders.metrics import HELD, Shown, is_verdict
-from .result import DONE, STATUS, VARIANT
-
-if TYPE_CHECKING:
-    from .result import SweepResult
+from .data import DONE, STATUS, VARIANT, SweepData
 
 LARGEST = 1e150
 """Numbers beyond this count as none: their squares are none."""
@@ -36,7 +32,7 @@ class Factor:
         return _varies(self.values)
 
 
-def factor(result: "SweepResult", name: str) -> Factor:
+def factor(result: SweepData, name: str) -> Factor:
     """A factor by its name; what is no number has levels, in the order in which they come."""
     column = result.variants[name]
     if column.dtype.is_numeric():
@@ -47,7 +43,7 @@ def factor(result: "SweepResult", name: str) -> Factor:
     return Factor(name, np.array([position[text] for text in texts]), levels)
 
 
-def check_figure(result: "SweepResult", figure: str) -> None:
+def check_figure(result: SweepData, figure: str) -> None:
     """Raise CommandError for a figure that a sweep does not have."""
     if figure in result.figures:
         return
@@ -57,7 +53,7 @@ def check_figure(result: "SweepResult", figure: str) -> None:
     raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure, near=near)
 
 
-def figure_values(result: "SweepResult", figure: str) -> Vector:
+def figure_values(result: SweepData, figure: str) -> Vector:
     """A figure for each row of the table, truths as 0 and 1.
 
     NaN where it is missing, no finite number up to `LARGEST`, or of a variant that is not done. Raises
@@ -69,30 +65,30 @@ def figure_values(result: "SweepResult", figure: str) -> Vector:
     return values
 
 
-def figure_by_variant(result: "SweepResult", figure: str, count: int) -> Vector:
+def figure_by_variant(result: SweepData, figure: str, count: int) -> Vector:
     """The same for the variants 0 to `count` - 1; NaN for one that has no row."""
     values = np.full(count, np.nan)
     values[numbers(result)] = figure_values(result, figure)
     return values
 
 
-def numbers(result: "SweepResult") -> Indices:
+def numbers(result: SweepData) -> Indices:
     """The number of the variant of each row."""
     return result.variants[VARIANT].to_numpy().astype(np.intp)
 
 
-def is_truth(result: "SweepResult", figure: str) -> bool:
+def is_truth(result: SweepData, figure: str) -> bool:
     """Whether a figure is true or false."""
     return result.variants[figure].dtype == polars.Boolean
 
 
-def varying(result: "SweepResult") -> list[str]:
+def varying(result: SweepData) -> list[str]:
     """Figures that are not the same for all variants that are done: numbers first, then truths."""
     found = [figure for figure in result.figures if _varies(figure_values(result, figure))]
     return sorted(found, key=lambda figure: is_truth(result, figure))
 
 
-def nothing_varies(result: "SweepResult", what: str) -> CommandError:
+def nothing_varies(result: SweepData, what: str) -> CommandError:
     """That there is no such figure or factor to draw."""
     return CommandError(
         f"no {what} varies between the variants of the sweep '{result.name}' that are done; there is nothing "
@@ -100,27 +96,27 @@ def nothing_varies(result: "SweepResult", what: str) -> CommandError:
     )
 
 
-def main_figure(result: "SweepResult") -> str | None:
+def main_figure(result: SweepData) -> str | None:
     """The figure that is looked at where nobody names one: the first that varies, or the first."""
     return next(iter([*varying(result), *result.figures]), None)
 
 
-def is_done(result: "SweepResult") -> np.ndarray:
+def is_done(result: SweepData) -> np.ndarray:
     """Whether each variant is done, as truths."""
     return _statuses(result) == DONE
 
 
-def verdicts(result: "SweepResult") -> list[str]:
+def verdicts(result: SweepData) -> list[str]:
     """Return the figures that are verdicts: truths called `held`, such as `lift.held`."""
     return [figure for figure in result.figures if is_verdict(figure) and is_truth(result, figure)]
 
 
-def good_outcome(result: "SweepResult") -> str:
+def good_outcome(result: SweepData) -> str:
     """Return what people call variants without fault: held, or only done where no figure is a verdict."""
     return HELD if verdicts(result) else DONE
 
 
-def outcomes(result: "SweepResult") -> np.ndarray:
+def outcomes(result: SweepData) -> np.ndarray:
     """Return what became of each variant: its status, or `NOT_HELD`.
 
     A variant that is done is not held where one of its verdicts is false or missing.
@@ -131,7 +127,7 @@ def outcomes(result: "SweepResult") -> np.ndarray:
     return told
 
 
-def shown_as(result: "SweepResult", figure: str) -> Shown:
+def shown_as(result: SweepData, figure: str) -> Shown:
     """How a person sees a figure; its label begins with what it is of."""
     known = result.shown.get(figure)
     if known is None:
@@ -163,7 +159,7 @@ def influence(one: Factor, values: Vector) -> float:
     return float(np.sqrt(max(1.0 - unexplained, 0.0)))
 
 
-def _statuses(result: "SweepResult") -> np.ndarray:
+def _statuses(result: SweepData) -> np.ndarray:
     return np.array(result.variants[STATUS].to_list(), dtype=object)
 
 

@@ -15,11 +15,11 @@ from ..run.scenarios.scenario import Scenario
 from ..run.simulation import PREPARED
 from ..study.loading import load
 from ..system.model import Value
+from .data import VARIANT
 from .factors import Factor, factors
 from .farm import Work
 from .folder import digest
 from .plan import Plan
-from .result import VARIANT
 from .sampling import count, sample
 from .shipment import Preparation
 from .targets import is_prepared, merged

@@ -16,9 +16,9 @@ from distributed import Client, Future, KilledWorker
 from distributed.comm.core import CommClosedError
 
 from ..base.errors import CosimError, RunError
+from .data import DIED
 from .local_cluster import local_cluster
 from .measures import Measures
-from .result import DIED
 from .shipment import Shipment
 from .worker import Chunk, Description, Outcome, SweepPlugin, Variant, describe, run_chunk
 

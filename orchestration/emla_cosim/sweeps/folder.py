@@ -13,10 +13,10 @@ import polars
 
 from ..base.errors import CommandError
 from ..base.files import UNFINISHED, read_text, writing_to, written_whole
+from .data import PROBLEM, STATUS, VARIANT
 from .measures import Measures
 from .pictures import PICTURES
 from .place import Place
-from .result import PROBLEM, STATUS, VARIANT
 from .worker import Chunk, parquet
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 from ..base.errors import CommandError, check_choice
 from ..base.files import written_whole
 from ..views.plots.style import save
+from .data import SweepData
 from .drawing.bands import draw_bands
 from .drawing.bars import draw_sobol, draw_tornado
 from .drawing.scatter import draw_figures
 from .drawing.stability import draw_map
-from .result import SweepResult
 from .sensitivity import ONE_AT_A_TIME
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PICTURES: dict[str, "Callable[[SweepResult, Sequence[str]], Figure]"] = {
+PICTURES: dict[str, "Callable[[SweepData, Sequence[str]], Figure]"] = {
     "bands": draw_bands,
     "figures": draw_figures,
     "tornado": draw_tornado,
@@ -33,13 +33,13 @@ They raise CommandError where a result has nothing for them.
 _ONE_AT_A_TIME = ("bands", "tornado")
 
 
-def picture(result: SweepResult, kind: str, names: Sequence[str] = ()) -> "Figure":
+def picture(result: SweepData, kind: str, names: Sequence[str] = ()) -> "Figure":
     """One picture; CommandError where there is no such kind, name, or nothing to draw."""
     check_choice("picture", kind, PICTURES)
     return PICTURES[kind](result, names)
 
 
-def draw(result: SweepResult, folder: Path) -> list[Path]:
+def draw(result: SweepData, folder: Path) -> list[Path]:
     """Write a PNG file for each picture that makes sense for a result; returns them. Raises OSError.
 
     Of factors that vary one at a time a tornado says all that there is.

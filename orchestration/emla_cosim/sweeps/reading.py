@@ -7,8 +7,9 @@ import polars
 from ..base.errors import CommandError
 from ..base.values import converted
 from ..recorders.metrics import Shown
+from .data import VARIANT
 from .folder import COMPLETED, SERIES, TABLE, SweepFolder
-from .result import VARIANT, SweepResult
+from .result import SweepResult
 from .targets import Target
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from .columns import figure_by_variant, figure_values, numbers, varying
-from .result import SweepResult
+from .data import SweepData
 
 SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
 """The samplings that these need."""
@@ -77,7 +77,7 @@ class LocalSensitivity(NamedTuple):
         return max(known) - min(known) if known else 0.0
 
 
-def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
+def sobol_indices(result: SweepData, figure: str) -> SobolIndices:
     """Sobol indices of a figure by the variants of a Saltelli sample, N (d + 2) rows for d factors.
 
     A base sample counts only if all of its d + 2 variants have the figure (see `figure_values`). Of a
@@ -108,7 +108,7 @@ def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
     )
 
 
-def all_sobol_indices(result: SweepResult) -> dict[str, SobolIndices]:
+def all_sobol_indices(result: SweepData) -> dict[str, SobolIndices]:
     """Return the Sobol indices of every figure that varies and has them, by its name."""
     found = dict[str, SobolIndices]()
     for figure in varying(result):
@@ -117,7 +117,7 @@ def all_sobol_indices(result: SweepResult) -> dict[str, SobolIndices]:
     return found
 
 
-def _indices(result: SweepResult, figure: str, values: Vector) -> list[Vector]:
+def _indices(result: SweepData, figure: str, values: Vector) -> list[Vector]:
     """First order, total, and the confidence of each, from a row for each base sample."""
     largest = float(np.max(np.abs(values)))
     if np.ptp(values) <= 1e-12 * largest:
@@ -141,7 +141,7 @@ def _indices(result: SweepResult, figure: str, values: Vector) -> list[Vector]:
     return [np.asarray(found[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf")]
 
 
-def local_sensitivities(result: SweepResult, figure: str) -> list[LocalSensitivity]:
+def local_sensitivities(result: SweepData, figure: str) -> list[LocalSensitivity]:
     """A figure where each factor alone is low and high, the factor of the largest effect first.
 
     Variant 0 is the nominal one; those of each factor follow, low and high. Raises CommandError for another
@@ -165,7 +165,7 @@ def local_sensitivities(result: SweepResult, figure: str) -> list[LocalSensitivi
     return sorted(found, key=lambda one: -one.effect)
 
 
-def check_sampling(result: SweepResult, sampling: str, what: str) -> None:
+def check_sampling(result: SweepData, sampling: str, what: str) -> None:
     """Raise CommandError, which says `what` needs it, where a sweep was sampled in another way."""
     if result.sampling != sampling:
         raise CommandError(

@@ -23,7 +23,8 @@ from .columns import (
     shown_as,
     verdicts,
 )
-from .result import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT, SweepResult
+from .data import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT
+from .result import SweepResult
 from .sensitivity import ONE_AT_A_TIME, SALTELLI, local_sensitivities, sobol_indices
 
 _MOST_FACTORS = 12

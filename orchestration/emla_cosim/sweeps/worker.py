@@ -24,8 +24,8 @@ from ..run.requirements import by_name
 from ..run.result import Result
 from ..run.simulation import Simulation
 from ..study.loading import register
+from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT
 from .measures import MeasureError, Measures, reason_not_held
-from .result import DIVERGED, DONE, FAILED, REFUSED, VARIANT
 from .shipment import Shipment
 
 _PREPARED_AT_MOST = 8

@@ -1,36 +1,19 @@
 """Start values as people give them: by patterns, and in units of their own."""
 
 import difflib
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
 
 from ..base.errors import CommandError, listed
 from ..base.patterns import fits, has_wildcard
 from ..base.quantities import has_unit, quantity
-from ..run.options import Options
+from ..fmu.interface import Interface
 from .model import Component, System, Value
-
-if TYPE_CHECKING:
-    from ..fmu.interface import Interface
-
-FOLLOWERS: list[Callable[[System, Options], Mapping[str, Value]]] = []
-"""What computes further start values that follow from those that options set, by full name; registered."""
 
 _MOST = 20_000
 """Among so many names near ones are looked for, which takes a while."""
 
 _NAMED = 3
 """So many variables of a pattern are named."""
-
-
-def following_values(system: System, options: Options) -> dict[str, Value]:
-    """Return what models assume of the values that the options set, by full name.
-
-    Nothing follows without the option `follow_models`. `system` is as it was before the options.
-    """
-    if not options.follow_models:
-        return {}
-    return {name: value for follow in FOLLOWERS for name, value in follow(system, options).items()}
 
 
 def need_interfaces(values: Mapping[str, Value]) -> bool:
@@ -44,7 +27,7 @@ def named_plainly(values: Mapping[str, Value]) -> dict[str, Value]:
 
 
 def start_values(
-    system: System, interfaces: "Mapping[str, Interface]", values: Mapping[str, Value]
+    system: System, interfaces: Mapping[str, Interface], values: Mapping[str, Value]
 ) -> dict[str, Value]:
     """Start values by full name, in the units that variables have in the system.
 
@@ -64,7 +47,7 @@ def start_values(
     return {name: _in_its_unit(system, interfaces, name, value) for name, value in found.items()}
 
 
-def _settable(system: System, interfaces: "Mapping[str, Interface]") -> Iterator[str]:
+def _settable(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
     """Full names of all variables that can be set, as the system calls them."""
     driven = {x.ends[1] for x in system.connections}
     for component in system.components:
@@ -75,14 +58,14 @@ def _settable(system: System, interfaces: "Mapping[str, Interface]") -> Iterator
                 yield f"{component.name}.{name}"
 
 
-def _names(component: Component, interface: "Interface") -> list[str]:
+def _names(component: Component, interface: Interface) -> list[str]:
     """The variables of a component as the system calls them."""
     others = {alias.variable for alias in component.aliases.values()}
     return [*component.aliases, *(n for n in interface.variables if n not in others)]
 
 
 def _meant(
-    pattern: str, settable: list[str], system: System, interfaces: "Mapping[str, Interface]"
+    pattern: str, settable: list[str], system: System, interfaces: Mapping[str, Interface]
 ) -> list[str]:
     """The variables that a pattern means; CommandError for one that means none."""
     found = [name for name in settable if fits(name, pattern)]
@@ -109,7 +92,7 @@ def _near(pattern: str, names: list[str]) -> list[str]:
     return [ends[end] for end in difflib.get_close_matches(said, ends, n=3, cutoff=0.6)]
 
 
-def _in_its_unit(system: System, interfaces: "Mapping[str, Interface]", name: str, value: Value) -> Value:
+def _in_its_unit(system: System, interfaces: Mapping[str, Interface], name: str, value: Value) -> Value:
     """A value in the unit of its variable; CommandError for a unit that this cannot have."""
     if not (isinstance(value, str) and has_unit(value)):
         return value

@@ -14,7 +14,7 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.files import check_places, written_whole
 from ..views.plots.style import BLUE, RED, new_figure, save, tidied
-from .result import TrajectoryResult
+from .motion import OptimisedMotion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +34,7 @@ class _Row(NamedTuple):
     bounds: tuple[Sequence[float], Sequence[float]] | None = None
 
 
-def drawn(result: TrajectoryResult) -> "dict[str, Figure]":
+def drawn(result: OptimisedMotion) -> "dict[str, Figure]":
     """The pictures by name."""
     times = np.linspace(result.spline.start, result.spline.end, _POINTS)
     seen, problem = result.course(times), result.problem
@@ -55,7 +55,7 @@ def picture_places(path: Path, wanted: bool = True, problem: object = None) -> l
     return places
 
 
-def save_pictures(result: TrajectoryResult, path: Path) -> list[Path]:
+def save_pictures(result: OptimisedMotion, path: Path) -> list[Path]:
     """Draw the pictures beside a trajectory file; CommandError where they cannot be written."""
     places = picture_places(path)
     for place, figure in zip(places, drawn(result).values(), strict=True):

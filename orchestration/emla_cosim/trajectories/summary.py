@@ -7,7 +7,7 @@ from rich.table import Table
 from hdrm_fmu.optimisation.assessment import Peak
 from hdrm_fmu.optimisation.problem import EndSpeed
 
-from .result import TrajectoryResult
+from .motion import OptimisedMotion
 
 _READ = {
     EndSpeed.CLIP: "read as the bound, which is our substitution",
@@ -17,7 +17,7 @@ _READ = {
 }
 
 
-def remarks(result: TrajectoryResult) -> Iterator[str]:
+def remarks(result: OptimisedMotion) -> Iterator[str]:
     """What contradicts itself in the problem as given, and how it was read."""
     for sentence in result.contradictions:
         read = _READ[result.end_speed] if sentence.startswith("v_E") else "kept"
@@ -26,7 +26,7 @@ def remarks(result: TrajectoryResult) -> Iterator[str]:
         yield "The end speeds are read as rest (--end-speed rest)"
 
 
-def peaks(result: TrajectoryResult) -> Table:
+def peaks(result: OptimisedMotion) -> Table:
     """Forces and speeds against their limits, by joint."""
     table = Table(title="Peaks on a dense grid, against their limits", title_justify="left")
     table.add_column("")
@@ -42,7 +42,7 @@ def peaks(result: TrajectoryResult) -> Table:
     return table
 
 
-def costs(result: TrajectoryResult) -> Table:
+def costs(result: OptimisedMotion) -> Table:
     """What the motion costs."""
     figures = result.assessment
     table = Table(title="Cost", title_justify="left", show_header=False)
@@ -58,7 +58,7 @@ def costs(result: TrajectoryResult) -> Table:
     return table
 
 
-def lines(result: TrajectoryResult) -> Iterator[str]:
+def lines(result: OptimisedMotion) -> Iterator[str]:
     """How it was found, and whether it keeps its bounds between the points it was found on."""
     how, solution = result.discretisation, result.solution
     of = f", best of {result.starts} starts" if result.starts > 1 else ""

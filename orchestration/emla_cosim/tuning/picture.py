@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidied
-from .result import TuneResult
+from .data import TuneData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
-def drawn(result: TuneResult) -> "Figure":
+def drawn(result: TuneData) -> "Figure":
     """Left all that was tried, right start and best on both sets of seeds, by case."""
     figure, axes = new_figure(1, 2, 4.6, 3.0, sharex="none")
     _search(axes[0, 0], result)
@@ -20,7 +20,7 @@ def drawn(result: TuneResult) -> "Figure":
     return figure
 
 
-def _search(axes: "Axes", result: TuneResult) -> None:
+def _search(axes: "Axes", result: TuneData) -> None:
     tried = result.history
     number = tried["evaluation"].to_numpy()
     objective = tried["objective"].cast(float).to_numpy()
@@ -35,7 +35,7 @@ def _search(axes: "Axes", result: TuneResult) -> None:
     tidied(axes, ["not as required", "as required", "best so far"])
 
 
-def _cases(axes: "Axes", result: TuneResult) -> None:
+def _cases(axes: "Axes", result: TuneData) -> None:
     cases = list(result.best.training.by_case)
     shown = {
         "start, training": (result.start.training, GREY, "o"),

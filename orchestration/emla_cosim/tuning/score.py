@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..run.requirements import Requirement
-from ..sweeps.result import DONE
+from ..sweeps.data import DONE
 from ..sweeps.worker import Outcome
 from .expressions import Expression
 from .plan import Case

@@ -8,7 +8,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..base.wording import counted, number
-from .result import Tuned, TuneResult
+from .data import Tuned
+from .result import TuneResult
 from .score import Score, told
 
 

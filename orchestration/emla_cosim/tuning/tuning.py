@@ -24,11 +24,12 @@ from ..sweeps.seeds import draw_seeds
 from ..sweeps.shipment import Preparation, Shipment, check_portable
 from ..sweeps.sweeping import check_cluster
 from ..system.model import Value
+from .data import Tuned
 from .evaluation import Evaluation
 from .folder import TuneFolder
 from .plan import PLAIN, TuningPlan, tuning_of
 from .preparing import Task, prepared_task, scenario_content
-from .result import Tuned, TuneResult
+from .result import TuneResult
 from .score import Score
 from .search import Search
 from .tracking import tracked

@@ -6,7 +6,7 @@ from typing import Any
 
 from .apart import apart_each
 from .check import Check
-from .report import Finding
+from .findings import Finding
 from .settings import Settings
 from .verdict import Outcome, Verdict, failed, skipped
 

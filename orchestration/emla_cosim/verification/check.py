@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 from .verdict import Clause, Outcome
@@ -30,8 +31,8 @@ class Check:
     room: float = 1.0
 
     def __reduce__(self) -> Any:
-        """As it goes to a process that has nothing of this one: by its name."""
-        return _of, (self.name,)
+        """As it goes to a process that has nothing of this one: by the name that its module has for it."""
+        return _of, (self.examine.__module__, self.examine.__name__)
 
     @property
     def group(self) -> str:
@@ -56,7 +57,5 @@ def check(
     return made
 
 
-def _of(name: str) -> Check:
-    from .catalogue import CHECKS, RECORDED, SYSTEM
-
-    return next(c for c in (*CHECKS, RECORDED, *SYSTEM) if c.name == name)
+def _of(module: str, name: str) -> Check:
+    return getattr(import_module(module), name)

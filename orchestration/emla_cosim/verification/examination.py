@@ -11,7 +11,7 @@ from ..base.patterns import fits
 from .asking import asked_each, blocked
 from .catalogue import CHECKS, READING, RECORDED
 from .check import Check
-from .report import Examined, Finding
+from .findings import Examined, Finding
 from .settings import Settings
 from .subject import Subject
 from .verdict import Verdict

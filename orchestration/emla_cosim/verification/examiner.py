@@ -15,7 +15,7 @@ from ..sandbox.channel import Channel, own_channel
 from ..sandbox.interruption import ask_no_more
 from ..sandbox.processes import end_with
 from .examination import examined
-from .report import Examined
+from .findings import Examined
 from .settings import Settings
 from .subject import Subject
 

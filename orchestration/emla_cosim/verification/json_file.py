@@ -37,21 +37,19 @@ A number that is infinite or not a number is null. Verdicts are passed, warning,
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..recorders.tubes.comparison import Comparison
 from ..views.pages.plain import plain
 from ..views.pages.writing import write_text
+from .findings import Examined, Finding, Findings, worst
 from .verdict import Verdict
-
-if TYPE_CHECKING:
-    from .report import Examined, Finding, Report
 
 VERSION = 1
 """Of what the fields mean."""
 
 
-def as_dict(report: "Report") -> dict[str, Any]:
+def as_dict(report: Findings) -> dict[str, Any]:
     """The report as nothing but dictionaries, lists, texts, numbers that are finite, booleans and None."""
     return plain(
         {
@@ -66,14 +64,12 @@ def as_dict(report: "Report") -> dict[str, Any]:
     )
 
 
-def save(report: "Report", path: Path) -> None:
+def save(report: Findings, path: Path) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
     write_text(json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n", path, "the JSON report")
 
 
-def _examined(one: "Examined") -> dict[str, Any]:
-    from .report import worst
-
+def _examined(one: Examined) -> dict[str, Any]:
     return {
         "name": one.label,
         "path": str(one.path),
@@ -85,7 +81,7 @@ def _examined(one: "Examined") -> dict[str, Any]:
     }
 
 
-def _finding(finding: "Finding") -> dict[str, Any]:
+def _finding(finding: Finding) -> dict[str, Any]:
     clause, outcome = finding.clause, finding.outcome
     return {
         "check": finding.check,

@@ -3,20 +3,18 @@
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..views.pages.text import visible
 from ..views.pages.writing import write_text
+from .findings import Examined, Finding, Findings
 from .labels import labels
 from .verdict import Verdict
 
-if TYPE_CHECKING:
-    from .report import Examined, Finding, Report
 
-
-def save(report: "Report", path: Path) -> None:
+def save(report: Findings, path: Path) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
     names = labels([one.label for one in report.examined])
     suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
@@ -34,7 +32,7 @@ def save(report: "Report", path: Path) -> None:
     write_text(f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n', path, "the JUnit report")
 
 
-def _suite(one: "Examined", name: str, report: "Report") -> Any:
+def _suite(one: Examined, name: str, report: Findings) -> Any:
     suite = _element(
         "testsuite",
         name=one.label,
@@ -58,7 +56,7 @@ def _class_name(label: str) -> str:
     return label.removesuffix(".fmu").replace(".", "_").replace("/", ".")
 
 
-def _case(finding: "Finding", class_name: str) -> Any:
+def _case(finding: Finding, class_name: str) -> Any:
     case = _element("testcase", classname=class_name, name=finding.check, time=_time(finding.seconds))
     if finding.verdict == Verdict.FAILED:
         case.append(_element("failure", _explained(finding), type=finding.check, message=finding.sentence))
@@ -73,7 +71,7 @@ def _time(seconds: float) -> str:
     return f"{seconds if math.isfinite(seconds) else 0.0:.3f}"
 
 
-def _explained(finding: "Finding") -> str:
+def _explained(finding: Finding) -> str:
     """All that is known, in paragraphs."""
     clause = f"{finding.clause}: \u201c{finding.clause.sentence}\u201d"
     return "\n\n".join(_paragraphs(finding.sentence, finding.outcome.details, clause, finding.hint))

@@ -7,24 +7,22 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..views.pages.comparisons import compared
 from ..views.pages.page import Plots, rendered
 from ..views.pages.writing import write_text
+from .findings import Examined, Finding, Findings, worst
 from .labels import labels
 from .verdict import Verdict
 
-if TYPE_CHECKING:
-    from .report import Examined, Finding, Report
 
-
-def save(report: "Report", path: Path) -> None:
+def save(report: Findings, path: Path) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
     write_text(page(report), path, "the HTML report")
 
 
-def page(report: "Report") -> str:
+def page(report: Findings) -> str:
     """The text of the page."""
     plots = Plots()
     names = labels([one.label for one in report.examined])
@@ -51,7 +49,7 @@ def page(report: "Report") -> str:
 class _Part:
     """One FMU, as the page's template wants it."""
 
-    def __init__(self, index: int, one: "Examined", name: str, plots: Plots) -> None:
+    def __init__(self, index: int, one: Examined, name: str, plots: Plots) -> None:
         self.id, self.one, self.name = f"fmu-{index}", one, name
         self.rows = [_Row(f"{self.id}-{_word(f.check)}", f, plots) for f in one.findings]
 
@@ -95,7 +93,7 @@ class _Group:
 class _Row:
     """One finding."""
 
-    def __init__(self, name: str, finding: "Finding", plots: Plots) -> None:
+    def __init__(self, name: str, finding: Finding, plots: Plots) -> None:
         self.id, self.finding, self.outcome = name, finding, finding.outcome
         self.signals = compared(self.outcome.comparisons, plots)
 
@@ -106,8 +104,6 @@ class _Row:
 
 
 def _worst(rows: Sequence[_Row]) -> Verdict:
-    from .report import worst
-
     return worst([row.finding for row in rows])
 
 
@@ -116,7 +112,7 @@ def _word(name: str) -> str:
     return re.sub(r"[^\w.-]", "_", name)
 
 
-def _headline(report: "Report") -> str:
+def _headline(report: Findings) -> str:
     count, thing = len(report.examined), _thing(report)
     bad = sum(not one.passed for one in report.examined)
     how = "failed" if bad else "passed"
@@ -125,7 +121,7 @@ def _headline(report: "Report") -> str:
     return f"{bad} of {count} {thing}s {how}" if 0 < bad < count else f"All {count} {thing}s {how}"
 
 
-def _thing(report: "Report") -> str:
+def _thing(report: Findings) -> str:
     """What was examined: FMUs, or systems."""
     systems = [one.path.suffix.lower() not in ("", ".fmu") for one in report.examined]
     return "system" if systems and all(systems) else "FMU"

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from .report import Examined, Finding
+    from .findings import Examined, Finding
     from .settings import Settings
 
 _FMUS = pytest.StashKey[list[str]]()

@@ -1,103 +1,15 @@
-"""What was found about FMUs: findings by FMU, for people and for programs."""
+"""What was found about FMUs, for people and for programs."""
 
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .verdict import Clause, Outcome, Verdict
+from .findings import Findings
 
 
 @dataclass(frozen=True)
-class Finding:
-    """The outcome of one check of one FMU, with what the check rests on."""
-
-    check: str
-    title: str
-    outcome: Outcome
-    clause: Clause
-    hint: str
-    seconds: float
-
-    @property
-    def verdict(self) -> Verdict:
-        """How it ended."""
-        return self.outcome.verdict
-
-    @property
-    def sentence(self) -> str:
-        """What was found, in one sentence."""
-        return self.outcome.sentence
-
-
-@dataclass(frozen=True)
-class Examined:
-    """All findings about one FMU, or one system, in the order of the checks.
-
-    `facts` are what a person wants to know of it first, by name: model, generation tool, kinds,
-    platforms, size, SHA-256. `seconds` is the time it took.
-    """
-
-    path: Path
-    facts: dict[str, str]
-    findings: tuple[Finding, ...]
-    seconds: float
-    name: str = ""
-
-    @property
-    def label(self) -> str:
-        """What reports call it: its name if it was given one, else its path."""
-        return self.name or str(self.path)
-
-    def of(self, verdict: Verdict) -> list[Finding]:
-        """The findings with this verdict."""
-        return [f for f in self.findings if f.verdict == verdict]
-
-    def __getitem__(self, check: str) -> Finding:
-        """The finding of a check, by its name; KeyError where it was not asked for."""
-        for finding in self.findings:
-            if finding.check == check:
-                return finding
-        raise KeyError(check)
-
-    @property
-    def passed(self) -> bool:
-        """Whether no check failed."""
-        return not self.of(Verdict.FAILED)
-
-
-@dataclass(frozen=True)
-class Report:
+class Report(Findings):
     """What `verify` found. `report["x.fmu"]` is what concerns one of its FMUs."""
-
-    examined: tuple[Examined, ...]
-    version: str
-    """Of what verified it."""
-    started: str
-    """When, in ISO 8601."""
-
-    @property
-    def passed(self) -> bool:
-        """Whether no check failed on any FMU."""
-        return all(one.passed for one in self.examined)
-
-    @property
-    def failures(self) -> list[tuple[Path, Finding]]:
-        """Every failed check, with the FMU that it is about."""
-        return [(one.path, f) for one in self.examined for f in one.of(Verdict.FAILED)]
-
-    @property
-    def counts(self) -> Counter[Verdict]:
-        """How many checks ended in which way."""
-        return Counter(f.verdict for one in self.examined for f in one.findings)
-
-    def __getitem__(self, path: str | Path) -> Examined:
-        """What was found about one FMU, by its path or its file name; KeyError where there is none."""
-        for one in self.examined:
-            if str(path) in (one.label, str(one.path), one.path.name):
-                return one
-        raise KeyError(str(path))
 
     def as_dict(self) -> dict[str, Any]:
         """The report for programs, as `save_json` writes it; the module `json_file` says what is where."""
@@ -122,10 +34,3 @@ class Report:
         from .page import save
 
         save(self, Path(path))
-
-
-def worst(findings: Sequence[Finding]) -> Verdict:
-    """The verdict that decides: failed before warning before passed; skipped if nothing was done."""
-    found = {f.verdict for f in findings}
-    order = (Verdict.FAILED, Verdict.WARNING, Verdict.PASSED)
-    return next((v for v in order if v in found), Verdict.SKIPPED)

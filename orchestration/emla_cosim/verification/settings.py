@@ -3,12 +3,31 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from ..recorders.tubes.tolerance import Tolerance
 
-if TYPE_CHECKING:
-    from .references.recording import Recording
+
+@dataclass(frozen=True)
+class Recording:
+    """What is recorded, and where: `folder` has the reference files in the end.
+
+    Inputs come from a CSV file, `inputs`, or have a shape of `excitation.SHAPES` within their ranges.
+    `stop` and `step` are times in s, by default those of the FMU's default experiment. `values` are start
+    values. Files that are there already are only written again if that is wanted: `overwrite`.
+    """
+
+    folder: Path
+    inputs: Path | None = None
+    shape: str = "steps"
+    stop: float | None = None
+    step: float | None = None
+    values: dict[str, Any] = field(default_factory=dict)
+    overwrite: bool = False
+
+    def files(self, name: str) -> list[Path]:
+        """The files of an FMU of this name."""
+        return [self.folder / f"{name}_{kind}" for kind in ("in.csv", "ref.csv", "ref.opt", "ref.toml")]
 
 
 @dataclass(frozen=True)
@@ -27,4 +46,4 @@ class Settings:
     tolerance: Mapping[str, Tolerance] = field(default_factory=dict)
     seconds: float = 10.0
     memory: int = 2 * 2**30
-    recording: "Recording | None" = None
+    recording: Recording | None = None

@@ -7,7 +7,7 @@ from pathlib import Path
 from .asking import asked
 from .catalogue import SYSTEM
 from .checks.systems import WholeSystem
-from .report import Examined
+from .findings import Examined
 from .settings import Settings
 
 

@@ -24,9 +24,10 @@ from .asking import finding
 from .catalogue import CHECKS
 from .examination import check_names, chosen, needed
 from .examiner import Job
-from .references.recording import Recording, check_recording
-from .report import Examined, Report
-from .settings import Settings
+from .findings import Examined
+from .references.recording import check_recording
+from .report import Report
+from .settings import Recording, Settings
 from .verdict import failed
 
 _SYSTEMS = (".ssp", ".ssd")

@@ -1,6 +1,6 @@
 """Progress as a person sees it in the terminal."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, ProgressColumn, Task, TextColumn, TimeRemainingColumn
@@ -8,11 +8,9 @@ from rich.progress import Progress as RichProgress
 from rich.table import Table
 from rich.text import Text
 
+from ..base.fit import Fit
 from ..base.progress import Progress
 from .terminal import ERR, wanted
-
-if TYPE_CHECKING:
-    from ..run.replacement import Fit
 
 _WORTH_A_LOOK = ("is left out", "keeps its start value", "is not used")
 
@@ -62,7 +60,7 @@ class BarProgress(Progress):
             return
         self._bars.console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
-    def replaced(self, fit: "Fit") -> None:
+    def replaced(self, fit: Fit) -> None:
         """A component is replaced: what is converted, missing or left out as a table, if anything is."""
         if wanted().quiet:
             return

@@ -6,8 +6,8 @@ from distributed import KilledWorker
 from hypothesis import given
 from hypothesis import strategies as st
 
+from emla_cosim.sweeps.data import DIED, DONE
 from emla_cosim.sweeps.farm import Work, _Chunks
-from emla_cosim.sweeps.result import DIED, DONE
 from emla_cosim.sweeps.worker import Chunk, Outcome
 
 

@@ -7,10 +7,10 @@ import polars
 import pytest
 
 from emla_cosim.base.progress import Progress
+from emla_cosim.sweeps.data import DONE
 from emla_cosim.sweeps.design import Design, designed
 from emla_cosim.sweeps.factors import Factor
 from emla_cosim.sweeps.plan import plan_of
-from emla_cosim.sweeps.result import DONE
 from emla_cosim.sweeps.sweeping import sweep
 from emla_cosim.sweeps.targets import Target
 from tests.support.commands import Emla

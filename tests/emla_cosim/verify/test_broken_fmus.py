@@ -12,7 +12,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.verification.catalogue import CHECKS
 from emla_cosim.verification.catalogue import DYNAMIC as DYNAMIC_CHECKS
-from emla_cosim.verification.report import Examined
+from emla_cosim.verification.findings import Examined
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import DYNAMIC, Fault, build_good_fmu

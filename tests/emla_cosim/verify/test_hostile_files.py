@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.verification.catalogue import STATIC
-from emla_cosim.verification.report import Examined
+from emla_cosim.verification.findings import Examined
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import (
     DESCRIPTION,

@@ -9,7 +9,7 @@ from lxml import etree
 
 import emla_cosim as ec
 from emla_cosim.verification.catalogue import STATIC
-from emla_cosim.verification.report import Examined
+from emla_cosim.verification.findings import Examined
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import Files, good_bytes, with_files, with_tree
 from tests.support.broken.static import LIBRARY

@@ -9,7 +9,7 @@ import pytest
 from emla_cosim.verification import asking, examination
 from emla_cosim.verification.apart import apart
 from emla_cosim.verification.check import Check
-from emla_cosim.verification.report import Examined
+from emla_cosim.verification.findings import Examined
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import Outcome, failed

@@ -11,7 +11,8 @@ from ...base.option import COMPARE
 from ...base.wording import counted
 from ...comparison import certificates
 from ...comparison.comparing import RESOLUTION, SEEDS, compare
-from ...comparison.result import CERTIFICATE, STABILITY, TABLES, CompareResult
+from ...comparison.data import CERTIFICATE, STABILITY, TABLES
+from ...comparison.result import CompareResult
 from ...comparison.tables import lost_lines
 from ...comparison.writing import CSV, MARKDOWN, RECORD, draw
 from ...study.certificate import certificate_table

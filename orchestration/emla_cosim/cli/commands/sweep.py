@@ -10,11 +10,12 @@ from ...base.errors import CommandError, CosimError
 from ...base.files import writing_to, written_whole
 from ...base.option import SWEEP
 from ...base.progress import Progress
+from ...sweeps.data import DONE, STATUS
 from ...sweeps.distributions import FORMS
 from ...sweeps.folder import RECORD, SERIES, TABLE, WORST
 from ...sweeps.pictures import draw
 from ...sweeps.plan import plan_of
-from ...sweeps.result import DONE, STATUS, SweepResult
+from ...sweeps.result import SweepResult
 from ...sweeps.sampling import SAMPLINGS
 from ...sweeps.summary import commands, summary
 from ...sweeps.sweeping import sweep

@@ -15,10 +15,10 @@ from ...base.wording import counted
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
 from ...recorders.tubes.tolerance import read_tolerances
 from ...verification.catalogue import CHECKS
+from ...verification.findings import Examined
 from ...verification.references.excitation import SHAPES
-from ...verification.references.recording import Recording
-from ...verification.report import Examined, Report
-from ...verification.settings import Settings
+from ...verification.report import Report
+from ...verification.settings import Recording, Settings
 from ...verification.verdict import Verdict
 from ...verification.verifying import verify
 from ...views.bars import BarProgress

@@ -11,7 +11,7 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, check_choice
 from ...views.plots.style import BLUE, new_figure, tidied
 from ..columns import LARGEST, is_done
-from ..result import VARIANT, SweepResult
+from ..data import VARIANT, SweepData
 from .labels import columns_for, hide_rest, put_legend, put_title, with_unit, wrapped
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Bands:
     values: Vector
 
 
-def bands(result: SweepResult, signal: str) -> Bands:
+def bands(result: SweepData, signal: str) -> Bands:
     """Percentiles of a signal, at no more than 400 times of the variant that came furthest.
 
     Values of variants with other times are interpolated between their rows; a variant counts only from
@@ -70,7 +70,7 @@ def bands(result: SweepResult, signal: str) -> Bands:
     return Bands(times, np.column_stack([_percentiles(column) for column in values.T]))
 
 
-def _series(result: SweepResult) -> polars.LazyFrame:
+def _series(result: SweepData) -> polars.LazyFrame:
     if result.series is None or not result.signals:
         raise CommandError(f"the sweep '{result.name}' kept no signals over time.")
     return result.series
@@ -95,7 +95,7 @@ def _percentiles(values: Vector) -> Vector:
     return np.percentile(known, PERCENTILES) if len(known) else np.full(len(PERCENTILES), np.nan)
 
 
-def draw_bands(result: SweepResult, signals: Sequence[str] = ()) -> "Figure":
+def draw_bands(result: SweepData, signals: Sequence[str] = ()) -> "Figure":
     """A panel for each signal that has values; the first 12 of those kept unless some are named."""
     _series(result)
     chosen = list(signals or result.signals[:_MOST_PANELS])
@@ -138,7 +138,7 @@ def _handles() -> "dict[str, Artist]":
     }
 
 
-def _note(result: SweepResult, left_out: int) -> str:
+def _note(result: SweepData, left_out: int) -> str:
     variants, done = len(result.variants), int(is_done(result).sum())
     note = f"{variants:,} variant{'s' if variants != 1 else ''}"
     if done < variants:

@@ -8,7 +8,7 @@ import numpy as np
 from ...base.errors import CommandError
 from ...views.plots.style import BLUE, GREY, ORANGE, new_figure, tidied
 from ..columns import is_truth, nothing_varies, shown_as, varying
-from ..result import SweepResult
+from ..data import SweepData
 from ..sensitivity import (
     ONE_AT_A_TIME,
     SALTELLI,
@@ -30,7 +30,7 @@ _NAME = 38
 """Characters of a factor beside its bars."""
 
 
-def draw_tornado(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
+def draw_tornado(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     """A panel for each figure: how it changes where a factor alone is low or high, the largest effect first.
 
     A cross stands where the figure is missing. Figures that the nominal variant does not have are left out.
@@ -49,7 +49,7 @@ def draw_tornado(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     return figure
 
 
-def draw_sobol(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
+def draw_sobol(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     """A panel for each figure: first-order and total indices with 95 % confidence, largest total first."""
     check_sampling(result, SALTELLI, "Sobol indices")
     found = _panels(result, figures, sobol_indices)
@@ -63,7 +63,7 @@ def draw_sobol(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
 
 
 def _panels(
-    result: SweepResult, figures: Sequence[str], found: Callable[[SweepResult, str], Any]
+    result: SweepData, figures: Sequence[str], found: Callable[[SweepData, str], Any]
 ) -> dict[str, Any]:
     """What is found for these figures, or for the first that vary; CommandError where there is nothing."""
     if figures:
@@ -82,7 +82,7 @@ def _panels(
 
 
 def _figure(
-    result: SweepResult, panels: Mapping[str, Any], draw: Callable[["Axes", str, Any], None]
+    result: SweepData, panels: Mapping[str, Any], draw: Callable[["Axes", str, Any], None]
 ) -> "Figure":
     columns, bars = columns_for(len(panels)), min(len(result.factors), _MOST_BARS)
     width = 7.5 if columns == 1 else 4.6
@@ -94,7 +94,7 @@ def _figure(
     return figure
 
 
-def _note(result: SweepResult, more: int) -> str:
+def _note(result: SweepData, more: int) -> str:
     notes = []
     if len(result.factors) > _MOST_BARS:
         notes.append(f"The {_MOST_BARS} strongest of {len(result.factors)} factors.")
@@ -103,7 +103,7 @@ def _note(result: SweepResult, more: int) -> str:
     return " ".join(notes)
 
 
-def _draw_tornado(axes: "Axes", result: SweepResult, name: str, rows: Sequence[LocalSensitivity]) -> None:
+def _draw_tornado(axes: "Axes", result: SweepData, name: str, rows: Sequence[LocalSensitivity]) -> None:
     rows, factor = rows[:_MOST_BARS], shown_as(result, name).factor
     nominal = factor * (rows[0].nominal or 0.0)
     for place, row in enumerate(rows):

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ..columns import Factor, shown_as
-from ..result import SweepResult
+from ..data import SweepData
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -56,12 +56,12 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} / ({unit})" if re.search(r"[ /.*]", unit) else f"{name} / {unit}"
 
 
-def factor_label(result: SweepResult, name: str) -> str:
+def factor_label(result: SweepData, name: str) -> str:
     """A factor with its unit."""
     return with_unit(name, result.units.get(name) or "")
 
 
-def figure_label(result: SweepResult, name: str) -> str:
+def figure_label(result: SweepData, name: str) -> str:
     """A figure as a person calls it, with the unit a person sees it in."""
     shown = shown_as(result, name)
     return with_unit(shown.label, shown.unit)

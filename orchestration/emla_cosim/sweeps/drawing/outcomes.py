@@ -6,7 +6,7 @@ import numpy as np
 
 from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED
 from ..columns import NOT_HELD
-from ..result import DIED, DIVERGED, DONE, FAILED, REFUSED
+from ..data import DIED, DIVERGED, DONE, FAILED, REFUSED
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

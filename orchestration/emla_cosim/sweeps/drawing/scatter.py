@@ -20,7 +20,7 @@ from ..columns import (
     shown_as,
     varying,
 )
-from ..result import SweepResult
+from ..data import SweepData
 from .labels import (
     factor_label,
     figure_label,
@@ -46,7 +46,7 @@ _ROOM = 30
 """Characters that fit below a panel."""
 
 
-def draw_figures(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
+def draw_figures(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     """Rows are the figures, the first 4 that vary unless some are named; columns the 6 strongest factors.
 
     Marks at the bottom of a panel are variants without the figure.
@@ -78,14 +78,14 @@ def draw_figures(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     return figure
 
 
-def _strongest(result: SweepResult, figures: Sequence[Vector]) -> list[Factor]:
+def _strongest(result: SweepData, figures: Sequence[Vector]) -> list[Factor]:
     """Factors that vary, that with the largest rank correlation with any of the figures first."""
     factors = [one for name in result.factors if (one := factor(result, name)).varies]
     return sorted(factors, key=lambda one: -max((influence(one, values) for values in figures), default=0.0))
 
 
 def _draw_panel(
-    axes: "Axes", result: SweepResult, one: Factor, name: str, values: Vector, told: np.ndarray
+    axes: "Axes", result: SweepData, one: Factor, name: str, values: Vector, told: np.ndarray
 ) -> None:
     shown = shown_as(result, name).factor * values
     truth = is_truth(result, name)
@@ -120,7 +120,7 @@ def _draw_panel(
         scale(axes, axes.yaxis, shown)
 
 
-def _notes(result: SweepResult, factors: Sequence[Factor], figures_left: int) -> Iterator[str]:
+def _notes(result: SweepData, factors: Sequence[Factor], figures_left: int) -> Iterator[str]:
     if len(factors) > _MOST_FACTORS:
         rest = [one.name for one in factors[_MOST_FACTORS:]]
         named = listed(rest) if len(rest) <= _NAMED else f"{len(rest)} factors"

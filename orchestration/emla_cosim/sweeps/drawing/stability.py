@@ -21,7 +21,7 @@ from ..columns import (
     shown_as,
     varying,
 )
-from ..result import DONE, SweepResult
+from ..data import DONE, SweepData
 from .labels import (
     factor_label,
     figure_label,
@@ -49,7 +49,7 @@ _TITLES = {HELD: "where it is held", DONE: "which variants are done"}
 """Titles of maps by what variants without fault are called."""
 
 
-def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
+def draw_map(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     """Draw where variants are held; the shade is a figure of these.
 
     Where no figure is a verdict, nobody knows what is held: the map says which variants are done. A grid of
@@ -85,11 +85,11 @@ def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     return figure
 
 
-def _first_figure(result: SweepResult) -> str | None:
+def _first_figure(result: SweepData) -> str | None:
     return next((figure for figure in varying(result) if not is_truth(result, figure)), None)
 
 
-def _two_factors(result: SweepResult, told: np.ndarray, values: Vector) -> tuple[Factor, Factor]:
+def _two_factors(result: SweepData, told: np.ndarray, values: Vector) -> tuple[Factor, Factor]:
     """The two that vary and have the largest influence, in the order of the sweep."""
     factors = [one for name in result.factors if (one := factor(result, name)).varies]
     if len(factors) < 2:
@@ -106,7 +106,7 @@ def _splits(told: np.ndarray) -> bool:
     return 0 < int((told == DONE).sum()) < len(told)
 
 
-def _note(result: SweepResult, told: np.ndarray, good: str) -> str:
+def _note(result: SweepData, told: np.ndarray, good: str) -> str:
     what = f"being {good}" if _splits(told) else "the figure"
     return f"The two of {len(result.factors)} factors with the largest rank correlation with {what}."
 

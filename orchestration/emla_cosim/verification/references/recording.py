@@ -2,7 +2,6 @@
 
 import csv
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
@@ -15,6 +14,7 @@ from ...base.errors import CommandError
 from ...base.files import place_of, written_whole
 from ..host.drive import outputs
 from ..host.experiment import span
+from ..settings import Recording
 from ..subject import Subject
 from .excitation import excited
 from .files import Reference, read_columns
@@ -25,28 +25,6 @@ MOST_STEPS = 100_000
 
 _ROWS = 1000
 """Of generated inputs and of the recorded outputs, about, unless a step is said."""
-
-
-@dataclass(frozen=True)
-class Recording:
-    """What is recorded, and where: `folder` has the reference files in the end.
-
-    Inputs come from a CSV file, `inputs`, or have a shape of `excitation.SHAPES` within their ranges.
-    `stop` and `step` are times in s, by default those of the FMU's default experiment. `values` are start
-    values. Files that are there already are only written again if that is wanted: `overwrite`.
-    """
-
-    folder: Path
-    inputs: Path | None = None
-    shape: str = "steps"
-    stop: float | None = None
-    step: float | None = None
-    values: dict[str, Any] = field(default_factory=dict)
-    overwrite: bool = False
-
-    def files(self, name: str) -> list[Path]:
-        """The files of an FMU of this name."""
-        return [self.folder / f"{name}_{kind}" for kind in ("in.csv", "ref.csv", "ref.opt", "ref.toml")]
 
 
 def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:

@@ -1,0 +1,27 @@
+"""What came out of a comparison, as data."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import polars
+
+PAPER, ROBUSTNESS, STABILITY, CERTIFICATE = "paper", "robustness", "stability", "certificate"
+TABLES = (PAPER, ROBUSTNESS, STABILITY)
+"""Comparisons that have a form of their own."""
+
+
+@dataclass(frozen=True)
+class CompareData:
+    """What came out of a comparison of controllers; `CompareResult` explains the fields."""
+
+    name: str
+    table: str | None
+    rows: polars.DataFrame
+    entrants: Sequence[str]
+    errors: Mapping[int, polars.DataFrame] = field(default_factory=dict)
+    commands: Mapping[int, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+    complete: bool = True
+    wall_s: float = 0.0
+    folder: Path | None = None
