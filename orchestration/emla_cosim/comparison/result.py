@@ -7,6 +7,7 @@ import polars
 
 from .data import CompareData
 from .grid import Grid
+from .pictures import pictures
 from .tables import grids, lost_lines
 
 if TYPE_CHECKING:
@@ -46,6 +47,4 @@ class CompareResult(CompareData):
 
     def figures(self) -> "dict[str, Figure]":
         """The pictures by name."""
-        from .pictures import pictures
-
         return pictures(self)

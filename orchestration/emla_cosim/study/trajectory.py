@@ -8,6 +8,7 @@ from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, trajectory_
 
 from ..base.errors import CommandError
 from ..system.model import Value
+from ..trajectories.file import read_trajectory
 from .roles import JOINTS
 from .systems import STUDY
 
@@ -37,8 +38,6 @@ def motion(file: Path | None) -> Motion:
     """The motion of a trajectory file, or the optimised one; CommandError for a file that has none."""
     if file is None:
         return _motion(default_spline())
-    from ..trajectories.file import read_trajectory  # takes a while
-
     try:
         return _motion(read_trajectory(file))
     except TrajectoryError as error:

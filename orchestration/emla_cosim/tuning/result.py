@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from .data import TuneData
+from .picture import drawn
 from .score import Score
 
 if TYPE_CHECKING:
@@ -32,8 +33,6 @@ class TuneResult(TuneData):
 
     def plot(self) -> "Figure":
         """How the search went, and the gains of start and end on the seeds of training and validation."""
-        from .picture import drawn
-
         return drawn(self)
 
 

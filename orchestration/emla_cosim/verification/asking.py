@@ -7,6 +7,7 @@ from typing import Any
 from .apart import apart_each
 from .check import Check
 from .findings import Finding
+from .host.afresh import EndedError
 from .settings import Settings
 from .verdict import Outcome, Verdict, failed, skipped
 
@@ -46,7 +47,6 @@ def finding(check: Check, outcome: Outcome, seconds: float = 0.0) -> Finding:
 
 
 def _do(check: Check, subject: Any) -> Outcome:
-    from .host.afresh import EndedError
     from .host.instance import CallError  # which loads fmpy's part for FMI 2.0
 
     try:

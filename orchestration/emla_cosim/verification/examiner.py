@@ -18,6 +18,7 @@ from .examination import examined
 from .findings import Examined
 from .settings import Settings
 from .subject import Subject
+from .systems import examined_system
 
 
 class Job(NamedTuple):
@@ -49,8 +50,6 @@ def main() -> None:
 
 def _done(job: Job, channel: Channel) -> Examined:
     if job.system:
-        from .systems import examined_system
-
         return examined_system(job.path, job.settings, channel.send)
     with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)

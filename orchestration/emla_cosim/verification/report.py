@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from . import json_file
 from .findings import Findings
 
 
@@ -13,15 +14,11 @@ class Report(Findings):
 
     def as_dict(self) -> dict[str, Any]:
         """The report for programs, as `save_json` writes it; the module `json_file` says what is where."""
-        from .json_file import as_dict
-
-        return as_dict(self)
+        return json_file.as_dict(self)
 
     def save_json(self, path: str | Path) -> None:
         """Write it for programs. Raises CommandError where the file cannot be written."""
-        from .json_file import save
-
-        save(self, Path(path))
+        json_file.save(self, Path(path))
 
     def save_junit(self, path: str | Path) -> None:
         """Write it as JUnit XML, as CI systems display it. Raises CommandError as `save_json`."""

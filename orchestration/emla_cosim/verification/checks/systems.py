@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...base.errors import CosimError
 from ..check import check
 from ..saying import sentence
 from ..settings import Settings
@@ -49,7 +50,6 @@ def agrees(system: WholeSystem) -> Outcome:
 
 
 def _simulated(system: WholeSystem, options: dict[str, Any]) -> Outcome:
-    from ...base.errors import CosimError
     from ...study.loading import load  # which knows all there is
 
     try:

@@ -84,10 +84,7 @@ def read_columns(path: Path, what: str) -> dict[str, Vector]:
 
     Times must not go back; those of an event may be there twice.
     """
-    from ...recorders.csv_file import (
-        columns_of,
-        read_csv,
-    )  # polars takes a while, and not every FMU has files
+    from ...recorders.csv_file import columns_of, read_csv  # which loads polars; not every FMU has files
 
     try:
         found = read_csv(path, columns_of(path))
