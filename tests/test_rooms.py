@@ -1,6 +1,7 @@
 """The rooms of the orchestration: what lies at the top, no circles, and no late imports without a reason."""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -113,3 +114,17 @@ def test_imports_inside_functions_have_a_reason() -> None:
         if late:
             found[name] = late
     assert found == {name: others for name, (_, others) in LATE.items()}
+
+
+def test_the_page_on_the_architecture_names_every_room_and_only_files_that_are_there() -> None:
+    page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([\w/]+(?:\.py|\.pyi|\.toml|/))`", page))
+    assert {f"{room.name}/" for room in TOP.iterdir() if (room / "__init__.py").exists()} <= named
+    there = [
+        f"/{f.relative_to(ROOT).as_posix()}{'/' * f.is_dir()}" for f in (*ROOT.glob("*"), *TOP.rglob("*"))
+    ]
+    there += [
+        f"/{file.relative_to(ROOT).as_posix()}"
+        for file in (*ROOT.glob("src/**/*.py"), *ROOT.glob("tests/*.py"))
+    ]
+    assert [name for name in sorted(named) if not any(path.endswith(f"/{name}") for path in there)] == []
