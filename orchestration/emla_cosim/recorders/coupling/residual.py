@@ -13,7 +13,7 @@ from .members import members
 from .steps import PRODUCTS, Steps, Use, integral
 
 LAGS = 3
-"""The residuals of a step are multiplied with those of the same step, the step before and the one before it."""
+"""The residuals of a step are multiplied with those of the same step and of the two before."""
 
 ALTERNATING = 0.3
 """Correlation over two steps of residuals that alternate; that of white noise is 0, and 0.05 by chance."""

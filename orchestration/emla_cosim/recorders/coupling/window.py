@@ -11,7 +11,7 @@ EVERY_STEP, THINNED = 500, 31
 """So many steps are all looked at, of later ones every `THINNED`-th, which stands for so many."""
 
 POINTS = 5
-"""Of each step: its end, its beginning, and three before, which know the two steps before and their slopes."""
+"""Of each step: its end, its beginning, and three before, for the two steps before and their slopes."""
 
 
 class Window:
