@@ -13,6 +13,7 @@ from hypothesis import settings
 
 from emla_cosim.fmu.models import MODELS, build, fmu_path
 from fmublock.cache import VARIABLE
+from tests.support.deterministic import draw_no_constants_of_modules, heed_ctrl_c, register_profiles
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.handwritten_fmu import build_handwritten_fmu
 from tests.support.memory_disk import use_memory_disk
@@ -27,11 +28,8 @@ if TYPE_CHECKING:  # these take a while to load
 
 use_memory_disk()
 
-# a slow machine is no failure; CI tries the same examples every time, people new ones
-settings.register_profile("here", deadline=None)
-# fewer than the usual 100, always the same: the whole suite is to end within 12 minutes on two cores
-settings.register_profile("ci", deadline=None, derandomize=True, max_examples=30)
-settings.load_profile("ci" if os.environ.get("CI") else "here")
+register_profiles()
+heed_ctrl_c()
 
 # readline sets these in the processes of pytest-xdist, and rich would keep the width for good
 for size in ("COLUMNS", "LINES"):
@@ -58,6 +56,12 @@ LONGEST = (
     "test_checkpoints.py",
 )
 """Files that begin first, the longest before all others, so that none is left over in the end."""
+
+
+def pytest_collection_finish() -> None:
+    """Draw the same examples, unless the profile says otherwise; hypothesis has loaded it by now."""
+    if settings.default.derandomize:
+        draw_no_constants_of_modules()
 
 
 @pytest.hookimpl(optionalhook=True)  # of pytest-xdist

@@ -94,7 +94,7 @@ def test_values_between_rows_are_those_of_numpy_and_scipy(
     numbers = st.floats(-1e3, 1e3)
     values = np.array(data.draw(st.lists(numbers, min_size=len(times), max_size=len(times))))
     step = data.draw(st.sampled_from([0.01, 0.013, 0.25, 1.0]))
-    count = int((times[-1] + 1.0) / step) + 1
+    count = int((max(times[-1], 0.0) + 1.0) / step) + 1  # the data may be over before the start
     found = outputs(a_table(times, values), tmp_path_factory.mktemp("table"), 0.0, step, count)
     points = step * np.arange(count + 1)
     inside = np.clip(points, times[0], times[-1])
@@ -109,6 +109,13 @@ def test_values_between_rows_are_those_of_numpy_and_scipy(
         size = np.abs(spline(times, order)).max() + 1.0
         np.testing.assert_allclose(found[name][moving], expected[moving], rtol=1e-7, atol=1e-7 * size)
         assert not found[name][points > times[-1] + 1e-9].any()
+
+
+def test_data_that_is_over_before_the_start_holds_its_last_values(tmp_path: Path) -> None:
+    table = a_table(np.array([-1.37, -1.36]), np.array([2.0, 3.0]))
+    found = outputs(table, tmp_path, 0.0, 1.0, 1)
+    last = {"held": 3.0, "linear": 3.0, "cubic": 3.0, "rate": 0.0, "bend": 0.0}
+    assert {name: list(values) for name, values in found.items()} == {n: [x, x] for n, x in last.items()}
 
 
 def test_rows_are_met_exactly_whatever_the_rounding_of_their_times(tmp_path: Path) -> None:
