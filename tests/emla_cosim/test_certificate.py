@@ -8,7 +8,12 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
-from emla_cosim.study.certificate import JointCertificate, certificate_rows, certify
+from emla_cosim.study.certificate import (
+    JointCertificate,
+    _unknown_acceleration,
+    certificate_rows,
+    certify,
+)
 from fmublock import Block, Output, Parameter
 from rsba_fmu.gains import ROBUST
 from tests.support.commands import Emla, sentence
@@ -112,3 +117,22 @@ def test_a_certificate_of_something_else_is_refused(
     command = ("compare", "lift", "--table", "certificate", *arguments, "--output", str(place))
     assert words in sentence(emla(*command), 2)
     assert not place.exists()
+
+
+@pytest.mark.parametrize("measured", [0.0, 1.0])
+@pytest.mark.parametrize("modelled", [0.0, 1.0])
+def test_the_unknown_acceleration_is_that_beside_what_the_observer_reads(
+    measured: float, modelled: float
+) -> None:
+    own = {"use_model": modelled, "use_measured_current": measured}
+    own |= {"model.N_p": 4.0, "model.Phi_PM": 0.1, "model.B_eq": 3.0, "model.A_eq": 20.0}
+    numbers = np.random.default_rng(1).normal(size=(5, 6))
+    names = ("plant.a_L", "observer.d_hat", "observer.v_hat", "plant.i_q_measured", "controller.i_q_ref")
+    a_L, d_hat, v_hat, i_measured, i_ref = numbers
+    current = i_measured if measured else i_ref
+    expected = a_L - d_hat
+    if modelled:
+        expected = expected - (1.5 * 4.0 * 0.1 * current - 3.0 * v_hat) / 20.0
+    signals = dict(zip(names, numbers, strict=True))
+    found = _unknown_acceleration(signals.__getitem__, {f"observer.{name}": x for name, x in own.items()})
+    assert found == pytest.approx(expected, rel=1e-12)

@@ -12,7 +12,8 @@ from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.comparison.cases import Case, robustness_cases, stability_maps
-from emla_cosim.comparison.entrants import entrants
+from emla_cosim.comparison.contest import Contest, Heat
+from emla_cosim.comparison.entrants import Entrant, entrants
 from emla_cosim.comparison.parts import parts
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
@@ -166,6 +167,30 @@ def test_the_command_says_first_what_is_lost(emla: Emla, tmp_path: Path) -> None
         "Not held: 1 of 1.\nlift with rsba/published: lift tripped on its current"
     )
     assert {p.name for p in tmp_path.iterdir()} == {"comparison.csv", "comparison.md", "comparison.json"}
+
+
+def test_the_command_of_a_run_has_the_values_of_its_case_before_those_of_all_runs() -> None:
+    """As the run itself has: a case is for a value that `--set` gives to all."""
+    options = {"set": {"a.b": 1.0, "a.c": 2.0}, "stop_time": 0.4, "step_size": 1e-3, "gains": "soft"}
+    own = {"set": {"a.b": 3.0}, "step_size": 1e-4}
+    heat = Heat("lift", Entrant("rsba", "robust"), Case("heavy"), ["lift"], own, 0)
+    words = Contest([heat], [], options, []).command(0)
+    assert words is not None
+    scenario, found = load_command(words)
+    assert scenario == "lift"
+    assert found == {
+        "set": ["a.b=3.0", "a.c=2.0"], "stop-time": ["0.4"], "step-size": ["0.0001"],
+        "controller": ["rsba"], "gains": ["robust"],
+    }  # fmt: skip
+
+
+def load_command(words: list[str]) -> tuple[str, dict[str, list[str]]]:
+    """The scenario of a command, and its options by name."""
+    assert words[:2] == ["emla", "run"]
+    found: dict[str, list[str]] = {}
+    for flag, value in zip(words[3::2], words[4::2], strict=True):
+        found.setdefault(flag.removeprefix("--"), []).append(value)
+    return words[2], {name: sorted(values) for name, values in found.items()}
 
 
 @pytest.fixture(scope="module")

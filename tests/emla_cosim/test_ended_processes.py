@@ -159,6 +159,17 @@ def test_an_fmu_that_ends_the_process_is_named_and_every_row_is_kept(
     assert metrics["run"]["steps"] >= 3
 
 
+@pytest.mark.parametrize("stepped", ["compiled", "interpreted", "strong"])
+@pytest.mark.parametrize("at", [0.2, 0.35])
+def test_rows_that_wait_behind_those_passed_on_are_kept(
+    at: float, stepped: str, package: Path, server: CommandServer, tmp_path: Path
+) -> None:
+    """2000 rows make a block: with 2000 all are passed on, and with 3500 others wait."""
+    small = ("--step-size", "1e-4", "--output-interval", "1e-4", "--set", f"j.bad.at={at - 5e-5}")
+    failed_soon(server, tmp_path, *of_the_line(package, Fault.SEGFAULT), *small, *flags(STEPPED[stepped]))
+    assert np.allclose(table(tmp_path)["time"], 1e-4 * np.arange(round(at / 1e-4)))
+
+
 def test_an_fmu_that_ends_the_process_before_the_first_step(package: Path, tmp_path: Path) -> None:
     sentence = failed(running(tmp_path, package, Fault.SEGFAULT_INITIALIZATION), tmp_path)
     assert "before its first step: j.bad ended the process in exitInitializationMode (SIGSEGV)" in sentence

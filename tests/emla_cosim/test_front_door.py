@@ -7,6 +7,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,12 @@ import psutil
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.base.units import LinearTransformation
 from emla_cosim.fmu.models import fmu_path
+from emla_cosim.system.model import Alias
 from tests.support.commands import Emla
 from tests.support.faulty_fmu import Fault
-from tests.support.faulty_systems import line_with_a_fault
+from tests.support.faulty_systems import faulty, line_with_a_fault
 
 SHORT = {"stop_time": 0.02}
 Array = np.ndarray
@@ -206,6 +209,21 @@ def test_inputs_that_nothing_drives_can_be_set_between_steps(fmu_folder: Path) -
     assert result.steps == 1000
     assert result["plant.inverter.u_q"][1] == pytest.approx(-2.5)
     assert result["plant.x_L"][-1] < 0.25
+
+
+def test_values_between_steps_are_in_the_unit_that_the_component_has_here(faulty_fmu: Path) -> None:
+    """Here in mm, in the FMU in m, with another zero: read, set and recorded alike."""
+    to_m = LinearTransformation(1e-3, 0.5)
+    aliases = {"place": Alias("y", to_m), "drive": Alias("u", to_m)}
+    system = ec.System((replace(faulty("j.a", faulty_fmu), aliases=aliases),), ())
+    with ec.load(system, stop_time=1.0, step_size=0.1).prepare() as simulation:
+        simulation["j.a.drive"] = 1500.0
+        assert simulation["j.a.drive"] == pytest.approx(1500.0)
+        simulation.advance(0.5)
+        place = simulation["j.a.place"]
+        result = simulation.finish()
+    assert place == pytest.approx(result["j.a.place"][-1])
+    assert to_m(place) == pytest.approx(0.5 * 2.0)  # the FMU integrates 2 m
 
 
 def test_what_cannot_be_set_between_steps_is_said(lift: ec.Simulation) -> None:

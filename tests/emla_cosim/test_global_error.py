@@ -1,6 +1,8 @@
 """What the error tolerance promises: the error over a whole run, the longest step, and events."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,8 @@ from emla_cosim.master.stepping.timing import timing
 from emla_cosim.study.loading import load
 from emla_cosim.study.schedules import scheduled_times
 from emla_cosim.system.fault import Fault
+from tests.support.faulty_fmu import Fault as FmuFault
+from tests.support.faulty_systems import line_with_a_fault
 from tests.support.linear import LinearSlave, Whole, connected
 from tests.support.simulated import begun, recorded
 from tests.support.two_masses import Part, elastic_load, rigid_load
@@ -175,3 +179,25 @@ def test_a_run_meets_the_events_of_its_options_and_its_load() -> None:
 def test_largest_steps_that_make_no_sense_are_refused(options: dict[str, float], message: str) -> None:
     with pytest.raises(CommandError, match=message):
         load("lift", stop_time=0.03, **options).prepare().run()
+
+
+@pytest.mark.parametrize(
+    ("options", "interval"),
+    [
+        ({"error_tolerance": 1e-3, "output_interval": 0.25}, 0.25),
+        ({"error_tolerance": 1e-3}, None),
+        ({"output_interval": 0.2}, 0.2),
+        ({"output_interval": 0.2, "start_time": 0.3}, 0.2),
+        ({}, 0.1),
+    ],
+)
+def test_the_record_says_at_which_interval_rows_are(
+    options: dict[str, Any], interval: float | None, faulty_fmu: Path
+) -> None:
+    """Error control meets it whatever the step size is; without one it records every step."""
+    system = line_with_a_fault(faulty_fmu, FmuFault.NONE, 0.0)
+    with load(system, algorithm="jacobi", stop_time=1.0, step_size=0.1).prepare() as simulation:
+        result = simulation.run(**options)
+    assert result.record["settings"]["output_interval_s"] == (interval and pytest.approx(interval))
+    if interval is not None:
+        assert np.diff(result.time)[:-1] == pytest.approx(interval)

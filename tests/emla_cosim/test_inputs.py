@@ -1,6 +1,7 @@
 """Data drive signals of a system: what receivers get, in whatever way the system is run."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,14 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
+from emla_cosim.inputs.placing import Readable, data_end, with_inputs
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.run.preparation import prepared, until_data_end
 from emla_cosim.run.run_record import plain
 from emla_cosim.sweeps.shipment import Preparation
+from emla_cosim.system.model import Alias
 from tests.support.commands import Emla
+from tests.support.faulty_systems import faulty
 
 pytestmark = pytest.mark.usefixtures("own_cache")
 
@@ -305,3 +310,36 @@ def test_a_closed_simulation_cannot_get_other_data(fmu_folder: Path, measured: P
         pytest.raises(CommandError, match="belongs to what is prep"),
     ):
         simulation.run(input=[ec.Input(measured)])
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_of_several_data_that_stop_the_first_to_end_ends_the_run(
+    order: tuple[int, int], fmu_folder: Path, measured: Path, tmp_path: Path
+) -> None:
+    """The third ends before both, but does not ask to stop."""
+    sources = []
+    for number, end in enumerate((0.02, 0.03, 0.01)):
+        file = tmp_path / f"until {end}.csv"
+        polars.DataFrame({"t [s]": [0.0, end], "x": [0.0, 1.0]}).write_csv(file)
+        signal = ("lift.plant.supply.sag", LOAD, "lift.plant.fault.R_s")[number]
+        sources.append(ec.Input(file, {signal: "x"}, end="hold" if number == 2 else "stop"))
+    chosen = [sources[i] for i in order]
+    options = lift(fmu_folder, *chosen).options
+    assert until_data_end(options).stop_time == pytest.approx(0.02)
+    assert data_end([sources[2], *chosen]) == pytest.approx(0.02)
+    assert data_end([sources[2], sources[1]]) == pytest.approx(0.03)
+    assert data_end([sources[2]]) is None
+
+
+def test_data_take_the_start_value_of_the_input_that_they_drive_and_of_no_other(faulty_fmu: Path) -> None:
+    """Also where a name here is that of another variable of the FMU."""
+    aliases = {"u": Alias("a"), "drive": Alias("u")}
+    sink = replace(
+        faulty("j.sink", faulty_fmu), parameters={"u": 0.5, "drive": 4.0, "b": 2.0}, aliases=aliases
+    )
+    table = Readable.of(ec.Input(data={"t": [0.0, 1.0], "x": [1.0, 1.0]}, signals={"j.sink.drive": "x"}))
+    system = ec.System((sink,), ())
+    with Assembly(system, {"j.sink": faulty_fmu}) as assembly:
+        interfaces = {name: file.interface for name, file in assembly.files.items()}
+        placed = with_inputs(system, [table], interfaces, ())
+    assert placed.system.component("j.sink").parameters == {"u": 0.5, "b": 2.0}

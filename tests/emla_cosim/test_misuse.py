@@ -6,7 +6,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -202,6 +203,25 @@ def test_no_other_thread_reads_values_or_ends_the_run(lift: ec.Simulation) -> No
     assert lift.run(recorders=[Waiting()]).problem is None
     assert len(refused) == 3
     assert {text.partition(";")[0] for text in refused} == {"another thread uses this simulation"}
+
+
+MISTAKES: dict[str, Callable[[ec.Simulation], Any]] = {
+    "read": lambda lift: lift["lift.plant.nothing"],
+    "set": lambda lift: lift.__setitem__("lift.plant.nothing", 1.0),
+    "set a parameter": lambda lift: lift.__setitem__("lift.plant.motor.R_s", 1.0),
+    "advance": lambda lift: lift.advance(1.5e-4),
+    "run": lambda lift: lift.run(nothing=1),
+    "run with a value": lambda lift: lift.run(set={"lift.plant.nothing": 1.0}),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_keeps_no_other_thread_away(mistake: str, lift: ec.Simulation) -> None:
+    with pytest.raises(ec.CommandError):
+        MISTAKES[mistake](lift)
+    with ThreadPoolExecutor(1) as other:
+        assert other.submit(lift.run, stop_time=1e-3).result().problem is None
+        assert other.submit(lambda: lift["lift.plant.x_L"]).result() > 0.0
 
 
 DIVIDING = """

@@ -11,6 +11,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.study.loading import load
+from emla_cosim.views.pages.curves import condensed
 from emla_cosim.views.plots import by_unit
 from emla_cosim.views.plots.overlay import overlaid, traces
 from emla_cosim.views.plots.stacked import MOST_PANELS, panel
@@ -89,6 +90,21 @@ def test_a_peak_of_one_row_is_seen_however_many_there_are() -> None:
     line = shown.lines[0].values
     assert np.nanmax(line) == 9.0 and shown.time[np.nanargmax(line)] == time[54_321]
     assert np.all(np.diff(shown.time) > 0)
+
+
+@pytest.mark.parametrize("level", [0.0, 3.0])
+@pytest.mark.parametrize(
+    "gaps", [[(333, 445)], [(0, 7), (500, 501), (990, 1000)], [(10, 20), (40, 50), (777, 790)]], ids=str
+)
+def test_a_condensed_curve_keeps_both_edges_of_every_gap(gaps: list[tuple[int, int]], level: float) -> None:
+    """Even of a curve that is the same everywhere: nothing else says where it begins and ends."""
+    values = np.full(1000, level)
+    for first, end in gaps:
+        values[first:end] = np.nan
+    edges = {i for first, end in gaps for i in (first - 1, first, end - 1, end) if 0 <= i < len(values)}
+    found = condensed(np.linspace(2.0, 3.0, 1000), values, 200)
+    assert edges <= set(found.tolist())
+    assert {0, 999} <= set(found.tolist()) and len(found) <= 200
 
 
 def test_many_signals_are_bounded(tmp_path: Path) -> None:

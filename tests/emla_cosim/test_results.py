@@ -61,6 +61,18 @@ def test_csv_is_readable_by_numpy_and_starts_with_time(tmp_path: Path) -> None:
     assert np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1).tolist() == [[0.0, 1.5], [0.1, -2e-300]]
 
 
+@pytest.mark.parametrize("most", [1, 2, 10])
+def test_of_a_large_csv_so_many_rows_are_read_and_no_more(most: int, tmp_path: Path) -> None:
+    """And more than half as many, wherever there are: a picture has no use for fewer."""
+    for count in (1, most, most + 1, 2 * most - 1, 2 * most, 2 * most + 1, 7 * most + 3):
+        file = tmp_path / "r.csv"
+        file.write_text("time,x\n" + "".join(f"{i},{2 * i}\n" for i in range(count)))
+        found = read_csv(file, ["time", "x"], most=most)
+        assert min(count, most) / 2 <= len(found["time"]) <= most, count
+        assert found["time"][0] == 0.0 and (found["x"] == 2.0 * found["time"]).all()
+        assert len(set(np.diff(found["time"]))) <= 1
+
+
 def test_the_buffer_passes_everything_on_and_ends_every_recorder_even_if_one_fails() -> None:
     class Counting(Recorder):
         def __init__(self, broken: bool) -> None:

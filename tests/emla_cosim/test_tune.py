@@ -8,6 +8,7 @@ import signal
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from distributed import Client
 
@@ -21,6 +22,7 @@ from emla_cosim.sweeps.worker import Outcome
 from emla_cosim.system.model import Component, System
 from emla_cosim.tuning.expressions import expression
 from emla_cosim.tuning.score import Judge
+from emla_cosim.tuning.search import Search
 from fmublock import Block, Output, Parameter, build
 from tests.support.clusters import shared_cluster
 from tests.support.commands import Emla
@@ -238,6 +240,21 @@ def test_a_file_with_a_key_that_is_none_is_a_sentence(tmp_path: Path) -> None:
     file.write_text('scenario = "tilt"\nevaluation = 3\n[vary]\na = "1:2"\n')
     with pytest.raises(CommandError, match="has the key 'evaluation'; did you mean 'evaluations'"):
         ec.tune(file)
+
+
+@pytest.mark.parametrize("dimension", [1, 3])
+def test_a_search_that_has_come_to_rest_begins_elsewhere_with_twice_as_many_points(dimension: int) -> None:
+    search = Search([0.0] * dimension, 1)  # begins at the end of a range
+    sizes, firsts = list[int](), list[Any]()
+    while len(sizes) < 4:
+        points = search.ask()
+        assert all(len(p) == dimension and ((p >= 0.0) & (p <= 1.0)).all() for p in points)
+        if not sizes or len(points) != sizes[-1]:
+            sizes.append(len(points))
+            firsts.append(np.mean(points, axis=0))
+        search.tell([(False, float(((p - 0.3) ** 2).sum())) for p in points])
+    assert sizes == [sizes[0] * 2**i for i in range(4)]
+    assert len({tuple(first) for first in firsts}) == 4
 
 
 def test_expressions_are_those_of_python() -> None:

@@ -189,6 +189,16 @@ def test_a_start_on_the_reference_has_settled_at_0() -> None:
     assert found["position_error_m"] == pytest.approx(12e-6, rel=1e-3)
 
 
+@pytest.mark.parametrize("start", [0.0, 0.1, 1.5, -0.25, 10.0])
+@pytest.mark.parametrize("step", [1e-4, 1e-2])
+def test_a_run_is_judged_from_the_first_step_beyond_the_time_that_it_takes(start: float, step: float) -> None:
+    count = round(0.3 / step)
+    for steps, is_judged in ((count - 1, False), (count, False), (count + 1, True)):
+        found = judged(rows_of(start + step * np.arange(steps + 1), np.zeros(steps + 1)))
+        assert found["held"] == is_judged, steps
+        assert (found["reason"] or "").startswith("too short to judge") != is_judged
+
+
 def test_a_stay_that_is_too_short_is_none() -> None:
     """An error that swings through the window is inside for less than the window time."""
     t = np.arange(0.0, 2.0, 1e-3)

@@ -151,6 +151,17 @@ def lossy(draw: st.DrawFn) -> dict[str, float]:
     }
 
 
+@pytest.mark.parametrize(("F_C", "F_S"), [(0.0, 0.0), (300.0, 0.0), (0.0, 500.0), (300.0, 500.0)])
+@pytest.mark.parametrize("v_L", [0.0, 1e-5, -1e-3, 0.02, -0.3])
+def test_friction_is_that_of_hess_and_soom_whichever_part_there_is(
+    F_C: float, F_S: float, v_L: float
+) -> None:
+    v_S, v_0 = 5e-3, 1e-3
+    expected = (F_C + (F_S - F_C) / (1.0 + (v_L / v_S) ** 2)) * v_L / math.hypot(v_L, v_0)
+    v = SimpleNamespace(v_L=v_L, F_C=F_C, F_S=F_S, v_S=v_S, v_0=v_0)
+    assert friction.friction_force(v) == pytest.approx(expected, rel=1e-12)
+
+
 @settings(deadline=None, max_examples=300)
 @given(lossy(), signed, signed, signed, signed, signed)
 def test_nothing_gives_power(

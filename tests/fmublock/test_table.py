@@ -148,6 +148,17 @@ def test_a_repeated_table_begins_anew_and_its_spline_goes_round(tmp_path: Path) 
     )  # also where it begins anew
 
 
+@pytest.mark.parametrize("end", ENDS)
+def test_a_spline_goes_round_only_where_the_table_repeats(end: str, tmp_path: Path) -> None:
+    """Not because its ends are equal, as those of a load that comes and goes."""
+    times, values = np.linspace(0.0, 1.0, 6), np.array([1.0, 3.0, 2.0, -1.0, 4.0, 1.0])
+    found = outputs(a_table(times, values, end), tmp_path, 0.0, 0.05, 19)
+    points = 0.05 * np.arange(20)
+    spline = CubicSpline(times, values, bc_type="periodic" if end == "repeat" else "not-a-knot")
+    for order, name in enumerate(("cubic", "rate", "bend")):
+        np.testing.assert_allclose(found[name], spline(points, order), rtol=1e-9, atol=1e-9)
+
+
 def test_of_a_repeated_table_the_first_row_takes_the_place_of_the_last(tmp_path: Path) -> None:
     found = outputs(
         a_table(np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 9.0]), "repeat"), tmp_path, 0.0, 0.5, 10

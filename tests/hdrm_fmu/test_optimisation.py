@@ -196,6 +196,8 @@ def test_what_is_no_problem_is_refused(changes: dict[str, Any], words: str) -> N
     [
         ({"f_UB": (58.5e3, 68.6e3, 6.1e3), "t_M": 0.75}, "the force bounds of the lift by"),
         ({"t_M": 0.72}, "the speed bounds of the telescope by"),
+        ({"v_E": (0.5, 0.0, 0.0)}, "the end speeds v_E by"),
+        ({"v_S": (-0.5, 0.0, 0.0)}, "the start speeds v_S by"),
     ],
 )
 def test_where_there_is_no_motion_the_bound_to_blame_is_named(changes: dict[str, Any], guilty: str) -> None:

@@ -30,6 +30,9 @@ CONVERGED_WITHIN = 0.05
 STARTS_CONVERGED = 1e-6
 """An initial position error in m below this counts as none."""
 
+_ROUNDING = 1e-9
+"""Times in s may differ by so much and still be the same."""
+
 
 @dataclass
 class JointFigures:
@@ -175,7 +178,7 @@ class JointMetrics(Metrics):
     @property
     def _is_short(self) -> bool:
         """Whether it is too early to judge."""
-        return not self._last - self._start > EVALUATED_AFTER
+        return not self._last - self._start > EVALUATED_AFTER + _ROUNDING
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
@@ -235,7 +238,7 @@ class JointMetrics(Metrics):
         for joint in range(len(self._joints)):
             settled = self._settling.settled_at(joint)
             since = earliest if math.isnan(settled) else max(earliest, settled)
-            begins.append(int(np.searchsorted(time, since - 1e-9)))
+            begins.append(int(np.searchsorted(time, since - _ROUNDING)))
             if math.isnan(self._evaluated_from[joint]) and not math.isnan(settled):
                 self._evaluated_from[joint] = since
                 self._tracking.restart(joint)

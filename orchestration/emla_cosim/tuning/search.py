@@ -64,6 +64,7 @@ class Search:
             "verbose": -9,
             "verb_log": 0,
             **({} if size is None else {"popsize": size}),
+            **({"maxstd": math.inf} if len(start) == 1 else {}),  # cma raises where it limits the only one
         }
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of one dimension, which works

@@ -115,6 +115,15 @@ def test_one_fault_is_told_by_one_check(
             assert may or finding.sentence.startswith("It needs "), finding
 
 
+@pytest.mark.parametrize(
+    "broken", [b for b in BROKEN if b.name in ("StateSize", "StateEmpty")], ids=lambda broken: broken.name
+)
+def test_a_size_that_no_state_has_is_told(broken: Broken, examined: dict[str, Examined]) -> None:
+    size = {"StateSize": 2**60, "StateEmpty": 0}[broken.name]
+    sentence = examined[broken.name]["state.serialized"].sentence
+    assert f"says {size} bytes, which is no size of a state" in sentence
+
+
 def test_there_are_many_ways_to_be_wrong() -> None:
     names = [broken.name for broken in BROKEN]
     assert len(set(names)) == len(names) >= 90

@@ -3,6 +3,8 @@
 import os
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -10,7 +12,8 @@ import pytest
 from fmpy.util import read_csv
 
 import emla_cosim as ec
-from emla_cosim.verification.references.excitation import SHAPES
+from emla_cosim.verification.references.excitation import SHAPES, excited
+from emla_cosim.verification.references.following import inputs_at
 from emla_cosim.verification.verdict import Verdict
 from tests.support.commands import Emla, sentence
 from tests.support.toy_fmu import build_toy
@@ -151,3 +154,56 @@ def test_a_link_leads_to_the_file_that_is_written(toy_fmu: Path, tmp_path: Path,
 def test_a_file_is_no_folder_to_record_to(toy_fmu: Path, emla: Emla) -> None:
     said = sentence(emla("verify", str(toy_fmu), "--record", str(toy_fmu)), 2)
     assert said == f"Error: the folder '{toy_fmu}' cannot be made: File exists."
+
+
+LEVELS = SimpleNamespace(items=[SimpleNamespace(value=v) for v in (3, 5, 8)])
+RANGES: dict[str, dict[str, Any]] = {
+    "free": {"start": "2"},
+    "free, at 0": {"start": "0"},
+    "from its start up": {"start": "2", "min": "2"},
+    "up to its start": {"start": "2", "max": "2"},
+    "from 0 up, nominal 50": {"start": "0", "min": "0", "nominal": "50"},
+    "up to 0": {"start": "-1e-3", "max": "0", "nominal": "50"},
+    "both": {"start": "7", "min": "-1", "max": "7"},
+    "whole": {"type": "Integer", "start": "1", "min": "0", "max": "9"},
+    "truth": {"type": "Boolean"},
+    "literal": {"type": "Enumeration", "declaredType": LEVELS, "start": "5"},
+}
+"""Inputs by what is declared of them."""
+
+
+@pytest.mark.parametrize("begin", [0.0, 2.5])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_inputs_move_within_whatever_range_is_declared(shape: str, begin: float) -> None:
+    usual = {"causality": "input", "type": "Real", "declaredType": None}
+    usual |= dict.fromkeys(("min", "max", "nominal", "start"))
+    variables = [SimpleNamespace(**{**usual, "name": name, **of}) for name, of in RANGES.items()]
+    subject: Any = SimpleNamespace(description=SimpleNamespace(modelVariables=variables))
+    columns = excited(subject, shape, np.linspace(begin, begin + 1.0, 2001))
+    least = {"truth": 0.0, "literal": 3.0}
+    most = {"truth": 1.0, "literal": 8.0}
+    for name, of in RANGES.items():
+        values = columns[name]
+        assert len(np.unique(values)) > 1, name
+        assert values.min() >= float(of.get("min", least.get(name, -np.inf))), name
+        assert values.max() <= float(of.get("max", most.get(name, np.inf))), name
+        assert of.get("type", "Real") == "Real" or (values == np.round(values)).all(), name
+
+
+@pytest.mark.parametrize(
+    ("type_", "variability"), [("Real", "discrete"), ("Integer", None), ("Boolean", None)]
+)
+@pytest.mark.parametrize("begin", [0.0, 0.1, -0.3, 1e3])
+def test_discrete_inputs_change_in_the_row_that_says_so(
+    type_: str, variability: str | None, begin: float
+) -> None:
+    """However times are rounded: as they are written in a file, and as a number of steps."""
+    variable = SimpleNamespace(causality="input", type=type_, variability=variability)
+    subject: Any = SimpleNamespace(variables={"u": variable})
+    times = begin + 1e-3 * np.arange(1001)
+    rows = np.array([float(f"{t:.9g}") for t in times])
+    values = np.arange(1001.0)
+    found = inputs_at(subject, {"time": rows, "u": values}, times)
+    np.testing.assert_array_equal(found["u"], values)
+    between = inputs_at(subject, {"time": rows[::10], "u": values[::10]}, times)
+    np.testing.assert_array_equal(between["u"], 10.0 * (np.arange(1001) // 10))

@@ -69,6 +69,7 @@ class Fault(IntEnum):
     NOT_RESET_BY_ANYONE = 45
     ONLY_ONCE = 46
     """A process can have one instance, which is no fault where it is said."""
+    STATE_EMPTY = 47
 
 
 def build_good_fmu(folder: Path, fault: Fault = Fault.NONE, name: str = "Good", total: str = "2 9") -> Path:
@@ -147,6 +148,7 @@ DYNAMIC: list[Broken] = [
     _fails(Fault.FREE_STATE_CRASH, "state.restored", "`fmi2FreeFMUstate` crashes"),
     _fails(Fault.NOT_SERIALIZED, "state.serialized", "the bytes of a state lack one of its values"),
     _fails(Fault.STATE_SIZE, "state.serialized", "a state is said to need 2^60 bytes"),
+    _fails(Fault.STATE_EMPTY, "state.serialized", "a state is said to need no bytes"),
     _fails(Fault.DERIVATIVE, "derivatives.directional", "a directional derivative is 5 % too large"),
     _fails(Fault.DERIVATIVE_CRASH, "derivatives.directional", "`fmi2GetDirectionalDerivative` crashes"),
     _fails(

@@ -64,7 +64,8 @@ enum {
     DERIVATIVE_CRASH,
     INITIALIZATION_ERROR,
     NOT_RESET_BY_ANYONE,
-    ONLY_ONCE
+    ONLY_ONCE,
+    STATE_EMPTY
 };
 
 enum { U, W, GAIN, POSITION, SPEED, ACCELERATION, TOTAL, X, V, DER_X, DER_V, N_REALS };
@@ -359,7 +360,8 @@ static unsigned sum(const Now *now) {
 }
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
-    *size = ((Instance *)c)->fault == STATE_SIZE ? (size_t)1 << 60 : sizeof(Bytes);
+    const int fault = ((Instance *)c)->fault;
+    *size = fault == STATE_SIZE ? (size_t)1 << 60 : fault == STATE_EMPTY ? 0 : sizeof(Bytes);
     return fmi2OK;
 }
 
