@@ -17,7 +17,9 @@ from benchmarks.table import as_json, in_readme, markdown, rows, text
 from benchmarks.tools import emla
 from benchmarks.tools.c_loop import run_loop
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="loop.c loads libraries as POSIX does")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="loop.c loads libraries as POSIX does, not as Windows."
+)
 
 STEPS = 300
 OURS = Tool("ours", "emla")

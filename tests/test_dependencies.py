@@ -147,7 +147,7 @@ TAKEN = {
 """Those that a command takes with it before it does anything; the others none."""
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes divide on POSIX only")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`.")
 def test_what_only_some_commands_need_is_imported_only_there() -> None:
     done = subprocess.run(
         [sys.executable, "-c", _IMPORTED, *COMMANDS], capture_output=True, text=True, check=True

@@ -31,7 +31,7 @@ def place(
 )
 def test_a_page_works_as_shown(page: Path, place: Path) -> None:
     if page.name == "tutorial.md" and sys.platform != "linux":
-        pytest.skip("libcosim and Ecos have packages for Linux only")
+        pytest.skip("libcosim and Ecos have packages for Linux only.")
     Reader(page).read()
 
 

@@ -21,9 +21,9 @@ VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 HEADING = re.compile(rf"^## {re.escape(VERSION)}, .*$", re.MULTILINE)
 DATED = f"## {VERSION}, {date(2026, 1, 31)}"
 if not (ROOT / ".git").exists():
-    pytest.skip("releases are made of commits", allow_module_level=True)
+    pytest.skip("A release is made of a commit, and this is no git repository.", allow_module_level=True)
 
-pytest.importorskip("hatchling", reason="the extra 'test' is not installed")
+pytest.importorskip("hatchling", reason="The extra 'test' is not installed.")
 
 
 def cloned(folder: Path) -> Path:

@@ -1,9 +1,12 @@
 """What a test does depends neither on the machine nor on how and where the suite was started."""
 
+import ast
 import importlib.util
+import re
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -51,7 +54,7 @@ def test_examples_do_not_come_from_earlier_runs_and_no_property_has_a_deadline()
     assert settings.default.deadline is None
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no background jobs that ignore SIGINT.")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no jobs that ignore SIGINT.")
 def test_ctrl_c_ends_processes_of_a_suite_that_runs_in_the_background(tmp_path: Path) -> None:
     """A shell starts background jobs with SIGINT ignored, and processes inherit that."""
     wait = "import time; print(flush=True); time.sleep(60.0)"
@@ -70,3 +73,25 @@ def test_ctrl_c_ends_processes_of_a_suite_that_runs_in_the_background(tmp_path: 
     ignoring = lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)  # noqa: E731
     done = subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, preexec_fn=ignoring, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def reasons(file: Path) -> Iterator[tuple[int, str]]:
+    """Lines that skip tests, and the reasons; an empty one where pytest would make one up."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+            continue
+        name = ast.unparse(node.func)
+        if name in ("pytest.skip", "pytest.mark.skip", "pytest.mark.skipif", "pytest.importorskip"):
+            named = [k.value for k in node.keywords if k.arg == "reason"]
+            found = named or (node.args[:1] if name.endswith(".skip") else [])
+            yield node.lineno, found[0].value if found and isinstance(found[0], ast.Constant) else ""
+
+
+def test_every_reason_to_skip_is_a_sentence() -> None:
+    found = {
+        f"{file}:{line}": text
+        for file in sorted((ROOT / "tests").rglob("*.py"))
+        for line, text in reasons(file)
+    }
+    assert len(found) > 30
+    assert [place for place, text in found.items() if not re.fullmatch(r"\S.*\.", text)] == []

@@ -13,8 +13,8 @@ import fmublock
 from emla_cosim.run.options import table
 from tests.support.paths import ROOT
 
-pytest.importorskip("mkdocs", reason="the extra 'docs' is not installed")
-nbformat = pytest.importorskip("nbformat", reason="the extra 'docs' is not installed")
+pytest.importorskip("mkdocs", reason="The extra 'docs' is not installed.")
+nbformat = pytest.importorskip("nbformat", reason="The extra 'docs' is not installed.")
 
 CONFIGURATION = "docs/site/mkdocs.yml"
 NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))

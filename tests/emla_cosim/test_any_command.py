@@ -22,7 +22,7 @@ from tests.support.command_lines import FMUS, FOLDER, Surroundings, commands, pl
 from tests.support.odd_files import Materials
 from tests.support.whole_files import assert_whole
 
-pytest.importorskip("resource", reason="needs processes that divide")
+pytest.importorskip("resource", reason="Windows has no `fork`.")
 from tests.support.command_server import CLOSED, FULL, USABLE, Call, CommandServer, Ended
 
 EXAMPLES = int(os.environ.get("EMLA_COMMAND_EXAMPLES", "100"))

@@ -422,7 +422,10 @@ def test_ctrl_c_keeps_what_was_computed(fmu_folder: Path, tmp_path: Path) -> Non
     assert json.loads((tmp_path / "out/run.json").read_text())["status"].startswith("interrupted")
 
 
-@pytest.mark.skipif(shutil.which("prlimit") is None, reason="needs prlimit to limit the size of files")
+@pytest.mark.skipif(
+    shutil.which("prlimit") is None,
+    reason="There is no `prlimit`, which limits the size of files, on this machine.",
+)
 def test_a_full_disk_ends_the_run_with_a_sentence(fmu_folder: Path, tmp_path: Path) -> None:
     """A limit of 200 kB per file stands in for the full disk."""
     arguments = ["run", "lift", "--stop-time", "2", "--fmus", str(fmu_folder), "--output", "out"]

@@ -83,7 +83,7 @@ def test_completion_is_installed_in_the_users_home(tmp_path: Path, monkeypatch: 
     assert script.read_text().strip() == emla("--show-completion", SHELL="/bin/bash").stdout.strip()
     bash = shutil.which("bash")
     if bash is None:
-        pytest.skip("there is no bash")
+        pytest.skip("There is no bash on this machine.")
     program = tmp_path / "emla"
     program.write_text(f"#!{sys.executable}\n{PROGRAM}\n")
     program.chmod(0o755)

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,10 +26,13 @@ from emla_cosim.sandbox import black_box
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Alias, System
 from tests.support.command_server import Call, CommandServer
-from tests.support.faulty_fmu import Fault, build_faulty_fmu
+from tests.support.faulty_fmu import MARK, Fault, build_faulty_fmu
 from tests.support.faulty_systems import line_with_a_fault
+from tests.support.waiting import has_rows, wait_for
 
 AT = 0.35
+HANGING = "hanging"
+"""File that says that an FMU does not return any more."""
 DEADLY = {
     Fault.EXIT: "doStep at t = 0.3 s (exit code 0)",
     Fault.SEGFAULT: "doStep at t = 0.3 s (SIGSEGV)",
@@ -80,7 +83,7 @@ def started(folder: Path, *arguments: object, **how: Any) -> subprocess.Popen[st
     return subprocess.Popen(
         [sys.executable, "-m", "emla_cosim", *map(str, arguments)],
         cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, "TMPDIR": str(temporary)}, **how,
+        env={**os.environ, "TMPDIR": str(temporary), MARK: str(folder / HANGING)}, **how,
     )  # fmt: skip
 
 
@@ -245,8 +248,7 @@ def test_a_run_that_was_continued_is_kept_too(package: Path, tmp_path: Path) -> 
 @pytest.mark.parametrize("isolated", [False, True], ids=["guarded", "isolated"])
 def test_ctrl_c_twice_ends_an_fmu_that_does_not_return(isolated: bool, package: Path, tmp_path: Path) -> None:
     process = running(tmp_path, package, Fault.HANG, *(["--isolate", "j.bad"] if isolated else []))
-    wait_for(lambda: any(tmp_path.glob("out/results.csv")))
-    time.sleep(2.0)
+    wait_for((tmp_path / HANGING).exists)
     for _ in range(2):
         process.send_signal(signal.SIGINT)
         time.sleep(0.5)
@@ -255,17 +257,9 @@ def test_ctrl_c_twice_ends_an_fmu_that_does_not_return(isolated: bool, package: 
     assert table(tmp_path)["time"].to_list() == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
-def wait_for(what: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60.0
-    while not what():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
 def test_a_run_that_is_killed_is_finished_by_its_parent(fmu_folder: Path, tmp_path: Path) -> None:
     process = started(tmp_path, "run", "lift", "--stop-time", 1e5, "--fmus", fmu_folder, "--output", "out")
-    wait_for(lambda: (tmp_path / "out/results.csv").exists())
-    time.sleep(1.5)
+    wait_for(lambda: has_rows(tmp_path / "out/results.csv"))
     (child,) = psutil.Process(process.pid).children()
     child.kill()
     sentence = failed(process, tmp_path)
@@ -279,8 +273,7 @@ def test_a_run_that_is_killed_is_finished_by_its_parent(fmu_folder: Path, tmp_pa
 @pytest.mark.parametrize("isolated", [False, True], ids=["guarded", "isolated"])
 def test_nobody_survives_a_parent_that_is_killed(isolated: bool, package: Path, tmp_path: Path) -> None:
     process = running(tmp_path, package, Fault.HANG, *(["--isolate"] if isolated else []))
-    wait_for(lambda: (tmp_path / "out/results.csv").exists())
-    time.sleep(1.0)
+    wait_for((tmp_path / HANGING).exists)
     left = psutil.Process(process.pid).children(recursive=True)
     assert len(left) == (4 if isolated else 1)
     process.kill()
@@ -379,7 +372,7 @@ def test_the_end_of_an_isolated_fmu_is_seen_although_a_copy_holds_its_streams(
         began = time.monotonic()
         with pytest.raises(ec.RunError, match=r"j\.bad ended its process in doStep .* \(exit code 3\)"):
             simulation.run(set={"j.bad.fault": Fault.ORPHAN.value})
-        assert time.monotonic() - began < 10.0
+        assert time.monotonic() - began < 30.0  # the copy ends after 40
 
 
 def test_what_an_fmu_writes_to_the_streams_of_its_process_is_no_answer(package: Path) -> None:
@@ -392,11 +385,11 @@ def test_what_an_fmu_writes_to_the_streams_of_its_process_is_no_answer(package: 
 
 def test_an_isolated_fmu_has_so_long_to_terminate(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("emla_cosim.master.slaves.isolated_slave._PATIENCE", 0.5)
-    began = time.monotonic()
     with load(package).prepare(
         isolate=["j.bad"], set={"j.bad.fault": Fault.HANG_TERMINATE.value}
     ) as simulation:
         simulation.run()
+        began = time.monotonic()
     assert time.monotonic() - began < 10.0
 
 
@@ -459,8 +452,7 @@ def test_a_run_that_is_ended_while_it_starts_says_so(after: float, package: Path
 
 def test_many_signals_are_one_request(package: Path, tmp_path: Path) -> None:
     process = running(tmp_path, package, Fault.NONE, "--stop-time", 1e7)
-    wait_for(lambda: (tmp_path / "out/results.csv").exists())
-    time.sleep(0.5)
+    wait_for(lambda: has_rows(tmp_path / "out/results.csv"))
     while process.poll() is None:
         process.send_signal(signal.SIGTERM)
         time.sleep(0.01)

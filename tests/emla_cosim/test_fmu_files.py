@@ -20,7 +20,9 @@ from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most
 
 BINARY = f"binaries/{fmpy.platform}/Faulty{fmpy.sharedLibraryExtension}"
-linux = pytest.mark.skipif(sys.platform != "linux", reason="other loaders look for themselves")
+linux = pytest.mark.skipif(
+    sys.platform != "linux", reason="Loaders other than that of Linux search in other places."
+)
 
 
 def with_library(fmu: Path, target: Path, library: bytes) -> Path:

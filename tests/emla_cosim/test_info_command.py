@@ -121,10 +121,10 @@ def test_names_are_neither_markup_nor_commands_of_the_terminal(emla: Emla, tmp_p
 def test_a_hundred_thousand_variables_take_no_time(emla: Emla, tmp_path: Path) -> None:
     many = "".join(real(f"v{i}.x", i) for i in range(100_000))
     path = fmu(tmp_path / "x.fmu", description(many))
-    begin = time.monotonic()
+    begin = time.process_time()
     shown = emla("info", str(path)).stdout
     assert "The first 1000 rows of 100000 variables" in shown
-    assert time.monotonic() - begin < 30.0  # 7 s where nothing else runs
+    assert time.process_time() - begin < 30.0  # 7 s where nothing else runs
     assert "M.v99999.x" in emla("info", str(path), "--match", "v99999.*").stdout
 
 

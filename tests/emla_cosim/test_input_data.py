@@ -152,7 +152,7 @@ def test_frames_are_data_too(make: str) -> None:
     if make == "polars":
         data = polars.DataFrame(columns)
     elif make == "pandas":
-        data = pytest.importorskip("pandas").DataFrame(columns)
+        data = pytest.importorskip("pandas", reason="The extra 'pandas' is not installed.").DataFrame(columns)
     else:
         data = columns
     found = Readable.of(Input(data=data))

@@ -23,7 +23,9 @@ from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint
 from tests.support.whole_files import assert_whole
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no guard to be killed")
+pytestmark = pytest.mark.skipif(
+    not hasattr(os, "fork"), reason="Windows has no `fork`, and so no guard to be killed."
+)
 
 KILLS = int(os.environ.get("EMLA_KILLS", "10"))
 STEPPING_S = 0.8

@@ -241,7 +241,7 @@ with ec.load("lift", stop_time=0.01, fmus=sys.argv[1]).prepare(isolate=["lift.pl
 """
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot divide here")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`.")
 def test_a_process_that_divides_takes_nothing_with_it(fmu_folder: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", DIVIDING, str(fmu_folder)], capture_output=True, text=True, check=False
@@ -250,7 +250,7 @@ def test_a_process_that_divides_takes_nothing_with_it(fmu_folder: Path) -> None:
     assert done.stdout == "the FMU of lift.plant belongs to another process; prepare it in this one.\n"
 
 
-@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="there are no timers here")
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="Windows has no `setitimer`.")
 def test_a_late_answer_is_not_taken_for_another(faulty_fmu: Path) -> None:
     """What is raised while an FMU's process is at work leaves its answer in the pipe."""
 

@@ -181,7 +181,7 @@ def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "tmp"
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="HOME is where the cache lies on Linux")
+@pytest.mark.skipif(sys.platform != "linux", reason="The cache is in HOME on Linux only.")
 def test_without_a_home_everything_lies_in_a_temporary_folder_of_ours(homeless: Path) -> None:
     code = """
         import os
@@ -201,7 +201,7 @@ def test_without_a_home_everything_lies_in_a_temporary_folder_of_ours(homeless: 
     assert ours.stat().st_mode & 0o777 == 0o700
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="HOME is where the cache lies on Linux")
+@pytest.mark.skipif(sys.platform != "linux", reason="The cache is in HOME on Linux only.")
 def test_a_temporary_folder_that_others_can_write_to_is_not_ours(homeless: Path) -> None:
     """Binaries are loaded from there."""
     theirs = homeless / f"emla-cosim-{os.getuid()}"

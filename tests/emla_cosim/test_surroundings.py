@@ -4,11 +4,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.support.waiting import has_rows, wait_for
 
 EMLA = [sys.executable, "-c", "from emla_cosim.cli.program import main; main()"]
 RUN = ("run", "lift", "--no-plots", "--output", "out")
@@ -46,7 +47,9 @@ def test_any_encoding_shows_the_table(encoding: str, fmu_folder: Path, tmp_path:
     assert b"Traceback" not in done.stderr
 
 
-@pytest.mark.skipif(not FULL.exists(), reason="needs the device that is always full")
+@pytest.mark.skipif(
+    not FULL.exists(), reason="There is no `/dev/full`, the device without space, on this machine."
+)
 def test_a_full_standard_output_is_told_and_the_files_are_there(fmu_folder: Path, tmp_path: Path) -> None:
     with FULL.open("wb") as full:
         done = ended(fmu_folder, tmp_path, *RUN, "--stop-time", "0.35", stdout=full)
@@ -59,7 +62,9 @@ def test_a_full_standard_output_is_told_and_the_files_are_there(fmu_folder: Path
         assert b"position error" in quiet.stdout
 
 
-@pytest.mark.skipif(not FULL.exists(), reason="needs the device that is always full")
+@pytest.mark.skipif(
+    not FULL.exists(), reason="There is no `/dev/full`, the device without space, on this machine."
+)
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["list"], ["--version"]], ids=" ".join)
 def test_help_that_cannot_be_put_out_is_one_sentence(arguments: list[str]) -> None:
     with FULL.open("wb") as full:
@@ -128,11 +133,10 @@ def test_a_polite_end_keeps_what_was_computed_and_tidies_up(
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     ) as process:
-        awaited = tmp_path / "preparing" if phase == "preparing" else out / "results.csv"
-        deadline = time.monotonic() + 60.0
-        while not awaited.exists() and time.monotonic() < deadline:
-            time.sleep(0.02)
-        time.sleep(0.3)
+        begun = (
+            (tmp_path / "preparing").exists if phase == "preparing" else lambda: has_rows(out / "results.csv")
+        )
+        wait_for(begun)
         process.send_signal(signal.Signals[name])
         _, errors = process.communicate(timeout=60.0)
     assert process.returncode == 1

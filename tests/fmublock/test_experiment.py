@@ -176,10 +176,10 @@ def test_a_tolerance_changes_no_result(session: Session) -> None:
 def test_a_step_of_too_many_internal_steps_is_refused_at_once(session: Session) -> None:
     """1.5e9 of them would take minutes; the instance can go on with fewer."""
     slave = session.instance(**{"solver.internal_step": 1e-9})
-    before, begin = bits(session, slave), time.perf_counter()
+    before, begin = bits(session, slave), time.process_time()
     with refused(ERROR, DISCARD):
         slave.doStep(0.0, 1.5)
-    assert time.perf_counter() - begin < 0.5
+    assert time.process_time() - begin < 0.5
     assert "needs more than 1e+09 internal steps." in session.log.lines("toy")[0]
     assert bits(session, slave) == before
     slave.doStep(0.0, 1e-6)

@@ -268,7 +268,7 @@ def test_a_thousand_instances_come_and_go(toy_fmu: Path) -> None:
     assert (run.returncode, run.stdout.strip()) == (0, "done"), run.stderr
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler of the host's own")
+@pytest.mark.skipif(shutil.which("cc") is None, reason="There is no C compiler `cc` on this machine.")
 def test_the_sources_compile_elsewhere(native_toy_fmu: Path, tmp_path: Path) -> None:
     """`fmpy compile` builds a binary from sources/ with the host's own compiler."""
     copy = tmp_path / "Toy.fmu"

@@ -92,7 +92,7 @@ def test_any_machine_agrees_with_lagrange(m: Moment, p: HdrmParameters) -> None:
 @settings(max_examples=30)
 def test_both_agree_with_pinocchio(m: Moment, p: HdrmParameters) -> None:
     """Default directions, because each chain can close in two ways; all else as it comes."""
-    pytest.importorskip("pinocchio")
+    pytest.importorskip("pinocchio", reason="Pinocchio has no package for Windows.")
     from dataclasses import replace
 
     from tests.support.pinocchio_manipulator import PinocchioManipulator

@@ -131,7 +131,7 @@ def test_a_thousand_cycles_do_not_grow_the_resident_memory(
     assert late - early <= 16
 
 
-@pytest.mark.skipif(shutil.which("valgrind") is None, reason="needs valgrind")
+@pytest.mark.skipif(shutil.which("valgrind") is None, reason="Valgrind is not installed.")
 def test_memcheck_finds_no_error_in_the_shipped_libraries(
     plain_host: Path, shipped: dict[str, Path], unpacked_fmus: dict[str, FmuFile], tmp_path: Path
 ) -> None:

@@ -13,10 +13,10 @@ import pytest
 @contextmanager
 def chromium() -> Iterator[Any]:
     """A driver of a browser that tells what its console says; skips where it is not installed."""
-    webdriver = pytest.importorskip("selenium.webdriver")
+    webdriver = pytest.importorskip("selenium.webdriver", reason="The extra 'test' is not installed.")
     browser, driver = shutil.which("chromium"), shutil.which("chromedriver")
     if not browser or not driver:
-        pytest.skip("there is no Chromium with its driver; Debian has them as chromium and chromium-driver")
+        pytest.skip("Chromium with its driver is not installed (Debian: chromium and chromium-driver).")
     options = webdriver.ChromeOptions()
     options.binary_location = browser
     for argument in (

@@ -21,7 +21,7 @@ from emla_cosim.system.model import System, Value
 CC = shutil.which("cc")
 
 needs_cc = pytest.mark.skipif(
-    CC is None or sys.platform != "linux", reason="needs Linux and a C compiler of the host's own"
+    CC is None or sys.platform != "linux", reason="The C programs need Linux and its C compiler `cc`."
 )
 
 SANITIZERS = {

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ from distributed import Client
 from emla_cosim.base.progress import Progress
 from emla_cosim.sweeps.local_cluster import local_cluster
 from tests.support.paths import ROOT
+from tests.support.waiting import wait_for
 
 CODE = os.pathsep.join([str(ROOT / "src"), str(ROOT / "orchestration"), str(ROOT)])
 
@@ -91,14 +91,6 @@ def outside_cluster(folder: Path, workers: int = 2) -> Iterator[Outside]:
         for process in filter(None, [*found.workers, found.scheduler]):
             process.kill()
             process.wait()
-
-
-def wait_for(true: Any, seconds: float = 60.0) -> None:
-    """Look again and again until it is true; AssertionError where it never is."""
-    until = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < until, "it never came"
-        time.sleep(0.01)
 
 
 def family(process: Any) -> list[psutil.Process]:

@@ -8,6 +8,9 @@ import fmpy
 
 from tests.support.handwritten_fmu import build_handwritten_fmu
 
+MARK = "FAULTY_HANGS"
+"""Variable of the environment with the name of a file that says that a step hangs."""
+
 
 class Fault(IntEnum):
     """What goes wrong: values of the parameter `fault`. A step passes `at` if it ends later."""
@@ -46,7 +49,7 @@ class Fault(IntEnum):
     ABORT = 16
     """The step that would pass `at` ends the process with SIGABRT."""
     HANG = 17
-    """The step that would pass `at` never returns."""
+    """The step that would pass `at` never returns. Before, it makes the file that `MARK` names."""
     SEGFAULT_GET_REAL = 18
     """fmi2GetReal ends the process with SIGSEGV after `at`."""
     SEGFAULT_INITIALIZATION = 19

@@ -13,14 +13,16 @@ from tests.support.pages import fences
 from tests.support.paths import ROOT
 from tests.support.pipelines import cut_fmu, good_fmu
 
-pytest.importorskip("pre_commit", reason="the extra 'dev' is not installed")
+pytest.importorskip("pre_commit", reason="The extra 'dev' is not installed.")
 PAGE = (ROOT / "docs" / "verify-in-ci.md").read_text(encoding="utf-8")
 SHOWN = [yaml.safe_load(f.content) for f in fences(PAGE) if f.content.startswith("repos:")]
 """The files to copy."""
 
 HOOK = "verify-fmus"
 if not (ROOT / ".git").exists():
-    pytest.skip("pre-commit takes hooks from git repositories only", allow_module_level=True)
+    pytest.skip(
+        "pre-commit takes hooks from git repositories only, and this is none.", allow_module_level=True
+    )
 
 
 @pytest.fixture(scope="module")

@@ -142,7 +142,7 @@ def test_two_fmus_of_one_name_do_not_write_the_same_files(toy_fmu: Path, tmp_pat
     assert said == "Error: two FMUs are called Toy; record one at a time."
 
 
-@pytest.mark.skipif(os.name != "posix", reason="links")
+@pytest.mark.skipif(os.name != "posix", reason="Links need special rights on Windows.")
 def test_a_link_leads_to_the_file_that_is_written(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:
     (tmp_path / "real").mkdir()
     (tmp_path / "real" / "Toy_ref.csv").write_text("mine")

@@ -41,10 +41,10 @@ def test_edges_are_the_extremes_of_the_reference_within_the_time(
         assert upper[k] - slack <= sampled.max() <= upper[k] + 1e-12
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="pyfunnel is here for Linux only")
+@pytest.mark.skipif(sys.platform != "linux", reason="The extra 'test' has pyfunnel for Linux only.")
 @pytest.mark.parametrize(("dt", "dy"), [(0.02, 0.01), (0.0125, 1e-4), (0.06, 0.2)])
 def test_edges_are_those_of_pyfunnel(dt: float, dy: float, tmp_path: Path) -> None:
-    pyfunnel = pytest.importorskip("pyfunnel")
+    pyfunnel = pytest.importorskip("pyfunnel", reason="pyfunnel has a package for x86_64 only.")
     time = np.linspace(0.0, 1.0, 81)
     reference = np.sin(7.0 * time) + 0.2 * np.sin(3.0 * time)
     pyfunnel.compareAndReport(

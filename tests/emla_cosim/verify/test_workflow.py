@@ -27,7 +27,7 @@ CALLERS = [
     if "jobs:" in fence.content and "verify-fmus.yml@" in fence.content
 ]
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the workflow runs on Linux")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="The workflow runs on Linux.")
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +176,7 @@ def linted(file: Path, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 needs_actionlint = pytest.mark.skipif(
-    not (PROGRAMS / "actionlint").is_file(), reason="actionlint has no package for this platform"
+    not (PROGRAMS / "actionlint").is_file(), reason="actionlint has no package for this platform."
 )
 
 

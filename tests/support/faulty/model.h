@@ -112,14 +112,18 @@ static fmi2Status faulty_step(Instance *instance, double end) {
         case ABORT: abort();
         case ORPHAN:
             if (fork() > 0) _exit(3);
-            sleep(20);
+            sleep(40);
             _exit(0);
         case GARBLE:
             for (int file = 3; file < 64; file++)
                 if (write(file, "\0\0\0\0garbage", 11) < 0) continue;
             break;
-        case HANG:
+        case HANG: {
+            const char *mark = getenv("FAULTY_HANGS");
+            FILE *file = mark != NULL ? fopen(mark, "w") : NULL;
+            if (file != NULL) fclose(file);
             for (;;) hung++;
+        }
         case NAN_Y:
         case NAN_Z: /* go on */
             if (begins)
