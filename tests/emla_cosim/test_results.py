@@ -10,7 +10,10 @@ from hypothesis import given
 
 from emla_cosim.master.stepping.timing import timing
 from emla_cosim.recorders.csv_file import CsvFile, read_csv
+from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.recorders.recorder import BLOCK_ROWS, BLOCK_SIZE, Outline, Recorder, RecordingError, RowBuffer
+from emla_cosim.recorders.stored import stored_run
+from emla_cosim.sandbox import black_box
 from emla_cosim.study.loading import load
 from tests.support.scenario_runs import run_scenario
 
@@ -62,15 +65,23 @@ def test_csv_is_readable_by_numpy_and_starts_with_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("most", [1, 2, 10])
-def test_of_a_large_csv_so_many_rows_are_read_and_no_more(most: int, tmp_path: Path) -> None:
-    """And more than half as many, wherever there are: a picture has no use for fewer."""
+@pytest.mark.parametrize("form", [CsvFile, ParquetFile])
+def test_of_a_large_table_so_many_rows_are_read_and_no_more(
+    form: type[CsvFile | ParquetFile], most: int, tmp_path: Path
+) -> None:
+    """And at least half as many, if there are: from the run itself, and from its file."""
     for count in (1, most, most + 1, 2 * most - 1, 2 * most, 2 * most + 1, 7 * most + 3):
-        file = tmp_path / "r.csv"
-        file.write_text("time,x\n" + "".join(f"{i},{2 * i}\n" for i in range(count)))
-        found = read_csv(file, ["time", "x"], most=most)
-        assert min(count, most) / 2 <= len(found["time"]) <= most, count
-        assert found["time"][0] == 0.0 and (found["x"] == 2.0 * found["time"]).all()
-        assert len(set(np.diff(found["time"]))) <= 1
+        table = form(tmp_path / f"r{count}.{form.__name__[:-4].lower()}")
+        time = 0.5 + np.arange(count)
+        table.begin(outline(["x"]))
+        for rows in in_blocks(np.column_stack([time, 2.0 * time]), [4, 7]):
+            table.write(rows)
+        table.end()
+        for source in (table, stored_run(table.path)):
+            found = source.read(["time", "x"], most)
+            assert min(count, most) / 2 <= len(found["time"]) <= most, count
+            assert found["time"][0] == 0.5 and (found["x"] == 2.0 * found["time"]).all()
+            assert len(set(np.diff(found["time"]))) <= 1
 
 
 def test_the_buffer_passes_everything_on_and_ends_every_recorder_even_if_one_fails() -> None:
@@ -97,6 +108,34 @@ def test_the_buffer_passes_everything_on_and_ends_every_recorder_even_if_one_fai
     with pytest.raises(RecordingError, match=r"^the counter cannot be written: No space left on device\.$"):
         buffer.end()
     assert [(r.rows, r.ended) for r in recorders] == [(10, True), (10, True)]
+
+
+@pytest.mark.parametrize("pending", [0, 1, 3])
+@pytest.mark.parametrize("committed", [0, 3, 4, 5, 8, 12, 13])
+def test_rows_of_a_process_that_ended_are_those_behind_the_blocks_that_it_passed_on(
+    committed: int, pending: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether it ended before a block was full, just then, or in the rows after it."""
+    memory = bytearray(2**24 + 2**12)
+    monkeypatch.setattr(black_box._Box, "memory", memory)
+    monkeypatch.setattr(black_box._Box, "presents", black_box._presents(memory))
+    rows = list[float]()
+
+    class Taking(Recorder):
+        def write(self, block: np.ndarray) -> None:
+            rows.extend(block[:, 0])
+
+    survivor, ended = (RowBuffer(2, [Taking()], block_rows=4) for _ in range(2))
+    for row in range(committed):
+        ended.room(1)[:] = row
+        ended.commit(1)
+    pending = min(pending, len(ended.room(4)))
+    ended.room(pending)[:, 0] = committed + np.arange(pending)
+    black_box.present().recorded = pending  # as compiled code says it
+    last = survivor.recover()
+    assert last == (committed + pending - 1 if pending or committed % 4 else None)
+    survivor.end()
+    assert rows == list(range(committed + pending))
 
 
 @pytest.mark.parametrize("width", [1, 1000, 20_000, BLOCK_SIZE // 8 + 1])

@@ -246,12 +246,14 @@ def test_a_file_with_a_key_that_is_none_is_a_sentence(tmp_path: Path) -> None:
 def test_a_search_that_has_come_to_rest_begins_elsewhere_with_twice_as_many_points(dimension: int) -> None:
     search = Search([0.0] * dimension, 1)  # begins at the end of a range
     sizes, firsts = list[int](), list[Any]()
-    while len(sizes) < 4:
+    for _ in range(1000):
         points = search.ask()
         assert all(len(p) == dimension and ((p >= 0.0) & (p <= 1.0)).all() for p in points)
         if not sizes or len(points) != sizes[-1]:
             sizes.append(len(points))
             firsts.append(np.mean(points, axis=0))
+        if len(sizes) == 4:
+            break
         search.tell([(False, float(((p - 0.3) ** 2).sum())) for p in points])
     assert sizes == [sizes[0] * 2**i for i in range(4)]
     assert len({tuple(first) for first in firsts}) == 4
