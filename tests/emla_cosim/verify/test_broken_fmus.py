@@ -48,10 +48,10 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examined]:
 def examined(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examined]:
     """What is found about each broken FMU that a test asks for, by its name."""
     folder = tmp_path_factory.mktemp("broken")
+    asked = {b.name: b for i in request.session.items if i.path == request.path and (b := _broken(i))}
     alike: dict[str, list[Broken]] = {}
-    for item in request.session.items:
-        if item.path == request.path and (broken := _broken(item)) is not None:
-            alike.setdefault(repr((broken.settings, _skipped(broken))), []).append(broken)
+    for broken in asked.values():
+        alike.setdefault(repr((broken.settings, _skipped(broken))), []).append(broken)
     return {one.name: one for group in alike.values() for one in _verified(group, folder)}
 
 
