@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from .archive import check_replaceable
 from .building import build
 from .errors import BuildError, LoadError
 from .loading import load_block
@@ -16,6 +17,14 @@ from .recipe import FLAVOURS
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"Error: {message}; see {self.prog} --help.\n")
+
+
+def _check_place(path: Path, overwrite: bool) -> None:
+    """Raise LoadError, as the command is wrong, where the FMU may not be written."""
+    try:
+        check_replaceable(path, overwrite)
+    except BuildError as error:
+        raise LoadError(str(error)) from error
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -40,6 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="DIR",
         help="folder to write BLOCK.fmu to; this one without",
     )
+    command.add_argument(
+        "--overwrite", action="store_true", help="replace files of these names that were not built here"
+    )
     options = parser.parse_args(arguments)
     try:
         if options.platform and options.flavour != "native":
@@ -48,9 +60,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         names = [block.__name__ for block in blocks]
         if twice := {name for name in names if names.count(name) > 1}:
             raise LoadError(f"{', '.join(sorted(twice))} would be written twice to the same file.")
-        for block in blocks:
-            path = options.output / f"{block.__name__}.fmu"
-            build(block, path, flavour=options.flavour, platforms=options.platform)
+        paths = [options.output / f"{name}.fmu" for name in names]
+        for path in paths:
+            _check_place(path, options.overwrite)
+        for block, path in zip(blocks, paths, strict=True):
+            build(
+                block,
+                path,
+                flavour=options.flavour,
+                platforms=options.platform,
+                overwrite=options.overwrite,
+            )
             print(f"{path}  {path.stat().st_size / 1024:.0f} KiB")
     except BuildError as error:
         print(f"Error: {error}", file=sys.stderr)

@@ -1,13 +1,15 @@
 """FMU files whose bytes depend on their content alone."""
 
 import hashlib
+import os
 import uuid
 import zipfile
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from .files import written_whole
+from .errors import BuildError
+from .files import real_place, written_whole
 
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 _KEY = "fmublock key "  # a zip's comment is no part of the FMU; repacking leaves it out
@@ -46,6 +48,8 @@ class Built:
 
 def read_built(path: Path) -> Built:
     """What a file tells without being unpacked; nothing if it is missing, cut off, or no zip."""
+    if not os.path.isfile(path):  # noqa: PTH113 (it raises nothing); a pipe would have to be waited for
+        return Built()
     try:
         with zipfile.ZipFile(path) as archive:
             comment = archive.comment.decode(errors="replace")
@@ -54,6 +58,22 @@ def read_built(path: Path) -> Built:
         return Built()
     platforms = frozenset(name.split("/")[1] for name in names if name.startswith("binaries/"))
     return Built(comment.removeprefix(_KEY) if comment.startswith(_KEY) else None, platforms)
+
+
+def check_replaceable(path: Path, overwrite: bool = False) -> None:
+    """Raise BuildError where an FMU would replace a file that fmublock did not build.
+
+    With `overwrite` any regular file may be replaced, but never a link, a folder, a device or a pipe.
+    """
+    try:
+        place = real_place(path)
+        is_new = not place.exists() or place.stat().st_size == 0
+    except OSError as error:
+        raise BuildError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
+    if not (overwrite or is_new or read_built(place).key):
+        raise BuildError(
+            f"'{path}' was not built here. Choose another folder for the FMU, or use --overwrite."
+        )
 
 
 def write_archive(

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from .archive import check_replaceable
 from .block import Block
 from .errors import BuildError
 from .export import Draft
@@ -23,6 +24,7 @@ def build(
     producer: Producer | None = None,
     documents: Documents | None = None,
     advance: Callable[[], None] = lambda: None,
+    overwrite: bool = False,
 ) -> Path:
     """Build the FMU of a block, a class or an instance of it; returns its file.
 
@@ -30,7 +32,8 @@ def build(
     native FMU's binaries ("linux64", "win64", "darwin64", "aarch64-linux", "aarch64-darwin"); none
     is this machine's. `documents` are its page and licence; without them the page is the class's
     docstring and the table of its variables. `advance` is called for each binary as it is compiled.
-    The same block, documents and tools give the same bytes.
+    The same block, documents and tools give the same bytes. A file that fmublock did not build is only
+    replaced with `overwrite`.
 
     Raises BuildError, one sentence, where anything is wrong with these, where the equations would
     not mean the same in C and in Python, or where the file cannot be written.
@@ -38,6 +41,7 @@ def build(
     recipe = Recipe.of(block, flavour, producer, documents)
     if platforms and flavour != "native":
         raise BuildError("PythonFMU FMUs bring PythonFMU's own binaries; leave the platforms out.")
+    check_replaceable(Path(path), overwrite)
     draft = draft_of(recipe)
     write_fmu(draft, recipe.key() or draft.key, flavour, platforms, Path(path), advance)
     return Path(path)

@@ -137,7 +137,7 @@ def test_platforms_and_producer_are_what_was_asked_for(folder: Path) -> None:
         ("mine.py:Drive --flavour python --platform win64", 2, "PythonFMU FMUs bring"),
         ("mine.py:Drive --flavour cobol", 2, "argument --flavour: invalid choice: 'cobol'"),
         ("mine.py:Drive --platform vax", 2, "argument --platform: invalid choice: 'vax'"),
-        ("mine.py:Drive --output helper.py", 1, "the FMU 'helper.py/Drive.fmu' cannot be written: "),
+        ("mine.py:Drive --output helper.py", 2, "the FMU 'helper.py/Drive.fmu' cannot be written: "),
         (
             "foreign.py:A --flavour python",
             1,
