@@ -12,6 +12,7 @@ UNFINISHED = ".unfinished-"
 """How names of files begin that are not complete."""
 
 _KINDS = {
+    stat.S_IFLNK: "a symbolic link",
     stat.S_IFDIR: "a folder",
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
@@ -25,17 +26,21 @@ class NoFileError(OSError):
 
 
 def real_place(path: Path) -> Path:
-    """Where a file of this name is, or would be: absolute, with all links followed.
+    """Return where a file of this name is, or would be: absolute, in the real folder.
 
-    Raises NoFileError where a folder, a device or the like is in the way, OSError for a name that no
-    file can have.
+    Links to folders are followed, a link in the place of the file is not. Raises NoFileError where a
+    link, a folder, a device or the like is in the way, OSError for a name that no file can have.
     """
     try:
-        place = Path(os.path.realpath(path))
-    except ValueError as error:  # a NUL in the name
+        is_folder = path.name in ("", "..")
+        place = Path(os.path.realpath(path) if is_folder else os.path.realpath(path.parent))
+        place = place if is_folder else place / path.name
+    except ValueError as error:  # a NUL in the name of a folder
         raise NoFileError(0, str(error)) from error
     try:
-        kind = stat.S_IFMT(place.stat().st_mode)
+        kind = stat.S_IFMT(place.lstat().st_mode)
+    except ValueError as error:  # a NUL in the name of the file
+        raise NoFileError(0, str(error)) from error
     except FileNotFoundError:
         return place
     if kind != stat.S_IFREG:
@@ -47,8 +52,8 @@ def real_place(path: Path) -> Path:
 def written_whole(path: Path) -> Iterator[IO[bytes]]:
     """A stream for the content of a file, which appears at the end of the block, complete and on disk.
 
-    Until then, and where the block fails, an earlier file stays as it is. A link stays too: what it
-    leads to is written. Raises NoFileError and OSError.
+    Until then, and where the block fails, an earlier file stays as it is. A link is not followed, and not
+    replaced. Raises NoFileError and OSError.
     """
     place = real_place(path)
     handle, name = tempfile.mkstemp(dir=place.parent, prefix=UNFINISHED)

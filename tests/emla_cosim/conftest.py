@@ -25,7 +25,7 @@ def emla(
 
     def call(*arguments: str) -> Result:
         takes_fmus = (
-            arguments[0] in ("run", "export", "sweep", "tune", "compare", "info")
+            arguments[0] in ("run", "rerun", "export", "sweep", "tune", "compare", "info")
             and "--fmus" not in arguments
         )
         more = ["--fmus", str(fmu_folder)] if takes_fmus else []

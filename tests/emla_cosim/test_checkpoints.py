@@ -30,6 +30,7 @@ from emla_cosim.master.stepping.stepping import Stepping
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault, run_system, wired
 from tests.support.full_disk import files_of_at_most
+from tests.support.whole_files import names
 
 Emla = Callable[..., Result]
 
@@ -395,14 +396,19 @@ def test_a_full_disk_leaves_the_earlier_checkpoint(
     assert "the checkpoint 'c' cannot be written: File too large." in text
     assert (tmp_path / "c").read_bytes() == (made / "c").read_bytes()
     assert {p.name for p in tmp_path.iterdir()} == {"c", "out"}
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"results.csv", "metrics.json", "run.json"}
+    assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
 
 
 def test_a_failure_in_the_end_leaves_the_earlier_checkpoint(
     made: Path, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    flush, calls = os.fsync, []
+
     def fail(descriptor: int) -> None:
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
+        calls.append(descriptor)
+        if len(calls) > 1:  # the manifest of the output folder
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        flush(descriptor)
 
     shutil.copy(made / "c", tmp_path / "c")
     monkeypatch.setattr(os, "fsync", fail)

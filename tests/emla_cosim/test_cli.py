@@ -22,6 +22,7 @@ from emla_cosim.fmu.models import PLATFORMS
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.figures import JOINT_FIGURES
 from tests.support.commands import Emla, sentence
+from tests.support.whole_files import names
 
 PICTURES = {f"{name}.png" for name in JOINT_FIGURES}
 ORDER = "lift.plant,lift.observer,lift.controller,lift.reference,lift.disturbance"
@@ -33,7 +34,7 @@ def test_run_leaves_data_metrics_record_and_pictures(emla: Emla, tmp_path: Path)
     assert result.exit_code == 0, result.output
     assert "position error" in result.stdout and "lift" in result.stdout
     folder = tmp_path / "results" / "lift"
-    assert {p.name for p in folder.iterdir()} == {"results.csv", "metrics.json", "run.json", *PICTURES}
+    assert names(folder) == {"results.csv", "metrics.json", "run.json", *PICTURES}
     frame = polars.read_csv(folder / "results.csv")
     assert frame.columns[0] == "time"
     assert "lift.plant.x_L" in frame.columns
@@ -84,7 +85,7 @@ def test_an_earlier_run_leaves_nothing_behind(emla: Emla, tmp_path: Path) -> Non
     assert emla("run", "lift", "--stop-time", "0.01", "--output", "out").exit_code == 0
     (tmp_path / "out" / "mine.txt").write_text("keep")
     assert emla("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "out").exit_code == 0
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+    assert names(tmp_path / "out") == {
         "results.csv", "metrics.json", "run.json", "mine.txt",
     }  # fmt: skip
 

@@ -19,6 +19,7 @@ from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
 from emla_cosim.sweeps.shipment import Preparation
 from tests.support.commands import Emla, sentence
+from tests.support.whole_files import names as names_in
 
 pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
@@ -70,7 +71,7 @@ def test_the_paper_prints_nothing_of_one_joint(emla: Emla) -> None:
 
 def test_a_file_in_the_place_of_the_folder_is_told(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    assert "it is a file" in sentence(emla("compare", "lift", "--output", str(tmp_path / "file")), 2)
+    assert "it is no folder" in sentence(emla("compare", "lift", "--output", str(tmp_path / "file")), 2)
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +167,7 @@ def test_the_command_says_first_what_is_lost(emla: Emla, tmp_path: Path) -> None
     assert result.stdout.startswith(
         "Not held: 1 of 1.\nlift with rsba/published: lift tripped on its current"
     )
-    assert {p.name for p in tmp_path.iterdir()} == {"comparison.csv", "comparison.md", "comparison.json"}
+    assert names_in(tmp_path) == {"comparison.csv", "comparison.md", "comparison.json"}
 
 
 def test_the_command_of_a_run_has_the_values_of_its_case_before_those_of_all_runs() -> None:

@@ -29,6 +29,7 @@ from tests.support.command_server import Call, CommandServer
 from tests.support.faulty_fmu import MARK, Fault, build_faulty_fmu
 from tests.support.faulty_systems import line_with_a_fault
 from tests.support.waiting import has_rows, wait_for
+from tests.support.whole_files import names
 
 AT = 0.35
 HANGING = "hanging"
@@ -235,7 +236,7 @@ def test_parquet_keeps_what_was_written_in_parts(package: Path, tmp_path: Path) 
     failed(running(tmp_path, package, Fault.SEGFAULT, "--output-format", "parquet"), tmp_path)
     rows = polars.read_parquet(tmp_path / "out/results.parquet")
     assert rows["time"].to_list() == pytest.approx([0.0, 0.1, 0.2, 0.3])
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"results.parquet", "metrics.json", "run.json"}
+    assert names(tmp_path / "out") == {"results.parquet", "metrics.json", "run.json"}
 
 
 def test_a_run_that_was_continued_is_kept_too(package: Path, tmp_path: Path) -> None:

@@ -51,6 +51,7 @@ from tests.support.faulty_systems import (
 from tests.support.full_disk import files_of_at_most
 from tests.support.simulated import simulated
 from tests.support.slaves import FakeSlave
+from tests.support.whole_files import names
 
 AT = 0.35
 STEPPED = {
@@ -242,7 +243,7 @@ def test_a_failure_is_one_sentence_of_the_command(
     assert errors == [
         f"Error: the run ended at t = 0.3 s: {ENDINGS[Fault.ERROR].sentence} What was computed is in {out}."
     ]
-    assert {p.name for p in out.iterdir()} == {"results.csv", "metrics.json", "run.json"}
+    assert names(out) == {"results.csv", "metrics.json", "run.json"}
 
 
 # ---- strong coupling ---------------------------------------------------------------------------

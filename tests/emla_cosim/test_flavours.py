@@ -163,7 +163,7 @@ def test_an_fmu_that_is_current_is_left_alone_and_others_are_rebuilt(tmp_path: P
     build("Reference", "native", [], tmp_path)
     assert path.stat().st_mtime_ns == written
     path.write_bytes(good[: len(good) // 2])
-    build("Reference", "native", [], tmp_path)
+    build("Reference", "native", [], tmp_path, overwrite=True)
     assert path.read_bytes() == good
     assert [p.name for p in path.parent.iterdir()] == ["Reference.fmu"]
 

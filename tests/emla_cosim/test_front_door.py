@@ -23,6 +23,7 @@ from emla_cosim.system.model import Alias
 from tests.support.commands import Emla
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault
+from tests.support.whole_files import names
 
 SHORT = {"stop_time": 0.02}
 Array = np.ndarray
@@ -481,7 +482,7 @@ def test_parquet_is_the_same_table_with_units(emla: Emla, tmp_path: Path) -> Non
     assert len(table) == 12  # every 1 ms, and the last
     units = json.loads(polars.read_parquet_metadata("parquet/results.parquet")["units"])
     assert (units["time"], units["lift.plant.tau_m"]) == ("s", "N.m")
-    assert {p.name for p in Path("parquet").iterdir()} == {"results.parquet", "metrics.json", "run.json"}
+    assert names(Path("parquet")) == {"results.parquet", "metrics.json", "run.json"}
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])

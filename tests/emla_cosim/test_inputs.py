@@ -267,12 +267,14 @@ def test_many_runs_do_not_overwrite_their_data(
     emla: Emla, measured: Path, command: tuple[str, ...], name: str
 ) -> None:
     table = measured.with_name(name)
-    table.symlink_to(measured)
     before = measured.read_bytes()
+    measured.rename(table)
+    measured.symlink_to(table)
     output = ("--stop-time", "0.01", "--output", str(table.parent))
-    told = emla(*command, *output, "--input", f"{measured}:{LOAD}=Force")
-    assert told.exit_code == 2 and "is the input" in told.stderr
-    assert table.is_symlink() and measured.read_bytes() == before
+    for more, words in (((), "was not written by emla"), (("--overwrite",), "is the input")):
+        told = emla(*command, *output, "--input", f"{measured}:{LOAD}=Force", *more)
+        assert told.exit_code == 2 and words in told.stderr
+        assert measured.is_symlink() and table.read_bytes() == before
 
 
 @pytest.mark.parametrize("said", [f"{LOAD}=Force,{LOAD}=other", f"{LOAD}=Force,end=stop,end=hold"])

@@ -142,13 +142,29 @@ def test_the_fmus_of_the_current_folder_come_first_and_are_kept_up_to_date(
     assert build(own(tmp_path), "python", []).is_relative_to(cache)
 
 
-def test_a_repacked_or_foreign_file_is_built_again(cache: Path, tmp_path: Path) -> None:
+def test_a_repacked_or_foreign_file_is_only_replaced_where_that_is_wanted(
+    cache: Path, tmp_path: Path
+) -> None:
     path = build(own(tmp_path), "native", [], Path("x"))
     good = path.read_bytes()
-    for bad in (b"", b"PK", good[:-80], good[: len(good) // 2]):
+    for bad in (b"PK", good[:-80], good[: len(good) // 2]):
         path.write_bytes(bad)
-        build(own(tmp_path), "native", [], Path("x"))
+        with pytest.raises(CommandError, match=r"'x/Own/Own.fmu' was not written by emla"):
+            build(own(tmp_path), "native", [], Path("x"))
+        assert path.read_bytes() == bad
+        build(own(tmp_path), "native", [], Path("x"), overwrite=True)
         assert path.read_bytes() == good
+    path.write_bytes(b"")
+    build(own(tmp_path), "native", [], Path("x"))
+    assert path.read_bytes() == good
+
+
+def test_a_damaged_file_of_the_cache_is_built_again(cache: Path, tmp_path: Path) -> None:
+    path = build(own(tmp_path), "native", [])
+    good = path.read_bytes()
+    path.write_bytes(good[: len(good) // 2])
+    assert build(own(tmp_path), "native", []) == path
+    assert path.read_bytes() == good
 
 
 def test_errors_are_sentences(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from tests.support.waiting import has_rows, wait_for
+from tests.support.whole_files import names
 
 EMLA = [sys.executable, "-c", "from emla_cosim.cli.program import main; main()"]
 RUN = ("run", "lift", "--no-plots", "--output", "out")
@@ -56,7 +57,7 @@ def test_a_full_standard_output_is_told_and_the_files_are_there(fmu_folder: Path
         assert done.returncode == 1
         errors = [line for line in done.stderr.decode().splitlines() if line.startswith("Error")]
         assert errors == ["Error: the standard output cannot be written: No space left on device."]
-        assert {p.name for p in (tmp_path / "out").iterdir()} == {"results.csv", "metrics.json", "run.json"}
+        assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
         quiet = ended(fmu_folder, tmp_path, *RUN, "--stop-time", "0.35", stderr=full)
         assert quiet.returncode == 0
         assert b"position error" in quiet.stdout
@@ -144,7 +145,7 @@ def test_a_polite_end_keeps_what_was_computed_and_tidies_up(
     assert not any((tmp_path / "temporary").iterdir())
     if phase == "simulating":
         assert b"interrupted at t = " in errors
-        assert {p.name for p in out.iterdir()} == {"results.csv", "metrics.json", "run.json"}
+        assert names(out) == {"results.csv", "metrics.json", "run.json"}
     else:
         assert b"Interrupted." in errors
 

@@ -3,6 +3,7 @@
 import atexit
 import hashlib
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -30,6 +31,7 @@ __all__ = [
     "read_file",
     "read_text",
     "real_place",
+    "remove_unfinished",
     "sha256",
     "temporary_folder",
     "writing_to",
@@ -139,6 +141,17 @@ def place_of(path: Path, what: str, folder: Path = HERE) -> Path:
     except OSError as error:
         raise CommandError(f"{what} '{path}' cannot be written: {error.strerror or error}.") from error
     return place
+
+
+_UNFINISHED = re.compile(rf"{re.escape(UNFINISHED)}[a-z0-9_]{{8}}")
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove files that were not complete when a process was killed that wrote to this folder."""
+    with suppress(OSError):
+        for path in folder.iterdir():
+            if _UNFINISHED.fullmatch(path.name) and path.is_file() and not path.is_symlink():
+                path.unlink()
 
 
 @contextmanager

@@ -13,6 +13,7 @@ SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
 """What options are about; the command line's help shows them in these groups."""
 
 RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
+BUILD, PLOT, TRAJECTORY, VERIFY = "build", "plot", "trajectory", "verify"
 """Commands that take options."""
 
 
@@ -28,7 +29,9 @@ class About:
     hold it. `commands` are those that take it. `parse` makes its value of the text of the command
     line, or of all its texts where it may be repeated. In Python an object of the type `takes` is a
     value too, and taken as it is, also as an entry of a table. `alone` is the value of a flag of the command
-    line that nothing follows. With `arrays` a list in a table is that of the elements `name[1]`, `name[2]`.
+    line that nothing follows. `writes` is "file" or "folder" where the value names what is written. An
+    option that is not `repeated` holds for one command: those that repeat a run leave it out. With `arrays`
+    a list in a table is that of the elements `name[1]`, `name[2]`.
     """
 
     help: str
@@ -47,6 +50,8 @@ class About:
     parse: Callable[[Any], Any] | None = None
     takes: type | None = None
     alone: str = ""
+    writes: str = ""
+    repeated: bool = True
     arrays: bool = False
 
 

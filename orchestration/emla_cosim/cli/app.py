@@ -93,8 +93,15 @@ def _ready(module: Any, quiet: bool) -> Any:
     if quiet:
         from .commands.wanted import with_wanted
 
-        command = with_wanted(command, replaces=taken is not None)
+        command = with_wanted(command, replaces=taken is not None and _replaces(taken))
     return one_sentence(command)
+
+
+def _replaces(taken: str) -> bool:
+    """Return whether a command replaces components."""
+    from ..run.options import table
+
+    return "replace" in table(taken)
 
 
 class _Commands(TyperGroup):

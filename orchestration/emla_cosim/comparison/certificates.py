@@ -7,7 +7,8 @@ from typing import Any
 import polars
 
 from ..base.errors import CommandError, RunError
-from ..base.files import writing_to, written_whole
+from ..base.files import writing_to
+from ..base.ownership import has_mark
 from ..base.progress import Progress
 from ..study.certificate import JointCertificate, certificate_rows, certify
 from ..study.loading import load
@@ -85,11 +86,13 @@ class CertificateFolder(Place):
 
     what = "certificates"
     files = (CSV, MARKDOWN)
+    record_file, is_record = CSV, has_mark(b"gains,figure,unit")
 
-    def write(self, found: Sequence[SetCertificate]) -> None:
+    def keep(self, found: Sequence[SetCertificate]) -> None:
         """Write numbers and tables, each file whole. Raises RunError."""
         contents = {CSV: frame(found).write_csv(), MARKDOWN: markdown(found)}
         with writing_to(self.path):
+            self._files.claim(self.files)
             for name, text in contents.items():
-                with written_whole(self._place / name) as stream:
-                    stream.write(text.encode())
+                self.write(name, text.encode())
+            self._files.settle()

@@ -55,6 +55,7 @@ def compare(
     scheduler: Scheduler = None,
     workers: int | None = None,
     output: str | Path | None = None,
+    overwrite: bool = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> CompareResult:
@@ -73,18 +74,22 @@ def compare(
 
     Joints that nothing connects are run apart, so that none of them ends the others. It runs on the
     cluster of a sweep: see `sweep` for `scheduler` and `workers`. With `output` everything is written to
-    that folder. Ctrl-C ends it early, and the result has what was there.
+    that folder, where files that emla did not write are only replaced with `overwrite`. Ctrl-C ends it
+    early, and the result has what was there.
 
     Raises CommandError for whatever is wrong with controllers, gains, scenario and options, before anything
     is run; RunError where the cluster is gone, all runs are refused, or files cannot be written.
     """
     told, name = progress or Progress(), _name_of(scenario)
+    options |= {"overwrite": True} if overwrite else {}
     _check(table, resolution, options)
     check_cluster(scheduler, workers)
     all_sets = [ALL] if table == PAPER and gains is None else gains
     chosen = entrants(controllers, all_sets, ROBUSTNESS_SETS if table == ROBUSTNESS else ())
     terms = Terms(_checked_seeds(seeds, table), checked_reserves(reserves), options)
-    folder = CompareFolder(converted(output, Path, "the output folder")) if output is not None else None
+    folder = None
+    if output is not None:
+        folder = CompareFolder(converted(output, Path, "the output folder"), overwrite)
     if table == STABILITY:
         options = {"stop_time": stability_stop_time(), **options}
         terms = replace(terms, options=options)
@@ -97,7 +102,7 @@ def compare(
     with folder.alone():
         ran = _run(contest, table, (scheduler, workers), told)
         result = _result(contest, name, table, ran, folder.path)
-        folder.write(result, record_of(contest, result))
+        folder.keep(result, record_of(contest, result))
     return result
 
 

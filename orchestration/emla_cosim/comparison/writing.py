@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.files import writing_to, written_whole
+from ..base.files import writing_to
+from ..base.ownership import has_entries
+from ..run.options import repeated
 from ..run.run_record import plain, versions
 from ..sweeps.place import Place
-from ..views.plots.style import save
 from .contest import Contest
 from .pictures import NAMES
 from .result import CompareResult
@@ -21,9 +22,11 @@ class CompareFolder(Place):
     """The folder of a comparison; see `Place` for errors."""
 
     what = "comparison"
-    files = (CSV, MARKDOWN, RECORD, *(f"{picture}.png" for picture in NAMES))
+    files = (CSV, MARKDOWN, RECORD)
+    pictures = tuple(f"{picture}.png" for picture in NAMES)
+    record_file, is_record = RECORD, has_entries("entrants", "runs")
 
-    def write(self, result: CompareResult, record: Mapping[str, Any]) -> None:
+    def keep(self, result: CompareResult, record: Mapping[str, Any]) -> None:
         """Write all but pictures, each file whole; those of an earlier comparison go. Raises RunError."""
         contents = {
             CSV: result.rows.write_csv().encode(),
@@ -31,22 +34,18 @@ class CompareFolder(Place):
             RECORD: (json.dumps(record, indent=2) + "\n").encode(),
         }
         with writing_to(self.path):
-            for picture in NAMES:
-                (self._place / f"{picture}.png").unlink(missing_ok=True)
+            self._files.remove(self.pictures)
+            self._files.claim(self.files)
             for name, content in contents.items():
-                with written_whole(self._place / name) as stream:
-                    stream.write(content)
+                self.write(name, content)
+            self._files.settle()
 
-
-def draw(result: CompareResult, folder: Path) -> list[Path]:
-    """Draw all pictures of a result into a folder, and return their files. Raises RunError."""
-    found = list[Path]()
-    with writing_to(folder):
-        for name, figure in result.figures().items():
-            found.append(folder / f"{name}.png")
-            with written_whole(found[-1]) as stream:
-                save(figure, stream)
-    return found
+    def draw_result(self, result: CompareResult) -> list[Path]:
+        """Draw all pictures of a result, and return their files. Raises RunError."""
+        with self.alone(), writing_to(self.path):
+            found = [self.draw(f"{name}.png", figure) for name, figure in result.figures().items()]
+            self._files.settle()
+        return found
 
 
 def record_of(contest: Contest, result: CompareResult) -> dict[str, Any]:
@@ -56,7 +55,7 @@ def record_of(contest: Contest, result: CompareResult) -> dict[str, Any]:
         "table": result.table,
         "status": "completed" if result.complete else "unfinished",
         "entrants": list(result.entrants),
-        "options": plain(contest.options),
+        "options": plain(repeated(contest.options)),
         "notes": list(result.notes),
         "wall_s": result.wall_s,
         "versions": dict(versions()),

@@ -4,6 +4,7 @@ Whether an FMU is up to date is known from a key, before anything that builds on
 """
 
 import hashlib
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
@@ -20,6 +21,7 @@ from fmublock.platforms import TARGETS, host_platform
 from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe
 
 from ..base.errors import CommandError, RunError, check_choice
+from ..base.ownership import check_replaceable
 
 __all__ = ["FLAVOURS", "FMU_FOLDER", "MODELS", "PLATFORMS", "block_of", "build", "fmu_path"]
 
@@ -60,6 +62,7 @@ def build(
     platforms: Sequence[str],
     folder: Path | None = None,
     advance: Callable[[], None] = lambda: None,
+    overwrite: bool = False,
 ) -> Path:
     """Build the FMU of a model, unless the very same is there already; returns its file.
 
@@ -67,9 +70,10 @@ def build(
     FMUs; none is this machine's and those that the file has already. The FMU lies in `folder`;
     without one in fmus/ of the current folder if it has one of this model, and else in the user's
     cache, by what it is made of. Processes that want the same FMU build it once. `advance` is called
-    for each binary as it is compiled.
+    for each binary as it is compiled. A file that is no FMU of ours is only replaced with `overwrite`.
 
-    Raises CommandError for an unknown name, RunError where building or writing fails.
+    Raises CommandError for an unknown name, and for a file that may not be replaced; RunError where
+    building or writing fails.
     """
     if isinstance(model, str):
         check_choice("model", model, MODELS)
@@ -78,15 +82,42 @@ def build(
         check_choice("platform", platform, PLATFORMS)
     name = model if isinstance(model, str) else model.__name__
     try:
-        return _build(_recipe(model, flavour), platforms, folder, advance)
+        return _build(_recipe(model, flavour), platforms, folder, advance, overwrite)
     except BuildError as error:
         raise RunError(f"{name} could not be built: {error}") from error
     except OSError as error:
         raise RunError(f"{name} could not be built: {error}.") from error
 
 
+def check_place(
+    model: str | type[Block], flavour: str, folder: Path | None = None, overwrite: bool = False
+) -> None:
+    """Raise CommandError where building an FMU would replace what is no FMU of ours; see `build`.
+
+    Nothing is built, so all FMUs of a command can be checked before the first one is.
+    """
+    name = model if isinstance(model, str) else model.__name__
+    path = fmu_path(name, flavour, FMU_FOLDER if folder is None else folder)
+    there = next((p for p in path.parents if os.path.lexists(p)), FMU_FOLDER)
+    if folder is not None and not os.path.isdir(there):  # noqa: PTH112 (it raises nothing)
+        raise CommandError(f"the FMU '{path}' cannot be written: '{there}' is no folder.")
+    if os.path.islink(path) and _is_ours(path):  # noqa: PTH114 (it raises nothing)
+        return  # it need not be written, if it is up to date
+    is_there = os.path.isfile if folder is None else os.path.lexists
+    if is_there(path):
+        check_replaceable(path, "the FMU", _is_ours, overwrite)
+
+
+def _is_ours(path: Path) -> bool:
+    return read_built(path).key is not None
+
+
 def _build(
-    recipe: Recipe, platforms: Sequence[str], folder: Path | None, advance: Callable[[], None]
+    recipe: Recipe,
+    platforms: Sequence[str],
+    folder: Path | None,
+    advance: Callable[[], None],
+    overwrite: bool,
 ) -> Path:
     key, draft = recipe.key(), None
     if key is None:  # its content has to tell
@@ -100,6 +131,8 @@ def _build(
     with _alone(path):
         built = read_built(path)  # another process may have built it meanwhile
         if not _is_current(built, recipe, key, platforms):
+            if os.path.lexists(path) and (folder is not None or not path.is_absolute()):  # not in the cache
+                check_replaceable(path, "the FMU", _is_ours, overwrite)
             from fmublock.building import draft_of, write_fmu
 
             wanted = platforms or sorted({host_platform(), *(built.platforms & set(PLATFORMS))})

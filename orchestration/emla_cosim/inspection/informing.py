@@ -22,7 +22,7 @@ from .parts import ComponentInfo, ConnectionInfo, FmuInfo
 from .told import Info
 from .variables import End, Rows, Wires, names_in, said_by
 
-_OF_OURS = {"fmus", "flavour"}
+_OF_OURS = {"fmus", "flavour", "overwrite"}
 """Options that change nothing of somebody else's FMU."""
 
 

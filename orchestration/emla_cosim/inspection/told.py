@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import CommandError
+from ..base.ownership import has_format
 from ..base.patterns import fits, is_pattern
 from ..views.pages.plain import plain
 from ..views.pages.writing import write_text
@@ -20,6 +21,12 @@ if TYPE_CHECKING:
 FORMAT = "emla-info"
 VERSION = 1
 """Of what the fields mean."""
+
+JSON_FILE = "the JSON file"
+"""What error messages call the file."""
+
+is_info = has_format(FORMAT)
+"""Recognizes files that `Info.save_json` wrote."""
 
 
 @dataclass(frozen=True)
@@ -102,26 +109,12 @@ class Info:
         del told["variables"]
         return plain({"format": FORMAT, "version": VERSION, **told})
 
-    def save_json(self, path: str | Path) -> None:
+    def save_json(self, path: str | Path, overwrite: bool = False) -> None:
         """Write `as_json` to a file; CommandError where none can be written, RunError where that fails.
 
-        A file of something else is not replaced, see `check_replaceable`.
+        A file of something else is only replaced with `overwrite`.
         """
-        check_replaceable(Path(path))
-        write_text(self.as_json(), Path(path), "the JSON file")
-
-
-def check_replaceable(path: Path) -> None:
-    """Raise CommandError for a file that `Info.save_json` did not write, and for a link to nothing."""
-    if path.is_symlink() and not path.exists():
-        raise CommandError(f"the JSON file '{path}' is a link to nothing; name another file.")
-    try:
-        content = path.read_bytes() if path.is_file() else b""
-        is_ours = not content or json.loads(content).get("format") == FORMAT
-    except (OSError, ValueError, AttributeError):
-        is_ours = False
-    if not is_ours:
-        raise CommandError(f"'{path}' exists and was not written by emla info; name another file.")
+        write_text(self.as_json(), Path(path), JSON_FILE, is_info, overwrite)
 
 
 def start_text(value: float | int | bool | str) -> str:

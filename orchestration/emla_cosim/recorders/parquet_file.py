@@ -33,7 +33,7 @@ class ParquetFile(Table):
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._parts = self.path.with_name(f"{self.path.name}.parts")
+        self._parts = parts_of(self.path)
 
     def __str__(self) -> str:
         return str(self.path)
@@ -101,14 +101,11 @@ class ParquetFile(Table):
 
     def _remove_parts(self) -> None:
         """Remove the folder of parts if there is one; OSError where it holds what is not a run's."""
+        if (problem := strange_parts(self.path)) is not None:
+            raise OSError(problem)
         if not self._parts.is_dir():
             return
-        left = list(self._parts.iterdir())
-        if others := sorted(p.name for p in left if not (_OURS.fullmatch(p.name) and p.is_file())):
-            raise OSError(
-                f"the folder '{self._parts}' has '{others[0]}', which is not of a run; move it away"
-            )
-        for part in left:
+        for part in list(self._parts.iterdir()):
             part.unlink()
         self._parts.rmdir()
 
@@ -128,6 +125,26 @@ class ParquetFile(Table):
         yield self.path
         if parts := sorted(self._parts.glob("*.parquet")):
             yield parts
+
+
+def parts_of(path: Path) -> Path:
+    """Return the folder of parts of a table."""
+    return path.with_name(f"{path.name}.parts")
+
+
+def strange_parts(path: Path) -> str | None:
+    """Return what is wrong with what is at the place of a table's folder of parts; None where a run left it.
+
+    Raises OSError where the folder cannot be read.
+    """
+    parts = parts_of(path)
+    if parts.is_symlink() or (parts.exists() and not parts.is_dir()):
+        return f"'{parts}' is no folder of a run; move it away"
+    left = list(parts.iterdir()) if parts.is_dir() else []
+    others = sorted(
+        p.name for p in left if not (_OURS.fullmatch(p.name) and p.is_file() and not p.is_symlink())
+    )
+    return f"the folder '{parts}' has '{others[0]}', which is not of a run; move it away" if others else None
 
 
 @contextlib.contextmanager

@@ -14,14 +14,18 @@ from typing import Any
 
 from ..base.errors import CommandError, listed
 from ..base.option import (
+    BUILD,
     COMPARE,
     EXPORT,
     INFO,
     OUTPUT,
+    PLOT,
     RUN,
     STEPPING,
     SWEEP,
     SYSTEM,
+    TRAJECTORY,
+    VERIFY,
     Entered,
     Option,
     option,
@@ -137,6 +141,7 @@ class Options:
         "cache.",
         in_file=False,
         recorded=False,
+        writes="folder",
     )
     platform: Sequence[str] = option(
         [],
@@ -216,7 +221,15 @@ class Options:
         commands=(RUN,),
     )
     output: Path | None = _output(
-        help="Folder for all that comes out. Default: results/SCENARIO.", recorded=False
+        help="Folder for all that comes out. Default: results/SCENARIO.", recorded=False, writes="folder"
+    )
+    overwrite: bool = _output(
+        False,
+        help="Replace files that emla did not write; never links, folders, devices or pipes.",
+        in_file=False,
+        recorded=False,
+        repeated=False,
+        commands=(*ALL, BUILD, PLOT, TRAJECTORY, VERIFY),
     )
     output_format: str = _output(
         "csv", help="File format of the table of results.", choices=lambda: TABLES, commands=(RUN,)
@@ -287,6 +300,7 @@ class Options:
         help="Save the state of the run to this file every minute and at the end, for --resume.",
         in_file=False,
         recorded=False,
+        writes="file",
         commands=(RUN,),
     )
     resume: Path | None = _output(
@@ -403,6 +417,12 @@ def table(command: str | None = None) -> dict[str, Option]:
     kinds = (*ALGORITHMS.values(), *RECORDERS.values())
     own = {o.name: o for kind in kinds for o in options_of(kind)}
     return {n: o for n, o in (_FIXED | own).items() if command is None or command in o.about.commands}
+
+
+def repeated(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options by name, but for those that hold for one command."""
+    known = table()
+    return {n: v for n, v in options.items() if n not in known or known[n].about.repeated}
 
 
 def _merged(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:

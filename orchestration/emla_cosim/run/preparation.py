@@ -9,7 +9,7 @@ from ..base.errors import CommandError
 from ..base.progress import Progress
 from ..base.wording import counted
 from ..fmu.interface import Interface, read_interfaces
-from ..fmu.models import build
+from ..fmu.models import build, check_place
 from ..inputs.placing import Readable, data_end, with_inputs
 from ..system.model import Replacement, System
 from ..system.signal_faults import with_components, with_faults
@@ -78,7 +78,11 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
     progress.begin("preparing", len(models) + 1)
     built = {}
     for model in models:
-        built[model] = build(model, options.flavour, options.platform, options.fmus)
+        check_place(model, options.flavour, options.fmus, options.overwrite)
+    for model in models:
+        built[model] = build(
+            model, options.flavour, options.platform, options.fmus, overwrite=options.overwrite
+        )
         progress.advance(1)
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
 

@@ -135,19 +135,32 @@ class Result:
         return agreement(self.names, self.read, self.units, stored, given)
 
     def save(
-        self, folder: str | Path, plots: bool = True, animate: bool = False, report: bool = False
+        self,
+        folder: str | Path,
+        plots: bool = True,
+        animate: bool = False,
+        report: bool = False,
+        overwrite: bool = False,
     ) -> list[Path]:
         """Write results.csv, metrics.json, run.json and pictures to a folder; returns the pictures.
 
-        `animate` adds an animation, as a GIF, and `report` a page, report.html. Raises CommandError where
-        the folder cannot be written, or nothing can be animated; RunError where the disk is full.
+        `animate` adds an animation, as a GIF, and `report` a page, report.html. Files that emla did not write
+        are only replaced with `overwrite`. Raises CommandError where the folder cannot be written, or nothing
+        can be animated; RunError where the disk is full.
         """
         from ..views.animation import check_animated
         from ..views.output_folder import OutputFolder
 
         if animate:
             check_animated(self.name, self.names, self.names)
-        output = OutputFolder(converted(folder, Path, "the folder"), self.record["settings"]["output_format"])
+        output = OutputFolder(
+            converted(folder, Path, "the folder"),
+            self.record["settings"]["output_format"],
+            plots=plots,
+            animated=animate,
+            report=report,
+            overwrite=overwrite,
+        )
         with output.alone():
             output.write_table(self)
             return output.write(self, plots, animated=animate, report=report)

@@ -223,7 +223,9 @@ class Simulation:
                 if chosen.resume is not None:
                     resumed = resumable(chosen.resume, identity, times, self._here)
                 if chosen.checkpoint is not None:
-                    place = checkpoint_place(chosen.checkpoint, assembly.network, self._here)
+                    place = checkpoint_place(
+                        chosen.checkpoint, assembly.network, self._here, chosen.overwrite
+                    )
                     taking.append(Checkpoints(chosen.checkpoint, identity, place))
             if stored is not None:
                 _check_comparable(stored, [assembly.network.names[i] for i in recorded], taking)

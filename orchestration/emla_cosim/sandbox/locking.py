@@ -11,8 +11,11 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from ..base.errors import CommandError
+from ..base.files import place_of
+from ..base.ownership import has_mark, is_new
 
 _LOCK, _HOLDER = ".running", ".running.json"
+_IS_HOLDER = has_mark(b'{"process": ')
 
 
 @contextmanager
@@ -21,8 +24,10 @@ def alone(folder: Path, heir_of: int | None = None) -> Iterator[None]:
 
     The lock goes with its process, however that ends, unless an FMU started another one, which holds it
     too then. Who goes on for the process `heir_of`, which ended, does not mind a lock of that one. Where
-    a file system knows no locks there is none.
+    a file system knows no locks there is none. CommandError also where something else has the names that
+    the lock needs.
     """
+    _check_names(folder)
     lock = FileLock(folder / _LOCK, timeout=0)
     try:
         lock.acquire()
@@ -40,13 +45,26 @@ def alone(folder: Path, heir_of: int | None = None) -> Iterator[None]:
     try:
         began = datetime.now().astimezone().isoformat(timespec="seconds")
         with suppress(OSError):  # the lock holds without a name
-            holder.write_text(json.dumps({"process": os.getpid(), "began": began}), encoding="utf-8")
+            holder.unlink(missing_ok=True)
+            with holder.open("x", encoding="utf-8") as stream:  # never through a link
+                stream.write(json.dumps({"process": os.getpid(), "began": began}))
         yield
     finally:
         for left in (holder, folder / _LOCK):
             with suppress(OSError):  # the folder may be gone, or be a file by now
                 left.unlink()
         lock.release()
+
+
+def _check_names(folder: Path) -> None:
+    """Raise CommandError where a file of the lock is a link, no file, or somebody else's."""
+    for name in (_LOCK, _HOLDER):
+        place = place_of(folder / name, "the lock of the output folder")
+        if not (is_new(place) or (name == _HOLDER and _IS_HOLDER(place))):
+            raise CommandError(
+                f"'{folder / name}' was not written by emla. Choose another output folder.",
+                path=str(folder / name),
+            )
 
 
 def _holder(folder: Path) -> str:

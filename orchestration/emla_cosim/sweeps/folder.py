@@ -13,6 +13,7 @@ import polars
 
 from ..base.errors import CommandError
 from ..base.files import UNFINISHED, read_text, writing_to, written_whole
+from ..base.ownership import has_entries
 from .data import PROBLEM, STATUS, VARIANT
 from .measures import Measures
 from .pictures import PICTURES
@@ -38,8 +39,10 @@ class SweepFolder(Place):
     """What a sweep leaves: `variants.parquet`, `series/`, `sweep.json`, and `parts/` until it is complete."""
 
     what = "sweep"
-    files = (TABLE, WORST, *(f"{kind}.png" for kind in PICTURES), RECORD)
+    files = (TABLE, WORST, RECORD)
+    pictures = tuple(f"{kind}.png" for kind in PICTURES)
     inner = (PARTS, SERIES)
+    record_file, is_record = RECORD, has_entries("identity", "status")
 
     def check(self, identity: Mapping[str, Any], resume: bool) -> None:
         """See that a sweep with this identity can begin here, or go on.
@@ -56,9 +59,10 @@ class SweepFolder(Place):
                 f"the sweep in '{self.path}' cannot be resumed, as it has other {differing}; "
                 "name another folder."
             )
-        if not resume and found and not self.is_complete:
+        if not resume and found and not self.is_complete and not self.overwrite:
             raise CommandError(
-                f"'{self.path}' has an unfinished sweep; --resume continues it, or name another folder."
+                f"'{self.path}' has an unfinished sweep; --resume continues it, --overwrite replaces it, or "
+                "name another folder."
             )
 
     def _check_places(self, begun: bool) -> None:
@@ -98,12 +102,10 @@ class SweepFolder(Place):
             self._forget_orphans()
 
     def clear(self) -> None:
-        """Remove what an earlier sweep left under the same names, but no links. May raise OSError."""
+        """Remove what an earlier sweep left under the same names. May raise OSError."""
         for name in (PARTS, SERIES):
             self._remove(name)
-        for name in self.files:  # the record last: without it nobody knows whose the others are
-            if not (self._place / name).is_symlink():
-                (self._place / name).unlink(missing_ok=True)
+        self._files.remove((*self.pictures, *self.files), self.files)
 
     def _remove(self, name: str) -> None:
         """Remove a folder of parts, but for whatever else is in it. May raise OSError."""
@@ -115,7 +117,9 @@ class SweepFolder(Place):
 
     def record(self) -> dict[str, Any]:
         """What sweep.json says; nothing where there is none. CommandError where it is none of ours."""
-        return self.record_of(self._place) if (self._place / RECORD).exists() else {}
+        if not (self._place / RECORD).exists() or (self.overwrite and not self._files.owns(RECORD)):
+            return {}
+        return self.record_of(self._place)
 
     @staticmethod
     def record_of(folder: Path) -> dict[str, Any]:
@@ -130,8 +134,8 @@ class SweepFolder(Place):
 
     def write_record(self, entries: Mapping[str, Any]) -> None:
         """Write sweep.json with these entries and those that it has. Raises RunError."""
-        with writing_to(self.path), written_whole(self._place / RECORD) as stream:
-            stream.write((json.dumps({**self.record(), **entries}, indent=2) + "\n").encode())
+        with writing_to(self.path):
+            self.write(RECORD, (json.dumps({**self.record(), **entries}, indent=2) + "\n").encode())
 
     def keep(self, chunk: Chunk, measures: Measures) -> None:
         """Write what the variants of a chunk gave; it is there whole or not at all. Raises RunError."""
@@ -152,8 +156,8 @@ class SweepFolder(Place):
         """Write variants.parquet: `about` (columns by variant) beside what came out. Raises RunError."""
         parts = self._parts()
         found = about.head(0) if parts is None else about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
-        with writing_to(self.path), written_whole(self._place / TABLE) as stream:
-            stream.write(parquet(found))
+        with writing_to(self.path):
+            self.write(TABLE, parquet(found))
 
     def close(self, whole: bool, wall_s: float) -> None:
         """Say how long it took in s, and whether all variants are there: no parts are needed then."""

@@ -1,12 +1,9 @@
 """The pictures of a sweep by name, and as files."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ..base.errors import CommandError, check_choice
-from ..base.files import written_whole
-from ..views.plots.style import save
 from .data import SweepData
 from .drawing.bands import draw_bands
 from .drawing.bars import draw_sobol, draw_tornado
@@ -39,19 +36,14 @@ def picture(result: SweepData, kind: str, names: Sequence[str] = ()) -> "Figure"
     return PICTURES[kind](result, names)
 
 
-def draw(result: SweepData, folder: Path) -> list[Path]:
-    """Write a PNG file for each picture that makes sense for a result; returns them. Raises OSError.
+def drawn(result: SweepData) -> "Iterator[tuple[str, Figure]]":
+    """Draw each picture that makes sense for a result, with the name of its file.
 
     Of factors that vary one at a time a tornado says all that there is.
     """
-    written = []
     for kind in _ONE_AT_A_TIME if result.sampling == ONE_AT_A_TIME else PICTURES:
         try:
             figure = picture(result, kind)
         except CommandError:  # the result has nothing for it
             continue
-        path = folder / f"{kind}.png"
-        with written_whole(path) as stream:
-            save(figure, stream)
-        written.append(path)
-    return written
+        yield f"{kind}.png", figure

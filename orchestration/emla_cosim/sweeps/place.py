@@ -1,35 +1,83 @@
 """A folder that what comes of many runs is written to."""
 
 import contextlib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from ..base.errors import CommandError
-from ..base.files import UNFINISHED, check_places, place_of
+from ..base.files import check_places, remove_unfinished, writing_to, written_whole
+from ..base.ownership import IsOurs, OutputFiles
 from ..sandbox.locking import alone
+from ..views.plots.style import save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Place:
-    """A folder at `path` to which `files` are written, of `what`; and into `inner`, folders in it."""
+    """A folder at `path` to which `files` are written, of `what`; and into `inner`, folders in it.
+
+    `pictures` are further files, which only some commands write. `record` is the file by which a folder is
+    recognized that a version without a manifest wrote, and `is_record` recognizes it.
+    """
 
     what: ClassVar[str]
     files: ClassVar[tuple[str, ...]]
+    pictures: ClassVar[tuple[str, ...]] = ()
     inner: ClassVar[tuple[str, ...]] = ()
+    record_file: ClassVar[str]
+    is_record: ClassVar[IsOurs]
 
-    def __init__(self, path: Path) -> None:
-        """Nothing is made yet; CommandError for a path that cannot be one, or files that cannot be there."""
-        self.path = path
+    def __init__(self, path: Path, overwrite: bool = False) -> None:
+        """Nothing is made yet.
+
+        Args:
+            path: The folder.
+            overwrite: Replace files that emla did not write.
+
+        Raises:
+            CommandError: The path cannot be a folder, or one of `files` cannot be written, or somebody
+                else wrote it.
+        """
+        self.path, self.overwrite = path, overwrite
         try:
             self._place = path.resolve()
-            wrong = path.exists() and not path.is_dir()
+            wrong = os.path.lexists(path) and not path.is_dir()
         except (OSError, ValueError, RuntimeError) as error:
             reason = getattr(error, "strerror", None) or error
             raise CommandError(f"the output folder {str(path)!r} cannot be written: {reason}.") from error
         if wrong:
-            raise CommandError(f"the output folder '{path}' cannot be written: it is a file.")
-        for name in self.files if path.is_dir() else ():
-            place_of(path / name, f"the file of the {self.what}")
+            raise CommandError(f"the output folder '{path}' cannot be written: it is no folder.")
+        known = (*self.files, *self.pictures)
+        kind = type(self)
+        self._files = OutputFiles(self._place, path, kind.record_file, kind.is_record, known, overwrite)
+        self.check_files(self.files)
+
+    def check_files(self, names: Iterable[str]) -> None:
+        """Raise CommandError where one of these files cannot be written, or somebody else wrote it."""
+        if self._place.is_dir():
+            self._files.check(names, f"the file of the {self.what}")
+
+    def write(self, name: str, content: bytes) -> Path:
+        """Write a file, and return it. Raises OSError."""
+        self._files.claim([name])
+        with written_whole(self._place / name) as stream:
+            stream.write(content)
+        return self.path / name
+
+    def draw(self, name: str, figure: "Figure") -> Path:
+        """Write a picture, and return it. Raises OSError."""
+        self._files.claim([name])
+        with written_whole(self._place / name) as stream:
+            save(figure, stream)
+        return self.path / name
+
+    def settle(self) -> None:
+        """Note that all files are complete. Raises RunError."""
+        with writing_to(self.path):
+            self._files.settle()
 
     def check_unread(self, read: Iterable[Mapping[Path, str]]) -> None:
         """Raise CommandError where a file would be written that is read; `read` says what these are."""
@@ -52,10 +100,10 @@ class Place:
             ) from error
         try:
             with alone(self._place):
-                for folder in (self._place, *(self._place / name for name in self.inner)):
-                    for left in folder.glob(f"{UNFINISHED}*"):
-                        with contextlib.suppress(OSError):
-                            left.unlink()
+                remove_unfinished(self._place)
+                for name in self.inner:
+                    if not (self._place / name).is_symlink():
+                        remove_unfinished(self._place / name)
                 yield
         finally:
             for place in missing:

@@ -48,6 +48,7 @@ def sweep(
     scheduler: Scheduler = None,
     workers: int | None = None,
     output: str | Path | None = None,
+    overwrite: bool = False,
     resume: bool = False,
     progress: Progress | None = None,
     **options: Any,
@@ -66,15 +67,17 @@ def sweep(
     It runs on a Dask cluster: the one whose scheduler is at the address `scheduler`, or that of the
     `distributed.Client` given there, which stays open; or one of this machine with so many `workers`, by
     default one for each core. What came out is in the folder `output`, where `resume` goes on with a sweep
-    that ended early; without a folder it lives as long as the result.
+    that ended early; without a folder it lives as long as the result. Files there that emla did not write
+    are only replaced with `overwrite`.
 
     Ctrl-C ends it early, and the result has what was there. Raises CommandError for whatever is wrong
     with the plan, before anything is run; RunError where the cluster is gone or files cannot be written.
     """
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
+    options |= {"overwrite": True} if overwrite else {}
     plan = plan_of(source).updated({**given, "signals": signals, "options": options})
     check_cluster(scheduler, workers)
-    with _place(output, resume) as (folder, held):
+    with _place(output, resume, overwrite) as (folder, held):
         told = progress or Progress()
         design = designed(plan, told)
         notes = sweep_notes(design)
@@ -85,6 +88,7 @@ def sweep(
             _run(design, notes, folder, (scheduler, workers), resume, told)
             result = read_sweep(folder.path)
             _keep_sobol_indices(result, folder)
+            folder.settle()
         return replace(result, folder=None, holds=held.pop_all()) if output is None else result
 
 
@@ -108,7 +112,9 @@ def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
 
 
 @contextlib.contextmanager
-def _place(output: str | Path | None, resume: bool) -> Iterator[tuple[SweepFolder, contextlib.ExitStack]]:
+def _place(
+    output: str | Path | None, resume: bool, overwrite: bool
+) -> Iterator[tuple[SweepFolder, contextlib.ExitStack]]:
     """The folder of a sweep, and what has to be held for it to stay."""
     with contextlib.ExitStack() as held:
         if output is not None:
@@ -117,7 +123,7 @@ def _place(output: str | Path | None, resume: bool) -> Iterator[tuple[SweepFolde
             raise CommandError("what is to be resumed lies in a folder; give `output`.")
         else:
             place = held.enter_context(temporary_folder("emla-sweep-"))
-        yield SweepFolder(place), held
+        yield SweepFolder(place, overwrite), held
 
 
 def _run(

@@ -7,7 +7,7 @@ from typing import Any, get_origin
 
 from ..base.option import SWEEP, Entered, Option
 from ..inputs.input import Input
-from ..run.options import table
+from ..run.options import repeated, table
 from ..run.simulation import PREPARED
 from ..system.model import Replacement, Value
 
@@ -58,7 +58,7 @@ def merged(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 def as_arguments(options: Mapping[str, Any]) -> list[str] | None:
     """Options as `emla run` takes them; None where one is an object that only Python has."""
     known, found = table(SWEEP), list[str]()
-    for name, value in options.items():
+    for name, value in repeated(options).items():
         arguments = _arguments(known[name], value)
         if arguments is None:
             return None

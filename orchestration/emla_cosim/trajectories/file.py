@@ -7,6 +7,7 @@ from hdrm_fmu.spline import DEFAULT_FILE, Spline, TrajectoryError, spline_of
 
 from ..base.errors import CommandError
 from ..base.files import read_text
+from ..base.ownership import check_replaceable, has_format
 
 __all__ = ["DEFAULT_FILE", "read_trajectory"]
 
@@ -23,3 +24,8 @@ def read_trajectory(path: str | Path) -> Spline:
         raise CommandError(f"{WHAT} '{path}' cannot be used: {error}") from error
     except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits
         raise CommandError(f"{WHAT} '{path}' is no JSON: {error}.") from error
+
+
+def check_trajectory(path: Path, overwrite: bool = False) -> Path:
+    """Return where a trajectory file may be written; CommandError where it may not."""
+    return check_replaceable(path, WHAT, has_format("emla-cosim trajectory"), overwrite)

@@ -41,6 +41,7 @@ def trajectory(
     points: int = 10,
     starts: int = 1,
     output: str | Path | None = None,
+    overwrite: bool = False,
     plots: bool = True,
     progress: Progress | None = None,
 ) -> TrajectoryResult:
@@ -53,7 +54,8 @@ def trajectory(
     spline of a `degree` with so many different `knots`, and is looked at in `points` points between two of
     them. Of several `starts` the first is a line, the others wander off; the best motion counts.
 
-    With `output` it is written to that file, and with `plots` pictures beside it.
+    With `output` it is written to that file, and with `plots` pictures beside it. Files that emla did not
+    write are only replaced with `overwrite`.
 
     Raises CommandError for whatever is wrong with the problem, before anything is solved; RunError where no
     motion keeps all bounds, with those that are to blame.
@@ -63,15 +65,15 @@ def trajectory(
     how = Discretisation(*_sizes(degree, knots, points), _weight(tie_break))
     place = None if output is None else converted(output, Path, "the output file")
     if place is not None:
-        picture_places(place, plots, problem)
+        picture_places(place, plots, problem, overwrite)
     read = _without_contradiction(given, reading)
     best, figures = _best(read, how, _size("starts", starts), told)
     spline, contradictions = best.spline(how), given.contradictions()
     result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
     if place is not None:
-        result.save(place)
+        result.save(place, overwrite)
         if plots:
-            save_pictures(result, place)
+            save_pictures(result, place, overwrite)
     return result
 
 

@@ -13,7 +13,9 @@ from hdrm_fmu.trajectory import JOINTS
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.files import check_places, written_whole
-from ..views.plots.style import BLUE, RED, new_figure, save, tidied
+from ..base.ownership import check_replaceable
+from ..views.plots.style import BLUE, RED, is_picture, new_figure, save, tidied
+from .file import check_trajectory
 from .motion import OptimisedMotion
 
 if TYPE_CHECKING:
@@ -42,22 +44,27 @@ def drawn(result: OptimisedMotion) -> "dict[str, Figure]":
     return {name: _picture(times, two) for name, two in zip(PICTURES, rows, strict=True)}
 
 
-def picture_places(path: Path, wanted: bool = True, problem: object = None) -> list[Path]:
+def picture_places(
+    path: Path, wanted: bool = True, problem: object = None, overwrite: bool = False
+) -> list[Path]:
     """Where the pictures of a trajectory file go, beside it.
 
-    Raises CommandError where these files cannot be written, or one of them is that of the problem.
+    Raises CommandError where these files may not be written, or one of them is that of the problem.
     """
     if path.suffix == ".png":
         raise CommandError(f"the trajectory '{path}' must not end in .png, as its pictures do.")
     places = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES] if wanted else []
     used = {Path(problem): "the problem"} if isinstance(problem, (str, Path)) else {}
     check_places({path: "the trajectory"} | dict.fromkeys(places, "the picture"), used)
+    check_trajectory(path, overwrite)
+    for place in places:
+        check_replaceable(place, "the picture", is_picture, overwrite)
     return places
 
 
-def save_pictures(result: OptimisedMotion, path: Path) -> list[Path]:
-    """Draw the pictures beside a trajectory file; CommandError where they cannot be written."""
-    places = picture_places(path)
+def save_pictures(result: OptimisedMotion, path: Path, overwrite: bool = False) -> list[Path]:
+    """Draw the pictures beside a trajectory file; CommandError where they may not be written."""
+    places = picture_places(path, overwrite=overwrite)
     for place, figure in zip(places, drawn(result).values(), strict=True):
         try:
             with written_whole(place) as stream:

@@ -21,9 +21,12 @@ class TrajectoryResult(OptimisedMotion):
     says how it was found, of `starts` starts.
     """
 
-    def save(self, path: str | Path) -> None:
-        """Write the motion to a trajectory file; CommandError where that cannot be."""
-        write_trajectory(self, Path(path))
+    def save(self, path: str | Path, overwrite: bool = False) -> None:
+        """Write the motion to a trajectory file; CommandError where that cannot be.
+
+        A file of something else is only replaced with `overwrite`.
+        """
+        write_trajectory(self, Path(path), overwrite)
 
     def plot(self) -> "dict[str, Figure]":
         """Pictures of forces and speeds, and of positions and accelerations, by these names."""

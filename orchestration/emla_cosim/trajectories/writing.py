@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import CommandError
-from ..base.files import place_of, written_whole
-from .file import WHAT
+from ..base.files import written_whole
+from .file import WHAT, check_trajectory
 from .motion import OptimisedMotion
 
 _TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
 
 
-def write_trajectory(result: OptimisedMotion, path: Path) -> None:
+def write_trajectory(result: OptimisedMotion, path: Path, overwrite: bool = False) -> None:
     """Write a motion to a file, whole or not at all. Raises CommandError where that cannot be."""
-    place = place_of(path, WHAT)
+    place = check_trajectory(path, overwrite)
     content = json.dumps(document(result), indent=1, allow_nan=False) + "\n"
     try:
         with written_whole(place) as stream:

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.files import writing_to, written_whole
+from ..base.files import writing_to
+from ..base.ownership import has_entries
 from ..sweeps.place import Place
-from ..views.plots.style import save
 from .picture import drawn
 from .result import TuneResult
 
@@ -19,7 +19,9 @@ class TuneFolder(Place):
     """`best.toml`, a scenario with the best gains; `history.csv`; `tune.json`; `tuning.png`."""
 
     what = "tuning"
-    files = (BEST, RECORD, HISTORY, PICTURE)
+    files = (BEST, RECORD, HISTORY)
+    pictures = (PICTURE,)
+    record_file, is_record = RECORD, has_entries("plan", "best", "runs")
 
     def keep(self, result: TuneResult, record: Mapping[str, Any], scenario: Mapping[str, Any] | None) -> None:
         """Write what is there so far, but for the picture. Raises RunError.
@@ -28,19 +30,16 @@ class TuneFolder(Place):
         """
         with writing_to(self.path):
             best = {**(scenario or {}), "set": {**(scenario or {}).get("set", {}), **result.best.set}}
-            self._write(BEST, _toml({"description": f"Gains found by the tuning {result.name}", **best}))
-            self._write(RECORD, json.dumps(_plain(record), indent=2) + "\n")
-            self._write(HISTORY, result.history.write_csv())
+            self._files.claim(self.files)
+            described = {"description": f"Gains found by the tuning {result.name}", **best}
+            self.write(BEST, _toml(described).encode())
+            self.write(RECORD, (json.dumps(_plain(record), indent=2) + "\n").encode())
+            self.write(HISTORY, result.history.write_csv().encode())
 
-    def draw(self, result: TuneResult) -> Path:
+    def draw_result(self, result: TuneResult) -> Path:
         """Draw the picture. Raises RunError."""
-        with writing_to(self.path), written_whole(self._place / PICTURE) as stream:
-            save(drawn(result), stream)
-        return self.path / PICTURE
-
-    def _write(self, name: str, text: str) -> None:
-        with written_whole(self._place / name) as stream:
-            stream.write(text.encode())
+        with writing_to(self.path):
+            return self.draw(PICTURE, drawn(result))
 
 
 def _plain(value: Any) -> Any:

@@ -15,6 +15,7 @@ from ..base.progress import Progress
 from ..base.values import converted
 from ..master.algorithms.registry import ALGORITHMS
 from ..recorders.metrics import METRICS
+from ..run.options import repeated
 from ..sandbox.interruption import interruption
 from ..sweeps.farm import Scheduler, farm
 from ..sweeps.folder import digest
@@ -51,6 +52,7 @@ def tune(
     scheduler: Scheduler = None,
     workers: int | None = None,
     output: str | Path | None = None,
+    overwrite: bool = False,
     plots: bool = True,
     progress: Progress | None = None,
     **options: Any,
@@ -65,12 +67,13 @@ def tune(
     and the first are then run with `validation` others. `seed` is that of whatever is drawn: the same
     gives the same result, whatever the number of `workers`. `scheduler` and `workers` are as in `sweep`,
     `options` those of `Options`, for all runs. Files go to the folder `output`, if one is given; without
-    `plots` no picture is among them.
+    `plots` no picture is among them. Files there that emla did not write are only replaced with `overwrite`.
 
     Ctrl-C ends it early, and the result has the best so far. Raises CommandError for whatever is wrong
     with the plan, before anything is run; RunError where the cluster is gone, nothing can be run, or files
     cannot be written.
     """
+    options |= {"overwrite": True} if overwrite else {}
     given = {
         "vary": vary,
         "objective": objective,
@@ -86,7 +89,9 @@ def tune(
     }
     plan = tuning_of(source).updated(given)
     check_cluster(scheduler, workers)
-    folder = None if output is None else TuneFolder(converted(output, Path, "the output folder"))
+    folder = None if output is None else TuneFolder(converted(output, Path, "the output folder"), overwrite)
+    if folder is not None and plots:
+        folder.check_files(folder.pictures)
     told = progress or Progress()
     with nullcontext() if folder is None else folder.alone():
         scenario = plan.loaded()
@@ -141,7 +146,10 @@ class _Tuning:
         whole = self._search(training)
         if whole and validation:
             whole = self._validate(validation)
-        return self._kept(whole, plots)
+        result = self._kept(whole, plots)
+        if self.folder is not None:
+            self.folder.settle()
+        return result
 
     def _search(self, seeds: Sequence[int | None]) -> bool:
         """Try what the search asks for, as long as there are evaluations left; whether nobody ended it."""
@@ -222,7 +230,7 @@ class _Tuning:
         if self.folder is not None:
             self.folder.keep(result, _record(self.task, result), scenario_content(plan))
             if draw:
-                self.folder.draw(result)
+                self.folder.draw_result(result)
         return result
 
 
@@ -245,7 +253,7 @@ def _record(task: Task, result: TuneResult) -> dict[str, Any]:
         "vary": {name: str(given) for name, given in plan.vary.items()},
         "cases": [asdict(case) for case in plan.cases],
         "metrics": [str(metric) for metric in plan.metrics],
-        "options": {name: str(given) for name, given in plan.options.items()},
+        "options": {name: str(given) for name, given in repeated(plan.options).items()},
     }
     return {
         "name": plan.name,

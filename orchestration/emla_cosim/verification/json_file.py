@@ -43,6 +43,7 @@ from ..recorders.tubes.comparison import Comparison
 from ..views.pages.plain import plain
 from ..views.pages.writing import write_text
 from .findings import Examined, Finding, Findings, worst
+from .marks import JSON_FORMAT, is_json
 from .verdict import Verdict
 
 VERSION = 1
@@ -53,7 +54,7 @@ def as_dict(report: Findings) -> dict[str, Any]:
     """The report as nothing but dictionaries, lists, texts, numbers that are finite, booleans and None."""
     return plain(
         {
-            "format": "emla-verify",
+            "format": JSON_FORMAT,
             "version": VERSION,
             "made_by": f"emla-cosim {report.version}",
             "started": report.started,
@@ -64,9 +65,10 @@ def as_dict(report: Findings) -> dict[str, Any]:
     )
 
 
-def save(report: Findings, path: Path) -> None:
+def save(report: Findings, path: Path, overwrite: bool = False) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
-    write_text(json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n", path, "the JSON report")
+    text = json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n"
+    write_text(text, path, "the JSON report", is_json, overwrite)
 
 
 def _examined(one: Examined) -> dict[str, Any]:

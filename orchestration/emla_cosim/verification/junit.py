@@ -11,10 +11,11 @@ from ..views.pages.text import visible
 from ..views.pages.writing import write_text
 from .findings import Examined, Finding, Findings
 from .labels import labels
+from .marks import is_junit
 from .verdict import Verdict
 
 
-def save(report: Findings, path: Path) -> None:
+def save(report: Findings, path: Path, overwrite: bool = False) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
     names = labels([one.label for one in report.examined])
     suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
@@ -29,7 +30,9 @@ def save(report: Findings, path: Path) -> None:
     root.extend(suites)
     etree.indent(root)
     text = etree.tostring(root, encoding="unicode")
-    write_text(f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n', path, "the JUnit report")
+    write_text(
+        f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n', path, "the JUnit report", is_junit, overwrite
+    )
 
 
 def _suite(one: Examined, name: str, report: Findings) -> Any:

@@ -14,12 +14,13 @@ from ..views.pages.page import Plots, rendered
 from ..views.pages.writing import write_text
 from .findings import Examined, Finding, Findings, worst
 from .labels import labels
+from .marks import is_page
 from .verdict import Verdict
 
 
-def save(report: Findings, path: Path) -> None:
+def save(report: Findings, path: Path, overwrite: bool = False) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
-    write_text(page(report), path, "the HTML report")
+    write_text(page(report), path, "the HTML report", is_page, overwrite)
 
 
 def page(report: Findings) -> str:

@@ -16,18 +16,21 @@ class Report(Findings):
         """The report for programs, as `save_json` writes it; the module `json_file` says what is where."""
         return json_file.as_dict(self)
 
-    def save_json(self, path: str | Path) -> None:
-        """Write it for programs. Raises CommandError where the file cannot be written."""
-        json_file.save(self, Path(path))
+    def save_json(self, path: str | Path, overwrite: bool = False) -> None:
+        """Write it for programs; a file of something else is only replaced with `overwrite`.
 
-    def save_junit(self, path: str | Path) -> None:
+        Raises CommandError where the file may not be written, RunError where writing fails.
+        """
+        json_file.save(self, Path(path), overwrite)
+
+    def save_junit(self, path: str | Path, overwrite: bool = False) -> None:
         """Write it as JUnit XML, as CI systems display it. Raises CommandError as `save_json`."""
         from .junit import save
 
-        save(self, Path(path))
+        save(self, Path(path), overwrite)
 
-    def save_html(self, path: str | Path) -> None:
+    def save_html(self, path: str | Path, overwrite: bool = False) -> None:
         """Write it as one page that needs nothing else. Raises CommandError as `save_json`."""
         from .page import save
 
-        save(self, Path(path))
+        save(self, Path(path), overwrite)

@@ -14,10 +14,12 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
-from ..base.files import UNFINISHED, place_of, writing_to, written_whole
+from ..base.files import remove_unfinished, writing_to, written_whole
+from ..base.ownership import OutputFiles, has_entries
 from ..base.progress import Progress
 from ..recorders.coupling.coupling import COUPLING
 from ..recorders.metrics import SIGNALS
+from ..recorders.parquet_file import strange_parts
 from ..recorders.recorder import Outline, Recorder, recording
 from ..recorders.registry import TABLES
 from ..recorders.table import Table
@@ -37,12 +39,30 @@ def results_folder(name: str) -> Path:
 class OutputFolder:
     """A folder for the results of one run; an earlier run's files stay until `clear`."""
 
-    def __init__(self, path: Path, form: str = "csv") -> None:
-        """Make the folder and see that it can be written; CommandError if not.
+    def __init__(
+        self,
+        path: Path,
+        form: str = "csv",
+        *,
+        plots: bool = True,
+        animated: bool = False,
+        report: bool = False,
+        overwrite: bool = False,
+    ) -> None:
+        """Make the folder, and check that its files can be written.
 
-        `form` is that of the table of results, a name of `TABLES`.
+        Args:
+            path: The folder.
+            form: Format of the table of results, a name of `TABLES`.
+            plots: Pictures are written, too.
+            animated: Animations are written, too.
+            report: A page is written, too.
+            overwrite: Replace files that emla did not write.
+
+        Raises:
+            CommandError: The folder or one of the files cannot be written, or somebody else wrote it.
         """
-        self.path, self.form = path, form
+        self.path, self.form, self.overwrite = path, form, overwrite
         self.results = path / f"results.{form}"
         self._make = TABLES[form]
         try:
@@ -53,13 +73,25 @@ class OutputFolder:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise CommandError(f"the output folder '{path}' cannot be written: {reason}.") from error
-        for file in self.files:
-            place_of(file, "the file of results")
+        self._names = [self.results.name, METRICS, RECORD]
+        self._names += [REPORT] * report + _pictures() * plots + _animations() * animated
+        known = [*(f"results.{form}" for form in TABLES), METRICS, RECORD, REPORT]
+        self._known = [*known, *_pictures(), *_animations()]
+        self._files = OutputFiles(self._place, path, RECORD, _is_record, self._known, overwrite)
+        self.check()
 
     @property
     def files(self) -> list[Path]:
         """All files that a run may write here."""
-        return [self.results, *(self.path / name for name in _names())]
+        return [self.path / name for name in self._names]
+
+    def check(self) -> None:
+        """Raise CommandError where one of the files cannot be written, or somebody else wrote it."""
+        self._files.check(self._names, "the file of results")
+        with writing_to(self.path):
+            problem = strange_parts(self._place / self.results.name)
+        if problem is not None:
+            raise CommandError(f"{problem}, or choose another output folder.")
 
     @contextlib.contextmanager
     def alone(self, heir_of: int | None = None) -> Iterator[None]:
@@ -68,9 +100,7 @@ class OutputFolder:
         What was not complete when an earlier run was killed is removed.
         """
         with alone(self._place, heir_of):
-            with contextlib.suppress(OSError):
-                for left in self._place.glob(f"{UNFINISHED}*"):
-                    left.unlink()
+            remove_unfinished(self._place)
             yield
 
     def recorders(self, continued: bool) -> list[Recorder]:
@@ -82,11 +112,10 @@ class OutputFolder:
         return self._make(self._place / self.results.name)
 
     def clear(self, keep_results: bool = False) -> None:
-        """Remove what an earlier run left under the same names, but no links. May raise OSError."""
-        tables = [] if keep_results else [f"results.{form}" for form in TABLES]
-        for name in (*_names(), *tables):
-            if not (self._place / name).is_symlink():
-                (self._place / name).unlink(missing_ok=True)
+        """Remove what an earlier run left, and list what this one writes. May raise OSError."""
+        kept = {f"results.{form}" for form in TABLES} if keep_results else set()
+        self._files.remove([n for n in self._known if n not in kept], self._names)
+        self._files.claim(self._names)
 
     def write_table(self, result: Result) -> None:
         """Write the table of a result that has it in memory. Raises RunError."""
@@ -131,33 +160,49 @@ class OutputFolder:
         `notes` are sentences for the page on what was read. Raises RunError, also where Ctrl-C ends an
         animation.
         """
-        told = progress or Progress()
         with writing_to(self.path):
-            figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
-            self._write_json(METRICS, {**_without_nan(figures), "run": _run_metrics(result)})
-            self._write_json(RECORD, result.record)
-            written = list[Path]()
-            if report:
-                from .run_page.page import page
-
-                told.begin("writing the report", 1)
-                with written_whole(self._place / REPORT) as stream:
-                    stream.write(page(result, notes).encode("utf-8", "replace"))
-                written.append(self.path / REPORT)
-                told.advance(1)
-            if result.steps == 0 or result.table is None:
-                return written
-            if plots:
-                told.begin("drawing plots", len(FIGURES))
-                written += draw(result, self._place, lambda _: told.advance(1))
-            if animated:
-                written += animate(result, self._place, told)
+            self._files.claim(self._names)
+            written = self._write(result, plots, progress or Progress(), animated, report, notes)
+            self._files.settle()
             return written
+
+    def _write(
+        self,
+        result: Result,
+        plots: bool,
+        told: Progress,
+        animated: bool,
+        report: bool,
+        notes: Sequence[str],
+    ) -> list[Path]:
+        """See `write`. Raises OSError."""
+        figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
+        self._write_json(METRICS, {**_without_nan(figures), "run": _run_metrics(result)})
+        self._write_json(RECORD, result.record)
+        written = list[Path]()
+        if report:
+            from .run_page.page import page
+
+            told.begin("writing the report", 1)
+            with written_whole(self._place / REPORT) as stream:
+                stream.write(page(result, notes).encode("utf-8", "replace"))
+            written.append(self.path / REPORT)
+            told.advance(1)
+        if result.steps == 0 or result.table is None:
+            return written
+        if plots:
+            told.begin("drawing plots", len(FIGURES))
+            written += draw(result, self._place, lambda _: told.advance(1))
+        if animated:
+            written += animate(result, self._place, told)
+        return written
 
     def change_record(self, **entries: Any) -> None:
         """Write run.json with these entries, and those that it has. Raises RunError."""
         with writing_to(self.path):
+            self._files.claim([RECORD])
             self._write_json(RECORD, self._record() | entries)
+            self._files.settle()
 
     def status(self) -> str:
         """What run.json says of how the run ended; empty where there is none."""
@@ -178,10 +223,17 @@ class OutputFolder:
             stream.write((json.dumps(content, indent=2) + "\n").encode())
 
 
-def _names() -> list[str]:
-    """Names of all files but the table of results."""
-    pictures = *(f"{figure}.png" for figure in FIGURES), *(f"{name}.gif" for name in ANIMATIONS)
-    return [METRICS, RECORD, REPORT, *pictures]
+def _is_record(path: Path) -> bool:
+    """Return whether a run wrote this run.json, also one that ended too early to say more."""
+    return has_entries("scenario", "status")(path) or has_entries("settings", "versions")(path)
+
+
+def _pictures() -> list[str]:
+    return [f"{figure}.png" for figure in FIGURES]
+
+
+def _animations() -> list[str]:
+    return [f"{name}.gif" for name in ANIMATIONS]
 
 
 class _Clearing(Recorder):
@@ -194,7 +246,11 @@ class _Clearing(Recorder):
         return str(self._folder.results)
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Remove it, but for a table of results that is continued."""
+        """Remove it, but for a table of results that is continued.
+
+        Raises CommandError where somebody else's file was put there meanwhile.
+        """
+        self._folder.check()
         self._folder.clear(keep_results=self._continued)
 
 

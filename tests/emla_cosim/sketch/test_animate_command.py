@@ -10,6 +10,7 @@ from PIL import Image
 from emla_cosim.study.sketch.film import MachineFilm
 from emla_cosim.views.animation import Pixels
 from tests.support.commands import Emla, sentence
+from tests.support.whole_files import names
 
 RUN = ("run", "hdrm-replay", "--stop-time", "0.4", "--no-plots", "--output", "out")
 
@@ -22,7 +23,7 @@ def test_it_writes_a_gif(emla: Emla) -> None:
         assert (animation.format, getattr(animation, "n_frames", 0)) == ("GIF", 5)
         assert animation.info["duration"] == 80
     assert emla(*RUN).exit_code == 0  # which removes what an earlier run left
-    assert {path.name for path in Path("out").iterdir()} == {"results.csv", "metrics.json", "run.json"}
+    assert names(Path("out")) == {"results.csv", "metrics.json", "run.json"}
 
 
 def test_an_end_from_outside_keeps_everything_else(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,7 +37,7 @@ def test_an_end_from_outside_keeps_everything_else(emla: Emla, monkeypatch: pyte
     monkeypatch.setattr(MachineFilm, "__getitem__", ended)
     text = sentence(emla(*RUN, "--animate"), 1)
     assert text == "Error: the animation was interrupted. What was computed is in out."
-    found = {path.name for path in Path("out").iterdir()}
+    found = names(Path("out"))
     assert found == {"results.csv", "metrics.json", "run.json"}
 
 

@@ -143,11 +143,13 @@ def test_two_fmus_of_one_name_do_not_write_the_same_files(toy_fmu: Path, tmp_pat
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Links need special rights on Windows.")
-def test_a_link_leads_to_the_file_that_is_written(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:
+def test_a_link_is_not_followed(toy_fmu: Path, tmp_path: Path, emla: Emla) -> None:
     (tmp_path / "real").mkdir()
     (tmp_path / "real" / "Toy_ref.csv").write_text("mine")
     (tmp_path / "Toy_ref.csv").symlink_to(tmp_path / "real" / "Toy_ref.csv")
-    assert "already" in sentence(emla("verify", str(toy_fmu), "--record", str(tmp_path)), 2)
+    for more in ((), ("--overwrite",)):
+        text = sentence(emla("verify", str(toy_fmu), "--record", str(tmp_path), *more), 2)
+        assert "it is a symbolic link" in text
     assert (tmp_path / "real" / "Toy_ref.csv").read_text() == "mine"
 
 

@@ -11,7 +11,7 @@ from emla_cosim.verification.report import Report
 from tests.support.full_disk import files_of_at_most
 from tests.support.reports import ordinary
 
-Save = Callable[[Report, Path], None]
+Save = Callable[..., None]
 FORMS: dict[str, Save] = {"JSON": Report.save_json, "JUnit": Report.save_junit, "HTML": Report.save_html}
 
 
@@ -28,7 +28,7 @@ def test_places_where_no_file_can_be(form: str, tmp_path: Path) -> None:
         Path("/dev/null"): "it is a device",
         tmp_path / "pipe": "it is a pipe",
         tmp_path / "no/r": "there is no folder",
-        tmp_path / "endless": "Too many levels of symbolic links",
+        tmp_path / "endless": "it is a symbolic link",
         tmp_path / "a\0b": "embedded null",
     }
     for path, why in wrong.items():
@@ -39,18 +39,30 @@ def test_places_where_no_file_can_be(form: str, tmp_path: Path) -> None:
 
 def test_a_full_disk_leaves_the_earlier_report(form: str, tmp_path: Path) -> None:
     path = tmp_path / "r"
-    path.write_text("before")
+    FORMS[form](ordinary(), path)
+    before = path.read_bytes()
     with (
         files_of_at_most(100),
         pytest.raises(RunError, match=f"the {form} report '.*' cannot be written: File too large"),
     ):
         FORMS[form](ordinary(), path)
-    assert path.read_text() == "before"
+    assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["r"]
 
 
-def test_what_a_link_leads_to_is_written(form: str, tmp_path: Path) -> None:
+def test_what_a_link_leads_to_is_not_written(form: str, tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to("real")
-    FORMS[form](ordinary(), tmp_path / "link")
+    with pytest.raises(CommandError, match="it is a symbolic link"):
+        FORMS[form](ordinary(), tmp_path / "link", overwrite=True)
     assert (tmp_path / "link").is_symlink()
-    assert (tmp_path / "real").stat().st_size > 1000
+    assert not (tmp_path / "real").exists()
+
+
+def test_a_report_replaces_reports_of_its_kind_only(form: str, tmp_path: Path) -> None:
+    for other, save in FORMS.items():
+        save(ordinary(), tmp_path / other)
+    for other in FORMS:
+        if other != form:
+            with pytest.raises(CommandError, match="was not written by emla"):
+                FORMS[form](ordinary(), tmp_path / other)
+    FORMS[form](ordinary(), tmp_path / form)

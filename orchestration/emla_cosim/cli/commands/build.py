@@ -1,14 +1,18 @@
 """`emla build`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from ...base.errors import CommandError, check_choice
-from ...fmu.models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, block_of, build
+from ...base.option import BUILD
+from ...fmu.models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, block_of, build, check_place
 from ...views.bars import BarProgress
 from ...views.terminal import show_file
+
+OPTIONS = BUILD
+"""Options that the command takes."""
 
 EXAMPLES = (
     "emla build EmlaPlant",
@@ -30,6 +34,8 @@ def command(
         ),
     ] = None,
     output: Annotated[Path, typer.Option(help="Folder to build to.")] = FMU_FOLDER,
+    *,
+    given: dict[str, Any],
 ) -> None:
     """Build the FMUs of models, for other tools and all platforms."""
     chosen = models or list(MODELS)
@@ -38,11 +44,14 @@ def command(
         raise CommandError("PythonFMU FMUs bring PythonFMU's own binaries; leave --platform out.")
     platforms = platform or list(PLATFORMS)
     blocks = {name: name if name in MODELS else block_of(name) for name in chosen}
+    overwrite = given.get("overwrite", False)
+    for model in blocks.values():
+        check_place(model, flavour, output, overwrite)
     with BarProgress() as progress:
         paths = []
         for name, model in blocks.items():
             progress.begin(name, len(platforms) if flavour == "native" else 1)
-            paths.append(build(model, flavour, platforms, output, lambda: progress.advance(1)))
+            paths.append(build(model, flavour, platforms, output, lambda: progress.advance(1), overwrite))
             progress.finish()
     for path in paths:
         show_file(path)

@@ -14,7 +14,7 @@ from ...comparison.comparing import RESOLUTION, SEEDS, compare
 from ...comparison.data import CERTIFICATE, STABILITY, TABLES
 from ...comparison.result import CompareResult
 from ...comparison.tables import lost_lines
-from ...comparison.writing import CSV, MARKDOWN, RECORD, draw
+from ...comparison.writing import CSV, MARKDOWN, RECORD, CompareFolder
 from ...study.certificate import certificate_table
 from ...views.bars import BarProgress
 from ...views.output_folder import results_folder
@@ -97,10 +97,14 @@ def command(
     """Run a scenario with several controllers side by side, into an output folder."""
     output, plots = given.pop("output", None), given.pop("plots", True)
     place = Path(output or results_folder(Path(scenario).stem))
+    overwrite = given.get("overwrite", False)
     if table == CERTIFICATE:
         _check_certificate(controllers, seeds, reserves, resolution, scheduler, workers)
-        _certify(scenario, _listed(gains), place, given)
+        _certify(scenario, _listed(gains), certificates.CertificateFolder(place, overwrite), given)
         return
+    folder = CompareFolder(place, overwrite)
+    if plots:
+        folder.check_files(folder.pictures)
     with BarProgress() as progress:
         result = compare(
             scenario,
@@ -116,7 +120,7 @@ def command(
             progress=progress,
             **given,
         )
-        pictures = draw(result, place) if plots else []
+        pictures = folder.draw_result(result) if plots else []
     _show(result, place, pictures)
     if not result.complete:
         raise CosimError(f"interrupted; what was computed is in {place}.")
@@ -133,18 +137,22 @@ def _check_certificate(controllers: str | None, *others: Any) -> None:
         )
 
 
-def _certify(scenario: str, gains: Sequence[str] | None, place: Path, given: dict[str, Any]) -> None:
+def _certify(
+    scenario: str,
+    gains: Sequence[str] | None,
+    folder: certificates.CertificateFolder,
+    given: dict[str, Any],
+) -> None:
     """Certify RSBA's sets of gains in runs of the scenario, and show and write what came out."""
-    folder = certificates.CertificateFolder(place)
     with BarProgress() as progress, folder.alone():
         found = certificates.certificates(scenario, gains, progress, **given)
-        folder.write(found)
+        folder.keep(found)
     for one in found:
         if one.problem is None:
             show(certificate_table(one.joints, one.gains))
         else:
             say(f"{one.gains}: {one.problem}")
-    say(f"Wrote {place}/: {certificates.CSV}, {certificates.MARKDOWN}")
+    say(f"Wrote {folder.path}/: {certificates.CSV}, {certificates.MARKDOWN}")
 
 
 def _listed(text: str | None) -> list[str] | None:

@@ -14,10 +14,11 @@ from rich.text import Text
 from ...base.errors import CommandError
 from ...base.files import check_places
 from ...base.option import INFO
+from ...base.ownership import check_replaceable
 from ...inspection.informing import info
 from ...inspection.parts import FmuInfo
 from ...inspection.shown import ShownRow, line, shown_rows
-from ...inspection.told import Info, check_replaceable, start_text
+from ...inspection.told import JSON_FILE, Info, is_info, start_text
 from ...study.loading import load
 from ...views.bars import BarProgress
 from ...views.pages.text import shortened
@@ -54,13 +55,14 @@ def command(
     ] = None,
 ) -> None:
     """Tell what an FMU, a package or a scenario is made of, and what can be set."""
+    overwrite = given.get("overwrite", False)
     to_file = json is not None and str(json) != ALONE["--json"]
     if json is not None and to_file:
         used = {Path(source): "the file to tell of"}
         with suppress(CommandError):  # which telling says
             used |= load(source, **given).options.files_read()
-        check_places({json: "the JSON file"}, used)
-        check_replaceable(json)
+        check_places({json: JSON_FILE}, used)
+        check_replaceable(json, JSON_FILE, is_info, overwrite)
     with BarProgress() as progress:
         found = info(source, progress, **given)
     if match:
@@ -68,7 +70,7 @@ def command(
     if json is None:
         _show(found, header=not match)
     elif to_file:
-        found.save_json(json)
+        found.save_json(json, overwrite)
     else:
         put_out(found.as_json())
 

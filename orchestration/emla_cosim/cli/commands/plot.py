@@ -1,19 +1,24 @@
 """`emla plot`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from ...base.errors import CommandError
 from ...base.files import check_places, writing_to, written_whole
+from ...base.option import PLOT
+from ...base.ownership import check_replaceable
 from ...base.quantities import quantity, unit_named
 from ...study.registration import register
 from ...views.plots.overlay import overlaid, traces
-from ...views.plots.style import save
+from ...views.plots.style import is_picture, save
 from ...views.terminal import say, show_file
 
 register()
+
+OPTIONS = PLOT
+"""Options that the command takes."""
 
 
 def command(
@@ -39,12 +44,15 @@ def command(
         str | None,
         typer.Option("--to", help="Last time that is shown.", metavar="TIME"),
     ] = None,
+    *,
+    given: dict[str, Any],
 ) -> None:
     """Draw signals of runs over time: one run by unit, several over one another with a panel per signal."""
     if output.suffix.lower() != ".png":
         raise CommandError(f"the picture '{output}' must end in .png.")
     found = traces(runs)
     check_places({output: "the picture"}, {file: "read" for run in found for file in run.files})
+    check_replaceable(output, "the picture", is_picture, given.get("overwrite", False))
     overlay = overlaid(found, signals or [], _seconds("--from", begin), _seconds("--to", end))
     with writing_to(output.parent), written_whole(output) as stream:
         save(overlay.figure, stream)

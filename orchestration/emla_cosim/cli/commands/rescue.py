@@ -58,6 +58,7 @@ class _Told:
     animate: bool
     report: bool
     notes: Sequence[str]
+    overwrite: bool
     process: int
     wanted: Wanted
     stepping: bool = False
@@ -82,6 +83,7 @@ class Remembered(Recorder):
             scenario.options.animate,
             scenario.options.report,
             scenario.notes,
+            output.overwrite,
             os.getpid(),
             wanted(),
         )
@@ -165,7 +167,14 @@ def rescue(how: str, ended: float) -> None:
         show_error(f"the process of the run ended ({how}), and what it left cannot be read.")
         return
     try:
-        output = OutputFolder(told.folder, told.form)
+        output = OutputFolder(
+            told.folder,
+            told.form,
+            plots=told.plots,
+            animated=told.animate,
+            report=told.report,
+            overwrite=told.overwrite,
+        )
         with output.alone(heir_of=told.process), showing(told.wanted):
             problem = _kept(told, output, cause, ended)
         show_error(f"{problem} What was computed is in {output.path}.")

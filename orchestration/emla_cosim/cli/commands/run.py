@@ -9,6 +9,7 @@ import typer
 from ...base.errors import CosimError
 from ...base.files import check_places
 from ...base.option import RUN
+from ...master.stepping.checkpoint import check_checkpoint
 from ...recorders.progress import ProgressRecorder
 from ...run.experiment import check_run, selected
 from ...run.options import Options
@@ -52,7 +53,14 @@ def run_into(
     check_run(options, chosen.name)
     told = show_before(chosen)
     with BarProgress() as progress:
-        output = OutputFolder(folder, options.output_format)
+        output = OutputFolder(
+            folder,
+            options.output_format,
+            plots=options.plots,
+            animated=options.animate,
+            report=options.report,
+            overwrite=options.overwrite,
+        )
         _check_places(file, options, output)
         with output.alone():
             remembered = Remembered(chosen, output)
@@ -87,6 +95,7 @@ def _check_places(file: Path | None, options: Options, output: OutputFolder) -> 
     read = ({} if file is None else {file: "the scenario"}) | options.files_read()
     if options.checkpoint is not None:
         check_places({options.checkpoint: "the checkpoint"}, results | read)
+        check_checkpoint(options.checkpoint, options.overwrite)
     if options.resume is not None:
         read[options.resume] = "the checkpoint to continue"
     check_places(results, read)

@@ -7,13 +7,13 @@ from typing import Annotated, Any
 import typer
 
 from ...base.errors import CommandError, CosimError
-from ...base.files import writing_to, written_whole
+from ...base.files import writing_to
 from ...base.option import SWEEP
 from ...base.progress import Progress
 from ...sweeps.data import DONE, STATUS
 from ...sweeps.distributions import FORMS
-from ...sweeps.folder import RECORD, SERIES, TABLE, WORST
-from ...sweeps.pictures import draw
+from ...sweeps.folder import RECORD, SERIES, TABLE, WORST, SweepFolder
+from ...sweeps.pictures import drawn
 from ...sweeps.plan import plan_of
 from ...sweeps.result import SweepResult
 from ...sweeps.sampling import SAMPLINGS
@@ -97,7 +97,10 @@ def command(
     """Run many variants of a scenario into an output folder."""
     found = plan_of(plan)
     output, plots = given.pop("output", None), given.pop("plots", True)
-    place = output or results_folder(found.name)
+    place, overwrite = Path(output or results_folder(found.name)), given.pop("overwrite", False)
+    folder = SweepFolder(place, overwrite)
+    if plots:
+        folder.check_files(folder.pictures)
     with BarProgress() as progress:
         result = sweep(
             found,
@@ -110,43 +113,46 @@ def command(
             scheduler=scheduler,
             workers=workers,
             output=place,
+            overwrite=overwrite,
             resume=resume,
             progress=progress,
             **given,
         )
-        pictures = _drawn(result, Path(place), progress) if plots and result.variants.height else []
-    _show(result, Path(place), pictures)
+        pictures = _drawn(result, folder, progress) if plots and result.variants.height else []
+    _show(result, folder, pictures)
     if not result.complete:
         raise CosimError(f"interrupted; what was computed is in {place}, and --resume goes on.")
     if result.required and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):
         raise CosimError(f"{failing} of {result.variants.height} variants are not as required; see above.")
 
 
-def _show(result: SweepResult, place: Path, pictures: Sequence[Path]) -> None:
+def _show(result: SweepResult, folder: SweepFolder, pictures: Sequence[Path]) -> None:
     """Tables, what runs the worst variants alone, and where everything is."""
     for part in summary(result):
         show(part)
     files = [TABLE, RECORD, *([SERIES] if result.series is not None else [])]
-    lines = [*_short(commands(result), place), f"Wrote {place}/: {', '.join(files)}"]
+    lines = [*_short(commands(result), folder), f"Wrote {folder.path}/: {', '.join(files)}"]
     if pictures:
         lines.append(f"Pictures: {', '.join(path.name for path in pictures)}")
     for line in lines:
         say(line)
 
 
-def _short(lines: Sequence[str], place: Path) -> Sequence[str]:
+def _short(lines: Sequence[str], folder: SweepFolder) -> Sequence[str]:
     """Lines to show: commands as they are, or where the file is that has those that fill a screen."""
     if sum(map(len, lines)) <= _MOST_LETTERS:
         return lines
-    with writing_to(place), written_whole(place / WORST) as stream:
-        stream.write("\n".join([f"# {lines[0]}", *lines[1:], ""]).encode())
-    return [f"What runs each alone is in {place / WORST}."]
+    with folder.alone(), writing_to(folder.path):
+        written = folder.write(WORST, "\n".join([f"# {lines[0]}", *lines[1:], ""]).encode())
+        folder.settle()
+    return [f"What runs each alone is in {written}."]
 
 
-def _drawn(result: SweepResult, place: Path, progress: Progress) -> list[Path]:
+def _drawn(result: SweepResult, folder: SweepFolder, progress: Progress) -> list[Path]:
     progress.begin("drawing plots", 1)
-    with writing_to(place):
-        found = draw(result, place)
+    with folder.alone(), writing_to(folder.path):
+        found = [folder.draw(name, figure) for name, figure in drawn(result)]
+        folder.settle()
     progress.advance(1)
     return found
 

@@ -1,11 +1,12 @@
 """`emla trajectory`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from ...base.errors import CosimError
+from ...base.option import TRAJECTORY
 from ...trajectories.finding import trajectory
 from ...trajectories.given import problem_of, with_values
 from ...trajectories.pictures import picture_places
@@ -14,6 +15,9 @@ from ...views.bars import BarProgress
 from ...views.output_folder import results_folder
 from ...views.terminal import say, show
 from .options import pairs
+
+OPTIONS = TRAJECTORY
+"""Options that the command takes."""
 
 _WHAT, _HOW, _OUT = "What is asked", "How it is found", "What comes out"
 _USUAL = trajectory.__kwdefaults__ or {}
@@ -73,14 +77,17 @@ def command(
         ),
     ] = None,
     plots: Annotated[bool, typer.Option(help="Draw plots beside it.", rich_help_panel=_OUT)] = True,
+    *,
+    given: dict[str, Any],
 ) -> None:
     """Find the motion of the manipulator that takes least actuator power."""
-    given = with_values(problem_of(problem), pairs("--set", set or []))
+    asked = with_values(problem_of(problem), pairs("--set", set or []))
+    overwrite = given.get("overwrite", False)
     place = output or _usual_place()
-    pictures = picture_places(place, plots, problem)
+    pictures = picture_places(place, plots, problem, overwrite)
     with BarProgress() as progress:
         result = trajectory(
-            given,
+            asked,
             end_speed=end_speed,
             tie_break=tie_break,
             degree=degree,
@@ -88,6 +95,7 @@ def command(
             points=points,
             starts=starts,
             output=place,
+            overwrite=overwrite,
             plots=plots,
             progress=progress,
         )

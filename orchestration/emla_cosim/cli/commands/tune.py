@@ -92,6 +92,7 @@ def command(
     found = tuning_of(plan)
     output, plots = given.pop("output", None), given.pop("plots", True)
     place = Path(output or results_folder(f"tune-{found.name}"))
+    overwrite = given.pop("overwrite", False)
     with BarProgress() as progress:
         result = tune(
             found,
@@ -108,6 +109,7 @@ def command(
             scheduler=scheduler,
             workers=workers,
             output=place,
+            overwrite=overwrite,
             plots=plots,
             progress=progress,
             **given,

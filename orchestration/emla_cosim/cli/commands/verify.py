@@ -1,8 +1,8 @@
 """`emla verify`."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -10,12 +10,15 @@ from rich.table import Column, Table
 
 from ...base.errors import CommandError, CosimError, check_choice
 from ...base.files import check_places
+from ...base.option import VERIFY
+from ...base.ownership import IsOurs, check_replaceable
 from ...base.progress import Progress
 from ...base.wording import counted
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
 from ...recorders.tubes.tolerance import read_tolerances
 from ...verification.catalogue import CHECKS
 from ...verification.findings import Examined
+from ...verification.marks import is_json, is_junit, is_page
 from ...verification.references.excitation import SHAPES
 from ...verification.report import Report
 from ...verification.settings import Recording, Settings
@@ -25,6 +28,9 @@ from ...views.bars import BarProgress
 from ...views.pages.text import visible
 from ...views.terminal import show
 from .options import pairs
+
+OPTIONS = VERIFY
+"""Options that the command takes."""
 
 _WHAT, _OUT, _MAKE = "What is checked", "What comes out", "Make references"
 _STYLE = {
@@ -42,6 +48,7 @@ EXAMPLES = (
 
 
 def command(
+    given: dict[str, Any],
     files: Annotated[list[str] | None, typer.Argument(help="FMUs and SSPs.", metavar="[FILE]...")] = None,
     all_: Annotated[
         bool, typer.Option("--all", help="All our models, in both flavours.", rich_help_panel=_WHAT)
@@ -122,24 +129,26 @@ def command(
     step_size: Annotated[
         float | None, typer.Option(help="Communication step of that run in s.", rich_help_panel=_MAKE)
     ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace reference files.", rich_help_panel=_MAKE)
-    ] = False,
 ) -> None:
     """Verify FMUs and systems of them."""
     if list_:
         show(_catalogue(), asked_for=True)
         return
     check_choice("shape", excite, SHAPES)
-    recording = None
+    recording, overwrite = None, given.get("overwrite", False)
     if record is not None:
         recording = Recording(
             record, input_, excite, stop_time, step_size, pairs("--set", set_ or []), overwrite
         )
-    elif any((input_, stop_time, step_size, set_, overwrite)):
-        raise CommandError("--input, --set, --stop-time, --step-size and --overwrite belong to --record.")
+    elif any((input_, stop_time, step_size, set_)):
+        raise CommandError("--input, --set, --stop-time and --step-size belong to --record.")
     named = {file: Path(file) for file in files or []}
-    _check_places({"the JUnit report": junit, "the JSON report": json, "the page": html}, named.values())
+    reports: list[tuple[Path | None, str, IsOurs]] = [
+        (junit, "the JUnit report", is_junit),
+        (json, "the JSON report", is_json),
+        (html, "the page", is_page),
+    ]
+    _check_places(reports, named.values(), overwrite)
     with BarProgress() as progress:
         ours = _ours(progress) if all_ else {}
         known = documents_root() / "fmus" if all_ and reference is None else reference
@@ -156,7 +165,7 @@ def command(
         )
     for save, path in ((report.save_junit, junit), (report.save_json, json), (report.save_html, html)):
         if path is not None:
-            save(path)
+            save(path, overwrite)
     if recording is not None:
         _show_recorded(report)
     else:
@@ -165,12 +174,15 @@ def command(
         raise CosimError(f"{counted(len(report.failures), 'check')} failed.")
 
 
-def _check_places(reports: Mapping[str, Path | None], files: Iterable[Path]) -> None:
+def _check_places(
+    reports: Iterable[tuple[Path | None, str, IsOurs]], files: Iterable[Path], overwrite: bool
+) -> None:
     """Raise CommandError where a report cannot be written, or would take the place of something else."""
     used = dict.fromkeys(files, "the file to verify")
-    for what, path in reports.items():
+    for path, what, is_ours in reports:
         if path is not None:
             check_places({path: what}, used)
+            check_replaceable(path, what, is_ours, overwrite)
             used[path] = what
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from ...base.files import HERE, place_of, written_whole
+from ...base.files import HERE, written_whole
+from ...base.ownership import check_replaceable
 from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping import Stepping
@@ -41,19 +42,26 @@ class Checkpoint:
         stepping.remember(self.memory)
 
 
-def checkpoint_place(path: Path, network: Network, folder: Path) -> Path:
+def check_checkpoint(path: Path, overwrite: bool, folder: Path = HERE) -> Path:
+    """Return where the checkpoint of this path, which is relative to `folder`, will be written.
+
+    Raises CommandError where the file cannot be written, or is no checkpoint and not to be overwritten.
+    """
+    return check_replaceable(path, "the checkpoint", _is_checkpoint, overwrite, folder)
+
+
+def checkpoint_place(path: Path, network: Network, folder: Path, overwrite: bool = False) -> Path:
     """Where the checkpoint of this path, which is relative to `folder`, will be written.
 
-    Raises CommandError unless all slaves can be put aside, and the file can be written.
+    Raises CommandError unless all slaves can be put aside, and the file can be written, see
+    `check_checkpoint`.
     """
-    place = place_of(path, "the checkpoint", folder)
+    place = check_checkpoint(path, overwrite, folder)
     try:
         with TemporaryFile(dir=place.parent):
             pass
     except OSError as error:
         raise CommandError(f"the checkpoint '{path}' cannot be written: {error.strerror}.") from error
-    if place.exists() and place.stat().st_size and not _is_checkpoint(place):
-        raise CommandError(f"'{path}' is no checkpoint, so none is written there; give it another name.")
     require(network.slaves, "serializes", "canSerializeFMUstate", "a checkpoint")
     return place
 

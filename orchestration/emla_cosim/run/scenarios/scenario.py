@@ -7,7 +7,7 @@ from typing import Any
 
 from ...base.errors import CommandError, called_as_in
 from ...base.progress import Progress
-from ...ssp.writer.writing import Experiment, write_ssp
+from ...ssp.writer.writing import Experiment, check_package, write_ssp
 from ...system.model import System
 from ..experiment import run_times
 from ..options import Options
@@ -83,15 +83,19 @@ class Scenario:
     ) -> Path:
         """Write the system, with all that the options change, and its FMUs as an SSP package.
 
-        `nested` makes one system of all components with the same first part of their names. Raises
-        CommandError for what does not fit, RunError where something cannot be built or written.
+        `nested` makes one system of all components with the same first part of their names. A file that is
+        no package of ours is only replaced with the option `overwrite`. Raises CommandError for what does not
+        fit, RunError where something cannot be built or written.
         """
         chosen = until_data_end(self.with_options(options).options)
+        check_package(Path(file), chosen.overwrite)
         told = progress or Progress()
         times = run_times(chosen, self.name)
         experiment = Experiment(times.start, times.stop, times.step)
         with called_as_in(self.unpacked):
             system, fmus = prepared(self.system, chosen, told)
-            write_ssp(Path(file), self.name, self.description, system, fmus, experiment, nested)
+            write_ssp(
+                Path(file), self.name, self.description, system, fmus, experiment, nested, chosen.overwrite
+            )
         told.advance(1)
         return Path(file)

@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile, ZipFile
 
 from fmublock.archive import write_archive
 
 from ...base.errors import CommandError, RunError
+from ...base.ownership import check_replaceable
 from ...fmu.interface import read_interfaces
 from ...system.model import System
 from ...system.resolution import resolved
@@ -25,6 +27,26 @@ class Experiment:
     step_size: float
 
 
+_MARK = b"emla-cosim package"
+"""The zip comment of our packages, which is no part of the SSP; repacking leaves it out."""
+
+
+def check_package(path: Path, overwrite: bool = False) -> None:
+    """Raise CommandError where no package may be written; see `check_replaceable`."""
+    if path.suffix.lower() != ".ssp":
+        raise CommandError(f"an SSP is written to a file that ends in .ssp, not to '{path}'.")
+    if path.parent.is_dir():  # else it is made
+        check_replaceable(path, "the package", _is_ours, overwrite)
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with ZipFile(path) as archive:
+            return archive.comment == _MARK
+    except (OSError, BadZipFile):
+        return False
+
+
 def write_ssp(
     path: Path,
     name: str,
@@ -33,15 +55,15 @@ def write_ssp(
     fmus: Mapping[str, Path],
     experiment: Experiment,
     nested: bool = False,
+    overwrite: bool = False,
 ) -> None:
     """Write a system with its FMUs, by component, as a package.
 
     Its bytes depend on its content alone. `nested` makes a system of every part of the components'
-    names but the last. Raises CommandError for what does not fit, RunError where the file cannot be
-    written.
+    names but the last. Raises CommandError for what does not fit and for a file that may not be replaced,
+    RunError where the file cannot be written.
     """
-    if path.suffix.lower() != ".ssp":
-        raise CommandError(f"an SSP is written to a file that ends in .ssp, not to '{path}'.")
+    check_package(path, overwrite)
     system = in_order(system, nested)
     fmus = {c.name: fmus[c.name] for c in system.components}
     interfaces = read_interfaces(fmus)
@@ -63,7 +85,7 @@ def write_ssp(
     contents = {uri: file.read_bytes() for file, uri in uris.items()}
     contents |= parameters.contents | {DEFAULT_SSD: format_structure(structure)}
     try:
-        write_archive(path, contents)
+        write_archive(path, contents, _MARK)
     except OSError as error:
         raise RunError(f"the package '{path}' cannot be written: {error.strerror or error}.") from error
 

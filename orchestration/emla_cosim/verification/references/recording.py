@@ -40,10 +40,10 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
     written: set[Path] = set()
     for fmu in fmus:
         for path in recording.files(fmu.stem):
-            place_of(path, "the reference")
+            place = place_of(path, "the reference")
             if path in written:
                 raise CommandError(f"two FMUs are called {fmu.stem}; record one at a time.")
-            if path.exists() and not recording.overwrite:
+            if place.exists() and not recording.overwrite:
                 raise CommandError(f"there is '{path}' already; --overwrite replaces it.")
             written.add(path)
         subject = Subject(fmu, recording.folder)

@@ -3,15 +3,17 @@
 from pathlib import Path
 
 from ...base.errors import RunError
-from ...base.files import place_of, written_whole
+from ...base.files import written_whole
+from ...base.ownership import IsOurs, check_replaceable
 
 
-def write_text(text: str, path: Path, what: str) -> None:
+def write_text(text: str, path: Path, what: str, is_ours: IsOurs, overwrite: bool = False) -> None:
     """Write a text as a file in UTF-8, whole or not at all; `what` is what sentences call it.
 
-    Raises CommandError where no file can be written at the path, RunError where writing failed.
+    `is_ours` recognizes an earlier file of emla, others are only replaced with `overwrite`. Raises
+    CommandError where no file may be written at the path, RunError where writing failed.
     """
-    place = place_of(path, what)
+    place = check_replaceable(path, what, is_ours, overwrite)
     try:
         with written_whole(place) as stream:
             stream.write(text.encode("utf-8", "replace"))

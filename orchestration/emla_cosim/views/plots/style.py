@@ -8,6 +8,7 @@ from typing import IO, TYPE_CHECKING, Literal
 import numpy as np
 
 from ...base.colors import BLUE, COLORS, GREEN, GREY, ORANGE, PURPLE, RED
+from ...base.ownership import has_mark
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,11 +22,18 @@ __all__ = [
     "ORANGE",
     "PURPLE",
     "RED",
+    "is_picture",
     "new_figure",
     "save",
     "tidied",
     "with_margins",
 ]
+
+
+_SOFTWARE = "emla-cosim, Matplotlib"
+
+is_picture = has_mark(b"Software\x00emla-cosim")
+"""Recognizes pictures that `save` wrote."""
 
 
 def new_figure(
@@ -93,4 +101,4 @@ def save(figure: "Figure", stream: IO[bytes]) -> None:
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)  # a box says so too
-        FigureCanvasAgg(figure).print_png(stream)
+        FigureCanvasAgg(figure).print_png(stream, metadata={"Software": _SOFTWARE})

@@ -1,0 +1,237 @@
+"""Which files emla may replace: new ones, its own, and with --overwrite any regular file.
+
+A single file is recognized by what it contains. An output folder has a manifest, `.emla.json`: the files
+that commands wrote there, with a fingerprint of each as its command left it. Folders of versions without a
+manifest are recognized by their record, such as run.json. Links, folders, devices and pipes are never
+replaced.
+
+A command checks what it will write before it computes anything (`check`), lists it in the manifest before
+the first file is written (`claim`), and adds the fingerprints when all files are complete (`settle`). A
+file that a killed command left is listed without a fingerprint: it may be replaced as it is.
+"""
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+
+from .errors import CommandError
+from .files import HERE, place_of, real_place, written_whole
+
+MANIFEST = ".emla.json"
+FORMAT = "emla-output"
+_VERSION = 1
+
+_HEAD = 4096
+"""Bytes at the beginning of a file in which a mark has to be."""
+
+_PART = 2**20
+"""Bytes at either end of a file that its fingerprint depends on."""
+
+IsOurs = Callable[[Path], bool]
+"""Whether emla wrote the regular file at this path."""
+
+
+def check_replaceable(
+    path: Path, what: str, is_ours: IsOurs, overwrite: bool = False, folder: Path = HERE
+) -> Path:
+    """Return where a file may be written; see the module for which files may be replaced.
+
+    Args:
+        path: The file, relative to `folder`.
+        what: What error messages call it.
+        is_ours: Recognizes a file that emla wrote; it is called for regular files only.
+        overwrite: Replace a regular file of somebody else, too.
+        folder: The folder of a relative path.
+
+    Raises:
+        CommandError: The file cannot be written, or somebody else wrote it.
+    """
+    place = place_of(path, what, folder)
+    if not (overwrite or is_new(place) or is_ours(place)):
+        raise CommandError(
+            f"'{path}' was not written by emla. Choose another file for {what}, or use --overwrite.",
+            path=str(path),
+        )
+    return place
+
+
+def is_new(path: Path) -> bool:
+    """Return whether nothing is lost with a file: it does not exist, or is empty."""
+    try:
+        return path.stat().st_size == 0
+    except FileNotFoundError:
+        return True
+
+
+def has_mark(*marks: bytes) -> IsOurs:
+    """Return what recognizes files that have one of these marks near their beginning."""
+
+    def is_ours(path: Path) -> bool:
+        head = _head(path)
+        return any(mark in head for mark in marks)
+
+    return is_ours
+
+
+def has_format(name: str) -> IsOurs:
+    """Return what recognizes JSON files whose first entry is a `format` that begins with this name."""
+    pattern = re.compile(rb'\s*\{\s*"format":\s*"' + re.escape(name).encode() + rb'[" ]')
+    return lambda path: pattern.match(_head(path)) is not None
+
+
+def has_entries(*names: str) -> IsOurs:
+    """Return what recognizes JSON files with all these entries."""
+    return lambda path: set(names) <= set(_read_json(path))
+
+
+class OutputFiles:
+    """The files of one output folder, and which of them emla wrote."""
+
+    def __init__(
+        self,
+        place: Path,
+        shown: Path,
+        marker: str,
+        is_record: IsOurs,
+        known: Collection[str],
+        overwrite: bool = False,
+    ) -> None:
+        """Look after a folder.
+
+        Args:
+            place: The real folder.
+            shown: The folder as error messages call it.
+            marker: The file by which a folder of a version without a manifest is recognized.
+            is_record: Recognizes that file.
+            known: The names that this kind of command gives its files.
+            overwrite: Replace regular files of somebody else, too.
+        """
+        self.overwrite = overwrite
+        self._place, self._shown = place, shown
+        self._marker, self._is_record, self._known = marker, is_record, known
+
+    def check(self, names: Iterable[str], what: str) -> None:
+        """Raise CommandError where one of these files cannot be written, or somebody else wrote it."""
+        entries = self._entries()
+        for name in (MANIFEST, *names):
+            path = self._place / name
+            if not os.path.lexists(path):
+                continue
+            try:
+                real_place(path)
+            except OSError as error:
+                raise CommandError(
+                    f"{what} '{self._shown / name}' cannot be written: {error.strerror or error}."
+                ) from error
+            if not self._may_replace(name, entries):
+                changed = "was changed since emla wrote it" if name in entries else "was not written by emla"
+                raise CommandError(
+                    f"'{self._shown / name}' {changed}. Choose another output folder, or use --overwrite.",
+                    path=str(self._shown / name),
+                )
+
+    def claim(self, names: Iterable[str]) -> None:
+        """List files that are about to be written. Raises OSError."""
+        entries = self._entries()
+        wanted = {**entries, **dict.fromkeys(names)}
+        if wanted != entries:
+            self._write(wanted)
+
+    def settle(self) -> None:
+        """Add fingerprints of the files that are complete now. Raises OSError."""
+        entries = self._entries()
+        found = {
+            name: _fingerprint(self._place / name) if known is None else known
+            for name, known in entries.items()
+            if _is_regular(self._place / name)
+        }
+        if found != entries:
+            self._write(found)
+
+    def remove(self, names: Iterable[str], to_be_written: Collection[str] = ()) -> None:
+        """Remove files that emla wrote; with --overwrite also others `to_be_written`. May raise OSError.
+
+        Links, and whatever else is no regular file, stay.
+        """
+        entries, replaced = self._entries(), set(to_be_written) if self.overwrite else set()
+        there = [name for name in names if _is_regular(self._place / name)]
+        # all are looked at before the record is removed, by which they may be recognized
+        for name in [n for n in there if n in replaced or self._owns(n, entries)]:
+            (self._place / name).unlink()
+
+    def owns(self, name: str) -> bool:
+        """Return whether emla wrote this file, and nobody changed it since."""
+        return _is_regular(self._place / name) and self._owns(name, self._entries())
+
+    def _may_replace(self, name: str, entries: Mapping[str, str | None]) -> bool:
+        path = self._place / name
+        if name == MANIFEST:
+            return self.overwrite or is_new(path) or has_format(FORMAT)(path)
+        return self.overwrite or is_new(path) or self._owns(name, entries)
+
+    def _owns(self, name: str, entries: Mapping[str, str | None]) -> bool:
+        if name in entries:
+            known = entries[name]
+            return known is None or known == _fingerprint(self._place / name)
+        return name in self._known and self._is_earlier(entries)
+
+    def _is_earlier(self, entries: Mapping[str, str | None]) -> bool:
+        """Return whether a version without a manifest wrote to the folder last."""
+        record = self._place / self._marker
+        return self._marker not in entries and _is_regular(record) and self._is_record(record)
+
+    def _entries(self) -> dict[str, str | None]:
+        """Return the fingerprints of the manifest by name, None of files that may be incomplete."""
+        path = self._place / MANIFEST
+        found = _read_json(path) if _is_regular(path) else {}
+        files = found.get("files") if found.get("format") == FORMAT else None
+        if not isinstance(files, dict):
+            return {}
+        return {str(name): known for name, known in files.items() if known is None or isinstance(known, str)}
+
+    def _write(self, entries: Mapping[str, str | None]) -> None:
+        content = {
+            "format": FORMAT,
+            "version": _VERSION,
+            "made_by": f"emla-cosim {version('emla-cosim')}",
+            "files": dict(sorted(entries.items())),
+        }
+        with written_whole(self._place / MANIFEST) as stream:
+            stream.write((json.dumps(content, indent=1) + "\n").encode())
+
+
+def _is_regular(path: Path) -> bool:
+    return path.is_file() and not path.is_symlink()
+
+
+def _head(path: Path) -> bytes:
+    """Return how a file begins; nothing where it cannot be read."""
+    with suppress(OSError), path.open("rb") as stream:
+        return stream.read(_HEAD)
+    return b""
+
+
+def _read_json(path: Path) -> dict[str, object]:
+    """Return the entries of a JSON file; none where it is something else."""
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _fingerprint(path: Path) -> str | None:
+    """Return what tells a file's content from another; None where it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            size = os.fstat(stream.fileno()).st_size
+            first = stream.read(_PART)
+            stream.seek(max(size - _PART, 0))
+            return f"{size} {hashlib.sha256(first + stream.read(_PART)).hexdigest()[:16]}"
+    except OSError:
+        return None

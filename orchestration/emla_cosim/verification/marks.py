@@ -1,0 +1,9 @@
+"""How files are recognized that hold a report of `verify`."""
+
+from ..base.ownership import has_format, has_mark
+
+JSON_FORMAT = "emla-verify"
+
+is_json = has_format(JSON_FORMAT)
+is_junit = has_mark(b'<testsuites name="emla verify"')
+is_page = has_mark(b'<meta name="generator" content="emla-cosim">')
