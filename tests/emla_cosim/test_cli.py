@@ -378,7 +378,7 @@ def test_an_output_folder_that_cannot_be_written(emla: Emla, tmp_path: Path) -> 
 
 def test_a_folder_for_fmus_that_cannot_be_written(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    text = sentence(emla("build", "Reference", "--output", "file"), 1)
+    text = sentence(emla("build", "Reference", "--output", "file"), 2)
     assert "the FMU 'file/Reference/Reference.fmu' cannot be written" in text
 
 

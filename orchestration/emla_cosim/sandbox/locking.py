@@ -12,10 +12,11 @@ from filelock import FileLock, Timeout
 
 from ..base.errors import CommandError
 from ..base.files import place_of
-from ..base.ownership import has_mark, is_new
+from ..base.ownership import is_new
 
 _LOCK, _HOLDER = ".running", ".running.json"
-_IS_HOLDER = has_mark(b'{"process": ')
+_BEGINS = b'{"process": '
+"""How the file begins that names the process which holds the lock."""
 
 
 @contextmanager
@@ -60,11 +61,19 @@ def _check_names(folder: Path) -> None:
     """Raise CommandError where a file of the lock is a link, no file, or somebody else's."""
     for name in (_LOCK, _HOLDER):
         place = place_of(folder / name, "the lock of the output folder")
-        if not (is_new(place) or (name == _HOLDER and _IS_HOLDER(place))):
+        if not (is_new(place) or (name == _HOLDER and _is_holder(place))):
             raise CommandError(
                 f"'{folder / name}' was not written by emla. Choose another output folder.",
                 path=str(folder / name),
             )
+
+
+def _is_holder(path: Path) -> bool:
+    """Return whether a lock wrote this file; on a full disk it may have only begun to."""
+    with suppress(OSError), path.open("rb") as stream:
+        head = stream.read(len(_BEGINS))
+        return _BEGINS.startswith(head)
+    return False
 
 
 def _holder(folder: Path) -> str:

@@ -1,7 +1,6 @@
 """A folder that what comes of many runs is written to."""
 
 import contextlib
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -44,7 +43,7 @@ class Place:
         self.path, self.overwrite = path, overwrite
         try:
             self._place = path.resolve()
-            wrong = os.path.lexists(path) and not path.is_dir()
+            wrong = (path.exists() or path.is_symlink()) and not path.is_dir()
         except (OSError, ValueError, RuntimeError) as error:
             reason = getattr(error, "strerror", None) or error
             raise CommandError(f"the output folder {str(path)!r} cannot be written: {reason}.") from error
