@@ -136,9 +136,15 @@ class OutputFiles:
                 )
 
     def claim(self, names: Iterable[str]) -> None:
-        """List files that are about to be written. Raises OSError."""
+        """List files that are about to be written. Raises OSError.
+
+        Files that a version without a manifest left are listed, too: its record is about to be replaced.
+        """
         entries = self._entries()
-        wanted = {**entries, **dict.fromkeys(names)}
+        earlier = (
+            [n for n in self._known if _is_regular(self._place / n)] if self._is_earlier(entries) else []
+        )
+        wanted = {**dict.fromkeys(earlier), **entries, **dict.fromkeys(names)}
         if wanted != entries:
             self._write(wanted)
 

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError, CosimError, RunError
+from emla_cosim.ownership import MANIFEST
 from emla_cosim.sandbox.locking import alone
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures
@@ -230,6 +231,7 @@ def test_what_a_folder_has_decides_what_can_begin_in_it(
 
     record = json.loads((out / "sweep.json").read_text())
     (out / "sweep.json").write_text(json.dumps({**record, "status": "unfinished"}))
+    (out / MANIFEST).unlink()  # which would say that sweep.json was changed
     with pytest.raises(CommandError, match="has an unfinished sweep; --resume continues it"):
         sweep("lift", **plan)
     (out / "parts").mkdir()
