@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError, CosimError, RunError
-from emla_cosim.ownership import MANIFEST
+from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.sandbox.locking import alone
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures

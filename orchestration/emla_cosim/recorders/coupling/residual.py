@@ -131,7 +131,8 @@ class Residuals:
                 row = self._members[x.name].row(responses)
                 products = row @ self._products[x.group] @ row
             extent, *motion = by_signal[x.signal]
-            rms = _lasting(*(products / self._time).tolist(), extent)
+            same, next_, next_but_one = (products / self._time).tolist()
+            rms = _lasting(same, next_, next_but_one, extent)
             found[x.name] = Residual(rms / extent if rms else rms, *motion)
         return found
 
