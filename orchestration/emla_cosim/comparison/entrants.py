@@ -48,7 +48,7 @@ def entrants(
     for a controller or a set that does not exist, or that no compared controller has.
     """
     names = list(dict.fromkeys(_controllers(controllers)))
-    sets = {one: list(chosen(one, None)[0].gains) for one in names}
+    sets = {one: list(chosen(one, None).controller.gains) for one in names}
     named = _named(converted(list(gains or ()), Sequence[str], "the gains to compare"), sets)
     if not gains:
         for one in (c for c in names if c in CONTROLLERS):

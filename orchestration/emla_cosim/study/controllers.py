@@ -1,11 +1,10 @@
 """The controllers that a joint can have, and the sets of gains that they come with."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from emla_fmu import observer_gains
 from fmublock import Block
 from rsba_fmu import (
     AnatcController,
@@ -24,39 +23,42 @@ from ..fmu.models import block_of
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of controller and observer by joint; `printed_estimate` starts the observer as in (103).
+    """A set of gains: where controller and observer of a joint get theirs.
 
-    `on_machine` are those of controllers of joints that move a whole machine, where they differ.
+    `observer` has the gains of the observer by joint, or is the name of the joint's set, `[observer.NAME]` of
+    its file. `controller` has the gains of the controller by joint, `on_machine` those of joints that move a
+    whole machine, where they differ. `printed_estimate` starts the observer as in (103). With `in_file`
+    the joint's file has all of them, in `[gains.CONTROLLER.NAME]`.
     """
 
-    observer: Mapping[str, Any]
+    observer: Mapping[str, Any] | str = ""
     controller: Mapping[str, Any] = field(default_factory=dict)
     printed_estimate: bool = False
     on_machine: Mapping[str, Any] = field(default_factory=dict)
+    in_file: bool = False
 
-    def of_controller(self, joint: str, on_machine: bool) -> Any:
-        """Gains of the controller of a joint; of one that brings none, nothing."""
-        usual = self.controller.get(joint, {})
-        return self.on_machine.get(joint, usual) if on_machine else usual
+    @property
+    def has_controller_gains(self) -> bool:
+        """Return whether the set has gains of the controller, not of the observer alone."""
+        return self.in_file or bool(self.controller)
 
 
 @dataclass(frozen=True)
 class Controller:
-    """What closes a joint's loop, a block or the file of an FMU, and its gains by the name of the set.
+    """What closes a joint's loop, a block or the file of an FMU, and the names of its sets of gains.
 
     The first set is the recommended one: every command takes it unless gains are named, and comparisons
-    use it. A controller that brings no gains of its own runs with its start values, and with one of our
-    observers.
+    use it. A controller that brings no gains of its own runs with its start values, and with one of the
+    joint's observers. `gain_type` is the class of its gains in joint files, `rules` are functions that
+    make them.
     """
 
     model: type[Block] | Path
     gains: Mapping[str, Gains] = field(
-        default_factory=lambda: {
-            "robust": Gains(observer_gains.ROBUST),
-            "compensated": Gains(observer_gains.COMPENSATED),
-            "published": Gains(observer_gains.PUBLISHED, printed_estimate=True),
-        }
+        default_factory=lambda: {name: Gains(name) for name in ("robust", "compensated", "published")}
     )
+    gain_type: type | None = None
+    rules: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
 
     @property
     def recommended(self) -> str:
@@ -64,47 +66,28 @@ class Controller:
         return next(iter(self.gains))
 
 
-_OBSERVER = {**observer_gains.ROBUST, "prototype": observer_gains.robust(800.0)}
-"""Observer of the compared controllers by rule and as published; the prototype's loop runs at 1 kHz."""
-
-
-def _tuned(lift: float, tilt: float, telescope: float, prototype: float = 300.0) -> Mapping[str, Any]:
-    """The compensated observer with poles at these rates in rad/s, as `emla tune` finds them."""
-    poles = {"lift": lift, "tilt": tilt, "telescope": telescope, "prototype": prototype}
-    return {joint: observer_gains.compensated(p) for joint, p in poles.items()}
+def _in_files(*names: str) -> Mapping[str, Gains]:
+    return {name: Gains(in_file=True) for name in names}
 
 
 CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
-        {
-            "compensated": Gains(
-                observer_gains.COMPENSATED, gains.COMPENSATED, on_machine=gains.COMPENSATED_ON_MACHINE
-            ),
-            "robust": Gains(observer_gains.ROBUST, gains.ROBUST),
-            "published": Gains(observer_gains.PUBLISHED, gains.PUBLISHED, printed_estimate=True),
-        },
+        _in_files("compensated", "robust", "published"),
+        gains.RsbaGains,
+        {"robust": gains.robust, "compensated": gains.compensated},
     ),
     "foc": Controller(
         FocController,
-        {
-            "tuned": Gains(_tuned(1959.0, 2000.0, 2603.0), foc_gains.TUNED),
-            "rule": Gains(_OBSERVER, foc_gains.RULE),
-        },
+        _in_files("tuned", "rule"),
+        foc_gains.FocGains,
+        {"tuned": foc_gains.tuned, "rule": foc_gains.rule},
     ),
     "cac": Controller(
-        CacController,
-        {
-            "tuned": Gains(_tuned(1036.0, 667.0, 2890.0), cac_gains.TUNED),
-            "published": Gains(_OBSERVER, cac_gains.PUBLISHED),
-        },
+        CacController, _in_files("tuned", "published"), cac_gains.CacGains, {"tuned": cac_gains.tuned}
     ),
     "anatc": Controller(
-        AnatcController,
-        {
-            "tuned": Gains(_tuned(1403.0, 1441.0, 900.0), anatc_gains.TUNED),
-            "published": Gains(_OBSERVER, anatc_gains.PUBLISHED),
-        },
+        AnatcController, _in_files("tuned", "published"), anatc_gains.AnatcGains, {"tuned": anatc_gains.tuned}
     ),
 }
 """Controllers by name; one that you add here can be chosen wherever a name is given.
@@ -116,15 +99,31 @@ ROBUSTNESS_SETS = ("robust", "rule")
 """Sets that tables of robustness have beside the recommended ones, which were tuned for small errors."""
 
 
-def chosen(controller: str | type | None, gain_set: str | None) -> tuple[Controller, Gains]:
-    """A controller, by its name, as a block or as FILE.fmu or FILE.py:BLOCK, and a set of its gains.
+def chosen(controller: str | type | None, gain_set: str | None) -> "ChosenGains":
+    """Return a controller, by its name, as a block or as FILE.fmu or FILE.py:BLOCK, and a set of its gains.
 
     Raises CommandError for a controller or a set of gains that does not exist.
     """
-    found = _controller("rsba" if controller is None else controller)
+    called = "rsba" if controller is None else controller
+    found = _controller(called)
     if gain_set is not None:
         check_choice("set of gains", gain_set, found.gains)
-    return found, found.gains[gain_set or found.recommended]
+    name = called if isinstance(called, str) else called.__name__
+    return ChosenGains(found, name, gain_set or found.recommended)
+
+
+@dataclass(frozen=True)
+class ChosenGains:
+    """A controller, what it is called, and the name of a set of its gains."""
+
+    controller: Controller
+    name: str
+    gain_set: str
+
+    @property
+    def gains(self) -> Gains:
+        """Return the set of gains."""
+        return self.controller.gains[self.gain_set]
 
 
 def _controller(name: str | type) -> Controller:

@@ -11,10 +11,10 @@ from hdrm_fmu import HdrmManipulator, HdrmPlant
 from ..base.errors import CommandError, listed
 from ..system.bond import Bond
 from ..system.model import Component, System, Value
-from .actuator.fitting import NONE, Actuators, check_joints, emla_of
+from .actuator.fitting import NONE, Actuators, check_joints
 from .joint import start_values
 from .roles import JOINTS
-from .systems import STUDY, UNCERTAINTIES, Choice, study_joint
+from .systems import STUDY, Choice, study_joint
 from .trajectory import Motion, motion
 
 _LED: dict[str, str | None] = {
@@ -104,7 +104,7 @@ def _system(
     components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
     for element, joint in enumerate(JOINTS, 1):
         made = study_joint(
-            joint,
+            STUDY[joint],
             controller,
             gains,
             reference=None,
@@ -129,14 +129,14 @@ def _system(
 
 def _mechanics(wanted: Motion, actuators: Actuators) -> dict[str, Value]:
     """The actuators' part in the merged plant, and where it starts."""
-    start = [STUDY[joint].x_start + wanted.ahead[joint] for joint in JOINTS]
-    uncertain = [UNCERTAINTIES["F_2"]] * len(JOINTS)
+    start = [STUDY[joint].start.x_L + wanted.ahead[joint] for joint in JOINTS]
+    uncertain = [STUDY[joint].plant.get("F_2", 0.0) for joint in JOINTS]
     return start_values(HdrmPlant, {**_by_joint(HdrmPlant, actuators), "x_L_start": start, "F_2": uncertain})
 
 
 def _by_joint(block: type[Block], actuators: Actuators) -> dict[str, Any]:
     """What a block knows of each actuator, by its attributes."""
-    emlas = [emla_of(joint, actuators) for joint in JOINTS]
+    emlas = [(actuators.get(joint) or STUDY[joint].actuator).emla for joint in JOINTS]
     known = {x.attribute for x in block.layout().parameters if x.shape}
     return {
         name: [getattr(emla, name) for emla in emlas] for name in sorted(known) if hasattr(emlas[0], name)

@@ -9,6 +9,7 @@ from ..recorders.metrics import METRICS, TRACKED
 from ..run.followers import FOLLOWERS
 from ..run.requirements import RENAMED
 from ..run.scenarios.built_in import FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
+from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.plotting import FIGURES
@@ -17,12 +18,15 @@ from .actuator.actuator import Actuator
 from .actuator.beliefs import followed_model_parameters
 from .actuator.remarks import remarks
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
+from .joints.library import joint_names, joint_text
+from .joints.schema import KEYS, KIND
 from .metrics import RENAMED as RENAMED_FIGURES
 from .metrics import joint_metrics
 from .roles import tracked
 from .schedules import scheduled_times
 from .sketch.film import ManipulatorAnimation
 from .sketch.picture import ManipulatorPicture
+from .systems import joint_scenario
 from .tuning_plans import tuning_plans
 
 JOINTS = "joints"
@@ -41,8 +45,10 @@ def register() -> None:
         FOLLOWERS.append(followed_model_parameters)
     if scheduled_times not in SCHEDULES:
         SCHEDULES.append(scheduled_times)
+    KINDS[KIND] = Kind(KEYS, joint_scenario)
+    joints = joint_names()
     for name in own:
-        SCENARIOS[name] = _text("scenarios", name)
+        SCENARIOS[name] = partial(joint_text, name) if name in joints else _text("scenarios", name)
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
     TUNINGS.update(tuning_plans())

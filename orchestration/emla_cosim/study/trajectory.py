@@ -47,5 +47,5 @@ def motion(file: Path | None) -> Motion:
 def _motion(spline: Spline) -> Motion:
     parameters = trajectory_parameters(spline)
     first = spline.evaluated([min(max(0.0, spline.start), spline.end)])[0]
-    ahead = {joint: float(x) - STUDY[joint].q_S for joint, x in zip(JOINTS, first, strict=True)}
+    ahead = {joint: float(x) - STUDY[joint].reference.q_S for joint, x in zip(JOINTS, first, strict=True)}
     return Motion(parameters, ahead, spline)

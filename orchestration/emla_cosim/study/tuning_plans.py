@@ -1,34 +1,18 @@
 """The tunings of the study: for each controller and joint its gains, with the same effort for all."""
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
 from string import Template
 
-from emla_fmu.parameters import EMLAS
-
+from ..base.errors import CommandError
 from .controllers import CONTROLLERS
+from .joints.library import has_tuning, joint_named, joint_names
+from .joints.schema import JointFile
 
 _BEHIND = 0.010
 """So much farther from its reference than in the study a joint starts in one case, in m."""
-
-
-@dataclass(frozen=True)
-class _Joint:
-    """RSBA's convergence time in s (Table VI), a start from afar in m, and what noise is tried with."""
-
-    convergence: float
-    far: float
-    noisy: str = ""
-
-
-_JOINTS = {
-    "lift": _Joint(0.083, 0.240 - _BEHIND),
-    "tilt": _Joint(0.085, 0.385 - _BEHIND),
-    # 0.20 m/s: the study's 0.21 m/s are the limit itself, which noise crosses
-    "telescope": _Joint(0.086, 0.500 + _BEHIND, ', "telescope.reference.move.duration[1]" = 1.4156'),
-}
 
 
 def tuning_plans() -> dict[str, Callable[[], str]]:
@@ -38,20 +22,34 @@ def tuning_plans() -> dict[str, Callable[[], str]]:
         f"{controller}-{joint}": partial(_text, controller, joint)
         for controller in CONTROLLERS
         if (folder / f"{controller}.toml").is_file()
-        for joint in _JOINTS
+        for joint in joint_names()
+        if has_tuning(joint)
     }
 
 
 def _text(controller: str, joint: str) -> str:
-    folder, known, tau_max = files("emla_cosim.study") / "tunings", _JOINTS[joint], EMLAS[joint].tau_max
+    folder, known = files("emla_cosim.study") / "tunings", joint_named(joint)
     text = "\n".join((folder / f"{name}.toml").read_text(encoding="utf-8") for name in ("effort", controller))
+    behind = math.copysign(_BEHIND, known.reference.q_E - known.reference.q_S)
     return Template(text).substitute(
         joint=joint,
         controller=controller,
         gains=CONTROLLERS[controller].recommended,
-        tau_max=tau_max,
-        inductance=EMLAS[joint].L_q,
-        paper_convergence=known.convergence,
-        far=known.far,
-        noisy=known.noisy,
+        tau_max=known.emla.tau_max,
+        inductance=known.emla.L_q,
+        paper_convergence=_convergence(known),
+        far=known.start.x_L - behind,
+        noisy="".join(f', "{joint}.{name}" = {value}' for name, value in known.noisy.items()),
     )
+
+
+def _convergence(joint: JointFile) -> float:
+    """Return the convergence time in s to beat: that of the file, or what the paper prints of RSBA."""
+    if joint.tuning is not None and joint.tuning.convergence_time is not None:
+        return joint.tuning.convergence_time
+    printed = joint.printed.get("study", {})
+    if "rsba" not in printed:
+        raise CommandError(
+            f"{joint.label} lacks a convergence time to beat; write convergence_time = 0.085 (s) in [tuning]."
+        )
+    return printed["rsba"].convergence_time_s

@@ -60,23 +60,25 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
 
 def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Origin) -> Scenario:
     """The scenario of a file: its system, and the options of the usual one, of the file, and given."""
-    if read.system not in SYSTEMS:
+    described = _describing(read)
+    if described is None:
         file = read.folder / read.system
         if is_fmu(file):
             return _of_fmu(file, name, read, given, origin)
         if not _is_ssp(file):
             raise CommandError(
                 f"the scenario '{read.where}' names the system '{read.system}', which is neither an SSP, "
-                f"nor an FMU, nor one of {listed(SYSTEMS)}."
+                f"nor an FMU, nor a joint file, nor one of {listed(SYSTEMS)}."
             )
         return _of_ssp(file, name, read, given, origin)
     options = Options()
-    for layer in (built_in(read.system), read):
+    layers = (read,) if described is read else (described, read)
+    for layer in layers:
         options = options.updated(with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
     options = options.updated(with_gains(given))
     made_of: dict[str, Any] = {}
     if options.trajectory is not None:
-        if read.system not in FOLLOWING:
+        if described.system not in FOLLOWING:
             raise CommandError(
                 f"'{read.where}' follows no trajectory; --trajectory is for {listed(sorted(FOLLOWING))}."
             )
@@ -84,9 +86,31 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Or
     if options.actuator:
         options = replace(options, actuator=_read("actuator", options.actuator))
         made_of["actuators"] = options.actuator
-    system = SYSTEMS[read.system](options.controller, options.gains, **made_of)
+    make = described.make or SYSTEMS[described.system]
+    system = make(options.controller, options.gains, **made_of)
     made = Scenario(name, read.description, system, options, origin=origin.updated(given), remarks=_remarks)
     return replace(made, notes=made.notes_with(options))
+
+
+def _describing(read: ScenarioFile) -> ScenarioFile | None:
+    """Return the file that describes the system of a scenario: itself, a built-in one, or one of `KINDS`.
+
+    None for any other system. Raises CommandError as `parse_scenario` does.
+    """
+    if read.make is not None:
+        return read
+    if read.system in SYSTEMS:
+        return built_in(read.system)
+    file = read.folder / read.system
+    if file.suffix.lower() != ".toml":
+        return None
+    found = parse_scenario(read_text(file, "the system"), str(file), file.parent)
+    if found.make is None:
+        raise CommandError(
+            f"the scenario '{read.where}' names the system '{read.system}', which is a scenario file itself; "
+            f"name what it names: '{found.system}'."
+        )
+    return found
 
 
 def _remarks(system: System, options: Options) -> list[str]:

@@ -2,14 +2,15 @@
 
 import difflib
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_origin
 
-from ...base.errors import CommandError, listed
+from ...base.errors import CommandError, check_choice, listed
 from ...base.option import RUN
 from ...base.values import converted
+from ...system.model import System
 from ..options import table
 
 
@@ -18,7 +19,8 @@ class ScenarioFile:
     """A scenario file; `system` is the name of a built-in one or the path of an SSP.
 
     `options` are those that it gives, as they are written; paths in them are relative to `folder`, and
-    sentences call the file by `where`.
+    sentences call the file by `where`. `make` makes the system if the file describes it itself, for a
+    controller and a set of gains.
     """
 
     description: str
@@ -26,15 +28,37 @@ class ScenarioFile:
     options: Mapping[str, Any]
     where: str
     folder: Path
+    make: Callable[..., System] | None = None
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file that describes a system itself, told by its key `kind`.
+
+    `keys` are keys that no scenario file has. `read` makes a `ScenarioFile` of the content, what messages
+    call the file, and its folder.
+    """
+
+    keys: Collection[str]
+    read: Callable[[Mapping[str, Any], str, Path], ScenarioFile]
+
+
+KINDS: dict[str, Kind] = {}
+"""Kinds of such files by the value of `kind`."""
 
 
 def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
-    """Read a scenario file; CommandError for what is not TOML, and for unknown keys."""
+    """Read a scenario file, or one of `KINDS`; CommandError for what is not TOML, and for unknown keys."""
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # also numbers and nestings too long to be meant
         raise CommandError(f"the scenario '{where}' is not TOML: {error}.") from error
+    if "kind" in content:
+        check_choice(f"kind of file in '{where}':", content["kind"], KINDS)
+        return KINDS[content["kind"]].read(content, where, folder)
     label = f"the scenario '{where}'"
+    if "system" not in content:
+        _refuse_without_kind(content, label)
     given = options_given(content, label, ("system", "description"))
     if "system" not in content:
         raise CommandError(f'{label} has no system; write system = "study" or the path of an SSP.')
@@ -45,6 +69,17 @@ def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
         where,
         folder,
     )
+
+
+def _refuse_without_kind(content: Mapping[str, Any], label: str) -> None:
+    """Raise CommandError for a file that has keys of another kind but does not say so."""
+    for kind, about in KINDS.items():
+        if found := [key for key in content if key in about.keys]:
+            raise CommandError(
+                f"{label} has no system, but the key '{found[0]}' of a {kind}; "
+                f'write kind = "{kind}" for a {kind}.',
+                key="kind",
+            )
 
 
 def options_given(

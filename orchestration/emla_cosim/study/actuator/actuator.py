@@ -67,10 +67,23 @@ class Actuator(Entered):
             raise CommandError(f"{label} is not a text in UTF-8.") from error
         except (ValueError, RecursionError) as error:
             raise CommandError(f"{label} is not TOML: {error}.") from error
-        if problems := [*_wrong_tables(read)]:
+        return cls.of_tables(read, label, path, hashlib.sha256(content).hexdigest())
+
+    @classmethod
+    def of_tables(
+        cls, tables: Mapping[str, Any], label: str, file: Path | None = None, sha256: str | None = None
+    ) -> "Actuator":
+        """Return the actuator of the tables of a file.
+
+        Raises CommandError for whatever is wrong with it; messages call it `label`.
+        """
+        if problems := [*_wrong_tables(tables)]:
             raise _wrong(label, problems)
-        tables = {name: read.get(name, _NOTHING) for name in NEEDED} | read
-        return cls(**tables, file=path, sha256=hashlib.sha256(content).hexdigest())
+        needed = {name: tables.get(name, _NOTHING) for name in NEEDED}
+        try:
+            return cls(**{**needed, **tables}, file=file, sha256=sha256)
+        except CommandError as error:
+            raise _wrong(label, error.fields["problems"]) from None
 
     @property
     def label(self) -> str:

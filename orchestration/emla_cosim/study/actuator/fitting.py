@@ -4,9 +4,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, is_dataclass, replace
 from typing import Any
 
-from emla_fmu.drive import DRIVES, ENCODER_STEPS, drive
+from emla_fmu.drive import drive
 from emla_fmu.observer_gains import ObserverGains, with_poles
-from emla_fmu.parameters import EMLAS, EmlaParameters
 from rsba_fmu.foc_gains import FocGains
 from rsba_fmu.gains import RsbaGains
 
@@ -29,25 +28,14 @@ def check_joints(actuators: Actuators, joints: Iterable[str]) -> None:
             )
 
 
-def emla_of(joint: str, actuators: Actuators) -> EmlaParameters:
-    """The parameter set of a joint's actuator."""
-    return actuators[joint].emla if joint in actuators else EMLAS[joint]
+def usual_plant(actuator: Actuator) -> dict[str, Any]:
+    """Return what a plant has beside the parameter set: the encoder's step, and all that was entered."""
+    return dict(actuator.plant)
 
 
-def usual_plant(joint: str, actuators: Actuators) -> dict[str, Any]:
-    """What a joint's plant has beside that: the encoder's step, or all that was entered."""
-    if joint in actuators:
-        return dict(actuators[joint].plant)
-    emla = EMLAS[joint]
-    return {"resolution": emla.rho * emla.lead / ENCODER_STEPS}
-
-
-def drive_plant(joint: str, actuators: Actuators) -> dict[str, Any]:
-    """The drive as it is: what was entered, and the rest by the rule for all drives."""
-    if joint not in actuators:
-        return asdict(DRIVES[joint])
-    own = actuators[joint]
-    return asdict(drive(own.emla, own.i_N)) | own.plant
+def drive_plant(actuator: Actuator) -> dict[str, Any]:
+    """Return the realistic drive: what was entered, and the rest by the rule for all drives."""
+    return asdict(drive(actuator.emla, actuator.i_N)) | actuator.plant
 
 
 def controller_gains(gains: Any, own: Actuator | None, load: float, sample_time: float) -> Any:

@@ -30,9 +30,9 @@ def _gains(own: dict[str, Actuator], options: Options) -> Iterator[str]:
     """That gains do not belong to the actuators that they are used with."""
     if not own:
         return
-    controller, gain_set = chosen(options.controller, options.gains)
-    name = options.gains or controller.recommended
-    if gain_set.controller and name not in _BY_RULE:
+    found = chosen(options.controller, options.gains)
+    name = found.gain_set
+    if found.gains.has_controller_gains and name not in _BY_RULE:
         yield (
             f"the gains '{name}' belong to the joint's usual actuator, and of them only a_max follows from "
             "another one; by rule are rsba's compensated and robust, and foc's rule"

@@ -1,0 +1,1 @@
+"""Joint files: one TOML file has all of a joint, and one schema reads it."""

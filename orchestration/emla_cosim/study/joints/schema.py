@@ -1,0 +1,476 @@
+"""What a joint file says, and how it is read."""
+
+import math
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from emla_fmu import Disturbance, EmlaPlant, observer_gains
+from emla_fmu.disturbance import LEVELS
+from emla_fmu.drive import DriveParameters
+from emla_fmu.observer_gains import ObserverGains
+from emla_fmu.parameters import EmlaParameters
+from emla_fmu.reference import rest_to_rest
+from emla_fmu.schedule import NEVER
+
+from ...base.errors import CommandError, listed
+from ...base.files import read_text
+from ...run.scenarios.scenario_file import options_given
+from ..actuator.actuator import Actuator
+from ..controllers import CONTROLLERS
+from .tables import Entry, Table, read_block, read_call
+
+KIND = "joint"
+"""What `kind` is in a joint file."""
+
+OBSERVER_RULES: Mapping[str, Callable[..., ObserverGains]] = {
+    "published": observer_gains.published,
+    "robust": observer_gains.robust,
+    "compensated": observer_gains.compensated,
+}
+"""Rules that make the gains of an observer."""
+
+_LENGTH = Entry("position", "m", "0.25")
+_SPEED = Entry("peak speed", "m/s", "0.06", positive=True)
+
+
+class Cells(NamedTuple):
+    """Position error in m, speed error in m/s, torque effort in N m and convergence time in s.
+
+    As normalised averages they are ratios. The names are those of `JointFigures`.
+    """
+
+    position_error_m: float
+    velocity_error_m_s: float
+    torque_effort_N_m: float
+    convergence_time_s: float
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a joint starts."""
+
+    x_L: Annotated[float, Entry("initial screw position", "m", "0.24")]
+
+
+@dataclass(frozen=True)
+class Move:
+    """The motion of a joint: one quintic move, by its peak speed or its duration."""
+
+    q_S: Annotated[float, Entry("start of the reference", "m", "0.244")]
+    q_E: Annotated[float, Entry("end of the reference", "m", "0.270")]
+    v_peak: Annotated[float | None, _SPEED] = None
+    duration: Annotated[float | None, Entry("duration of the move", "s", "2.0", positive=True)] = None
+
+    @property
+    def peak(self) -> float:
+        """Return the peak speed in m/s."""
+        if self.v_peak is not None:
+            return self.v_peak
+        return 15.0 * abs(self.q_E - self.q_S) / (8.0 * (self.duration or 1.0))
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters of the reference."""
+        return rest_to_rest(self.q_S, self.q_E, self.peak)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Load force: levels in N, positive against extension, and a ripple.
+
+    `start` has the times in s at which the second and later levels begin.
+    """
+
+    level: Annotated[tuple[float, ...], Entry("load force", "N", "57e3")]
+    start: Annotated[tuple[float, ...] | None, Entry("times of the levels", "s", "[2.0]")] = None
+    ramp: Annotated[float | None, Entry("time between levels", "s", "0.5", positive=True)] = None
+    ripple: Annotated[float | None, Entry("width of the ripple", "N", "5e3")] = None
+    ripple_omega: Annotated[float | None, Entry("angular frequency of the ripple", "rad/s", "628")] = None
+
+    @property
+    def largest(self) -> float:
+        """Return the load force in N of the largest magnitude."""
+        level = max(self.level, key=abs)
+        return level + math.copysign(0.5 * (self.ripple or 0.0), level)
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the load as parameters of the disturbance."""
+        given = {"ramp": self.ramp, "ripple": self.ripple, "ripple_omega": self.ripple_omega}
+        found: dict[str, Any] = {"level": (*self.level, *[self.level[-1]] * (LEVELS - len(self.level)))}
+        if self.start is not None:
+            found["level_start"] = (NEVER, *self.start, *[NEVER] * (LEVELS - 1 - len(self.start)))
+        return found | {name: value for name, value in given.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class ObserverSet:
+    """Gains of an observer; `estimate` is its initial position in m if that is not the screw's."""
+
+    gains: ObserverGains
+    estimate: float | None = None
+
+
+@dataclass(frozen=True)
+class GainSet:
+    """A set of gains of a controller, and the observer that belongs to it.
+
+    `on_machine` are the gains of a joint that moves a whole machine.
+    """
+
+    controller: Any
+    observer: ObserverSet
+    on_machine: Any
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What `emla tune` needs beside: the convergence time to beat, and values for the case with noise."""
+
+    convergence_time: Annotated[float | None, Entry("convergence time to beat", "s", "0.085")] = None
+
+
+@dataclass(frozen=True)
+class JointFile:
+    """All of a joint: its actuator, its task, and the gains of its controllers.
+
+    `run` has the options of its scenario. `disturbance` and `plant` are parameters by attribute of their
+    blocks. `realistic` is the actuator with the entries of `[drive]`; `is_realistic` says whether the joint
+    runs with it. `printed` are figures of the paper by scenario and controller.
+    """
+
+    name: str
+    label: str
+    description: str
+    run: Mapping[str, Any]
+    sample_time: float
+    seed: int | None
+    actuator: Actuator
+    realistic: Actuator
+    is_realistic: bool
+    start: Start
+    reference: Move
+    load: Load
+    disturbance: Mapping[str, Any]
+    plant: Mapping[str, Any]
+    observers: Mapping[str, ObserverSet]
+    gains: Mapping[str, Mapping[str, GainSet]]
+    tuning: Tuning | None
+    noisy: Mapping[str, float]
+    printed: Mapping[str, Mapping[str, Cells]]
+
+    @property
+    def emla(self) -> EmlaParameters:
+        """Return the parameter set of the joint's actuator."""
+        return self.actuator.emla
+
+    def gain_set(self, controller: str, name: str) -> GainSet:
+        """Return a set of gains; CommandError if the file has none of this name for the controller."""
+        sets = self.gains.get(controller, {})
+        if name not in sets:
+            others = f", or choose {listed(sets)} with --gains" if sets else ""
+            raise CommandError(
+                f"{self.label} has no gains '{name}' for the controller '{controller}'; "
+                f"add [gains.{controller}.{name}]{others}.",
+                joint=self.name,
+                controller=controller,
+                gains=name,
+            )
+        return sets[name]
+
+    def observer_of(
+        self, gains: Mapping[str, ObserverGains] | str, controller: str, gain_set: str
+    ) -> ObserverSet:
+        """Return the observer of a set of gains that is not in the file.
+
+        Args:
+            gains: Gains of the observer by joint, or the name of a set of the file.
+            controller: What messages call the controller.
+            gain_set: What messages call the set.
+
+        Raises:
+            CommandError: If there are none for this joint.
+
+        """
+        if isinstance(gains, str):
+            if gains in self.observers:
+                return self.observers[gains]
+            missing = f"add [observer.{gains}]"
+            if self.observers:
+                missing = f"{missing}, or choose {listed(self.observers)} with --gains"
+        elif self.name in gains:
+            return ObserverSet(gains[self.name])
+        else:
+            missing = "add them to the observer of its ec.Gains"
+        raise CommandError(
+            f"{self.label} has no gains of the observer for '{gain_set}' of the controller '{controller}'; "
+            f"{missing}.",
+            joint=self.name,
+            controller=controller,
+            gains=gain_set,
+        )
+
+
+_TOP = {
+    "kind": "",
+    "description": "",
+    "sample_time": "",
+    "seed": "",
+    "run": "the options of its scenario: stop_time and step_size",
+    "actuator": "the data of motor, screw, inverter and sensor",
+    "drive": "",
+    "start": "where the screw starts",
+    "reference": "the motion of the joint",
+    "load": "the load force",
+    "disturbance": "",
+    "plant": "",
+    "observer": "",
+    "gains": "",
+    "tuning": "",
+    "paper": "",
+}
+"""Entries of a joint file; for a required table, what it says."""
+
+KEYS = frozenset(_TOP) - {"description", "actuator", "gains"}
+"""Entries that a scenario file cannot have."""
+
+
+@dataclass(frozen=True)
+class _Head:
+    description: Annotated[str, Entry("line that `emla list` shows", "", '"..."')]
+    sample_time: Annotated[float, Entry("sample time of observer and controller", "s", "1e-4", positive=True)]
+    seed: Annotated[int | None, Entry("start of the random sequences")] = None
+
+
+def read_joint(text: str, label: str, name: str, folder: Path) -> JointFile:
+    """Read a joint file; paths in it are relative to `folder`.
+
+    Raises:
+        CommandError: If the text is not TOML, or for the first entry that is unknown, missing or wrong.
+
+    """
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise CommandError(f"{label} is not TOML: {error}.") from error
+    return joint_of(content, label, name, folder)
+
+
+def joint_of(content: Mapping[str, Any], label: str, name: str, folder: Path) -> JointFile:
+    """Return the joint of a joint file's content; see `read_joint`."""
+    if not name.isidentifier():
+        raise CommandError(
+            f"{label} cannot name a joint: '{name}' is no name; use letters, digits and _ in the file name."
+        )
+    top = Table(content, "", label)
+    top.check_keys(_TOP)
+    if content.get("kind") != KIND:
+        raise CommandError(f'{label} lacks kind; write kind = "{KIND}".', key="kind")
+    tables = {key: top.inner(key, about) for key, about in _TOP.items() if key not in _PLAIN}
+    head = read_call(_Head, top, [key for key in _TOP if key not in _Head.__dataclass_fields__])
+    actuator, entered = _actuator(top, folder)
+    realistic, is_realistic = _realistic(actuator, entered, tables["drive"])
+    observers = {one: _observer_set(tables["observer"].inner(one)) for one in tables["observer"].content}
+    return JointFile(
+        name=name,
+        label=label,
+        description=head.description,
+        run=_run(tables["run"], name),
+        sample_time=head.sample_time,
+        seed=head.seed,
+        actuator=actuator,
+        realistic=realistic,
+        is_realistic=is_realistic,
+        start=read_call(Start, tables["start"]),
+        reference=_move(tables["reference"]),
+        load=_load(tables["load"]),
+        disturbance=read_block(Disturbance, tables["disturbance"], _DISTURBANCE_ELSEWHERE),
+        plant=read_block(EmlaPlant, tables["plant"], _PLANT_ELSEWHERE),
+        observers=observers,
+        gains=_gains(tables["gains"], observers),
+        tuning=read_call(Tuning, tables["tuning"], ["noisy"]) if "tuning" in content else None,
+        noisy=_noisy(tables["tuning"].inner("noisy")),
+        printed=_printed(tables["paper"]),
+    )
+
+
+_PLAIN = ("kind", "description", "sample_time", "seed", "actuator")
+"""Entries that are no tables, or can be something else."""
+
+
+def _named(block: Any, attributes: Iterable[str]) -> set[str]:
+    wanted = set(attributes)
+    return {str(x.name) for x in block.layout().parameters if x.attribute in wanted}
+
+
+_SEED = "write it as seed, before the first table"
+_DISTURBANCE_ELSEWHERE = {
+    **dict.fromkeys(
+        _named(Disturbance, ("level", "level_start", "ramp", "ripple", "ripple_omega")),
+        "the load is in [load]",
+    ),
+    "d_2.seed": _SEED,
+}
+_PLANT_ELSEWHERE = {
+    **dict.fromkeys(
+        _named(EmlaPlant, DriveParameters.__dataclass_fields__), "it belongs to [actuator] or [drive]"
+    ),
+    **dict.fromkeys(
+        _named(EmlaPlant, [*EmlaParameters.__dataclass_fields__, "i_max", "i_range"]),
+        "it follows from [actuator]",
+    ),
+    "sensor.seed": _SEED,
+    "sensor.current.seed": "it follows from seed",
+    "start.x_L": "write it as x_L in [start]",
+    "torque_source": "the scenario decides it",
+}
+
+
+def _actuator(top: Table, folder: Path) -> tuple[Actuator, Mapping[str, Any]]:
+    """Return the actuator, inline or of the file that the entry names, and its tables."""
+    entered = top.content.get("actuator")
+    if entered is None:
+        raise CommandError(f"{top.file} lacks the table [actuator], {_TOP['actuator']}.", table="actuator")
+    label = f"[actuator] of {top.file}"
+    if isinstance(entered, str):
+        label = f"the actuator '{folder / entered}'"
+        try:
+            entered = tomllib.loads(read_text(folder / entered, "the actuator"))
+        except ValueError as error:
+            raise CommandError(f"{label} is not TOML: {error}.") from error
+    if not isinstance(entered, Mapping):
+        raise CommandError(f"{label} is {entered!r}; it must be a table, or the path of a file.")
+    if "control" in entered:
+        raise CommandError(
+            f"{label} has the table 'control'; leave it out: [gains] of a joint file has all gains.",
+            key="control",
+        )
+    return Actuator.of_tables(entered, label), entered
+
+
+_OF_THE_DRIVE = ("inverter", "sensor", "friction", "stop", "thermal")
+"""Tables of an actuator that `[drive]` can change."""
+
+
+def _realistic(actuator: Actuator, entered: Mapping[str, Any], drive: Table) -> tuple[Actuator, bool]:
+    """Return the actuator with the entries of `[drive]`, and whether the joint always runs with it."""
+    drive.check_keys([*_OF_THE_DRIVE, "always"])
+    always = drive.content.get("always", False)
+    if not isinstance(always, bool):
+        raise CommandError(f"{drive.label_of('always')} is {always!r}; it must be true or false.")
+    changed = {key: drive.inner(key).content for key in drive.content if key != "always"}
+    if not changed:
+        return actuator, always
+    merged = {**entered, **{key: {**entered.get(key, {}), **values} for key, values in changed.items()}}
+    return Actuator.of_tables(merged, drive.label), always
+
+
+def _run(table: Table, joint: str) -> dict[str, Any]:
+    """Return the options of the joint's scenario; components in it are named without the joint."""
+    for key, example in (("stop_time", "10.0"), ("step_size", "1e-4")):
+        if key not in table.content:
+            raise CommandError(f"{table.label} lacks {key}, in s; write {key} = {example}.", key=key)
+    options = options_given(table.content, table.label, ())
+    if isinstance(options.get("order"), list):
+        options["order"] = [f"{joint}.{role}" for role in options["order"]]
+    if isinstance(options.get("step_multiples"), Mapping):
+        options["step_multiples"] = {f"{joint}.{role}": n for role, n in options["step_multiples"].items()}
+    return options
+
+
+def _move(table: Table) -> Move:
+    move = read_call(Move, table)
+    if (move.v_peak is None) == (move.duration is None):
+        has = "neither v_peak nor duration" if move.v_peak is None else "both v_peak and duration"
+        raise CommandError(f"{table.label} has {has}; write one of them.", table=table.name)
+    if move.q_S == move.q_E:
+        raise CommandError(f"{table.label} has q_S = q_E; they must differ.", table=table.name)
+    return move
+
+
+def _load(table: Table) -> Load:
+    load = read_call(Load, table)
+    count = len(load.level)
+    if not 1 <= count <= LEVELS:
+        raise CommandError(f"{table.label_of('level')} has {count} values; it must have 1 to {LEVELS}.")
+    if len(load.start or ()) != count - 1:
+        raise CommandError(
+            f"{table.label} has {count} levels and {len(load.start or ())} times in start; every level "
+            "but the first needs one."
+        )
+    return load
+
+
+def _observer_set(table: Table) -> ObserverSet:
+    gains = _by_rule(table, ObserverGains, OBSERVER_RULES, ("estimate",))
+    if "estimate" not in table.content:
+        return ObserverSet(gains)
+    own = Table({"x_L": table.content["estimate"]}, table.name, table.file)
+    return ObserverSet(gains, read_call(Start, own).x_L)
+
+
+def _by_rule(
+    table: Table, gains: Callable[..., Any], rules: Mapping[str, Callable[..., Any]], ignored: Iterable[str]
+) -> Any:
+    """Return gains: all their values, or what the rule that the table names makes of its arguments."""
+    rule = table.content.get("rule")
+    if rule is None:
+        return read_call(gains, table, ignored)
+    if not isinstance(rule, str) or rule not in rules:
+        known = f"it must be {' or '.join(repr(one) for one in rules)}" if rules else "there are no rules"
+        raise CommandError(f"{table.label_of('rule')} is {rule!r}; {known}.", key="rule")
+    return read_call(rules[rule], table, [*ignored, "rule"])
+
+
+def _gains(table: Table, observers: Mapping[str, ObserverSet]) -> dict[str, dict[str, GainSet]]:
+    with_gains = {name: one for name, one in CONTROLLERS.items() if one.gain_type is not None}
+    table.check_keys(with_gains, "controller")
+    found: dict[str, dict[str, GainSet]] = {}
+    for controller in table.content:
+        of_controller = table.inner(controller)
+        of_controller.check_keys(CONTROLLERS[controller].gains, "set of gains")
+        found[controller] = {
+            name: _gain_set(of_controller.inner(name), controller, observers)
+            for name in of_controller.content
+        }
+    return found
+
+
+def _gain_set(table: Table, controller: str, observers: Mapping[str, ObserverSet]) -> GainSet:
+    chosen = CONTROLLERS[controller]
+    assert chosen.gain_type is not None
+    beside = ("observer", "on_machine")
+    gains = _by_rule(table, chosen.gain_type, chosen.rules, beside)
+    on_machine = gains
+    if "on_machine" in table.content:
+        on_machine = _by_rule(table.inner("on_machine"), chosen.gain_type, chosen.rules, ())
+    observer = table.content.get("observer")
+    if observer is None:
+        shown = f'"{next(iter(observers), "robust")}"'
+        raise CommandError(f"{table.label} lacks observer, the set of its gains; write observer = {shown}.")
+    if isinstance(observer, str):
+        if observer not in observers:
+            known = f"it must be {listed(observers)}" if observers else f"add [observer.{observer}]"
+            raise CommandError(f"{table.label_of('observer')} is '{observer}', which is missing; {known}.")
+        return GainSet(gains, observers[observer], on_machine)
+    return GainSet(gains, _observer_set(table.inner("observer")), on_machine)
+
+
+def _noisy(table: Table) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for name, value in table.content.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise CommandError(f"{table.label_of(name)} is {value!r}; it must be a number.")
+        found[name] = value
+    return found
+
+
+def _printed(table: Table) -> dict[str, dict[str, Cells]]:
+    return {
+        scenario: {
+            controller: read_call(Cells, table.inner(scenario).inner(controller))
+            for controller in table.inner(scenario).content
+        }
+        for scenario in table.content
+    }
