@@ -23,7 +23,6 @@ from emla_cosim.study.systems import STUDY
 from emla_cosim.sweeps.columns import factor, figure_values, influence
 from emla_cosim.sweeps.plan import plan_of
 from emla_cosim.views.plots.style import BLUE, GREY, ORANGE, RED, save, tidied
-from emla_fmu.parameters import EMLAS
 
 HERE = Path(__file__).parent
 
@@ -47,9 +46,9 @@ class Joint:
         ended = np.where(settled, LOST, LATE)
         self.outcomes = np.where(self.figure("held") == 1.0, HELD, ended)
         study = STUDY[name]
-        away = np.sign(study.x_start - study.q_S)
-        self.start_mm = 1e3 * away * (factor(result, f"{name}.start").values - study.q_S)
-        self.speed = self.figure("speed_peak_m_s") / EMLAS[name].v_max
+        away = np.sign(study.start.x_L - study.reference.q_S)
+        self.start_mm = 1e3 * away * (factor(result, f"{name}.start").values - study.reference.q_S)
+        self.speed = self.figure("speed_peak_m_s") / study.emla.v_max
 
     def figure(self, name: str) -> Vector:
         """One of its figures for each variant."""

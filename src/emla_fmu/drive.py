@@ -1,4 +1,4 @@
-"""Drives as they are: what the plant's switches are set to for each joint and for the prototype.
+"""Realistic drives: what the plant's switches are set to, by one rule for all joints.
 
 The paper has none of these numbers. "assumed" is our choice; the sources are
 
@@ -15,7 +15,7 @@ Fields carry the names of the plant's variables, so that the block takes them as
 import math
 from dataclasses import dataclass
 
-from .parameters import EMLAS, PROTOTYPE, EmlaParameters
+from .parameters import EmlaParameters
 
 ENCODER_STEPS = 2**20
 """Steps per motor turn of the position sensor: a 20-bit encoder (assumed)."""
@@ -94,12 +94,3 @@ def drive(emla: EmlaParameters, i_N: float) -> DriveParameters:
         permitted_rise=100.0,  # S1 of the 1FT7
         tau_th=180.0,  # the 1FW6190
     )
-
-
-DRIVES = {
-    "lift": drive(EMLAS["lift"], 29.5),  # Table IV
-    "tilt": drive(EMLAS["tilt"], 18.5),  # Table IV
-    "telescope": drive(EMLAS["telescope"], 7.6),  # Table IV
-    "prototype": drive(PROTOTYPE, math.sqrt(2.0) * 23.1),  # Table VII, read as rms as the flux is
-}
-"""Drives by the name of their EMLA."""

@@ -1,4 +1,4 @@
-"""Gains of the observer: as published, and repaired."""
+"""Gains of the observer by rule, as published and repaired; joint files have the numbers."""
 
 from dataclasses import dataclass
 
@@ -68,23 +68,6 @@ def robust(w: float = 4000.0) -> ObserverGains:
     )
 
 
-PUBLISHED = {
-    "lift": published(1.0),
-    "tilt": published(0.5),
-    "telescope": published(0.2),
-    "prototype": published(1.0),  # assumed: no observer of the experiments is printed
-}
-"""(85) to (87) by joint."""
-
-ROBUST = {
-    "lift": robust(),
-    "tilt": robust(),
-    "telescope": robust(),
-    "prototype": robust(800.0),  # at 1 kHz
-}
-"""Repaired gains by joint."""
-
-
 def compensated(p: float) -> ObserverGains:
     """An estimate of the disturbance, from the measured current and the position: all poles at -p rad/s.
 
@@ -106,15 +89,6 @@ def compensated(p: float) -> ObserverGains:
         omega_d=p / 3.0,
         interpolate=True,
     )
-
-
-COMPENSATED = {
-    "lift": compensated(2200.0),
-    "tilt": compensated(2000.0),
-    "telescope": compensated(1800.0),
-    "prototype": compensated(300.0),  # at 1 kHz
-}
-"""Gains with an estimate of the disturbance by joint: at least twice as fast as the speed loop."""
 
 
 def with_poles(gains: ObserverGains, p: float) -> ObserverGains:

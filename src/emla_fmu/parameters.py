@@ -1,11 +1,9 @@
-"""Parameter sets of the three joints of the manipulator and of the experimental prototype.
+"""The parameter set that plant, observer and controllers share.
 
-Sources: "T" is the paper's Table IV, "T2" its Table II, "T7" its Table VII; "assumed" stands in
-neither the paper nor a public data sheet of the part. Fields carry the names of the blocks'
-variables, so that a block takes from a set what it declares.
+"assumed" is in neither the paper nor a public data sheet of the part. Fields have the names of the
+blocks' variables, so that a block takes from a set what it declares.
 """
 
-import math
 from dataclasses import dataclass
 
 from . import motion_law
@@ -74,76 +72,3 @@ class EmlaParameters:
         per cent, and drives trip well above it.
         """
         return 1.5 * self.i_max
-
-
-LIFT = EmlaParameters(
-    R_s=0.14,  # T
-    L_d=2.4e-3,  # T, L_N for both axes
-    L_q=2.4e-3,  # T, L_N for both axes
-    Phi_PM=0.15,  # T; with i_N = 29.5 A gives 53.1 N m against tau_N = 53
-    N_p=8,  # T
-    J_m=0.016,  # T
-    tau_max=190.0,  # T
-    rho=1.0 / 7.0,  # T, 1/rho = 7
-    lead=0.02,  # T
-    M_BS=156.5,  # T
-    u_max=math.sqrt(2.0) * 315.0,  # T, u_N = 315 V read as rms
-    q_LB=0.0,  # T2
-    q_UB=0.522,  # T2
-    v_max=0.136,  # T
-)
-
-TILT = EmlaParameters(
-    R_s=0.16,  # T
-    L_d=3.2e-3,  # T, L_N for both axes
-    L_q=3.2e-3,  # T, L_N for both axes
-    Phi_PM=0.13,  # T; with i_N = 18.5 A gives 28.9 N m against tau_N = 29
-    N_p=8,  # T
-    J_m=0.0105,  # T
-    tau_max=129.0,  # T
-    rho=1.0 / 5.0,  # T, 1/rho = 5
-    lead=0.01,  # T
-    M_BS=83.6,  # T
-    u_max=math.sqrt(2.0) * 300.0,  # T, u_N = 300 V read as rms
-    q_LB=0.0,  # T2
-    q_UB=0.611,  # T2
-    v_max=0.100,  # T
-)
-
-TELESCOPE = EmlaParameters(
-    R_s=0.35,  # T
-    L_d=12e-3,  # T, L_N for both axes
-    L_q=12e-3,  # T, L_N for both axes
-    Phi_PM=0.12,  # T; with i_N = 7.6 A gives 8.2 N m against tau_N = 8
-    N_p=6,  # T
-    J_m=0.00085,  # T
-    tau_max=32.0,  # T
-    rho=1.0,  # T, 1/rho = 1
-    lead=0.01,  # T
-    M_BS=30.4,  # T
-    u_max=math.sqrt(2.0) * 600.0,  # T, u_N = 600 V read as rms
-    q_LB=0.0,  # T2
-    q_UB=1.0,  # T2
-    v_max=0.210,  # T
-)
-
-PROTOTYPE = EmlaParameters(
-    R_s=0.08,  # T7
-    L_d=2.42e-3,  # T7, phase inductance for both axes
-    L_q=2.42e-3,  # T7, phase inductance for both axes
-    Phi_PM=math.sqrt(2.0) * 0.134,  # T7, read as rms: only then 23.1 A (rms) give the rated 37 N m
-    N_p=4,  # T7
-    J_m=0.0063,  # assumed, motors of 11.6 kW at 3000 rpm
-    tau_max=77.0,  # T7
-    rho=1.0 / 7.7,  # T7, gear ratio
-    lead=0.016,  # T7
-    M_BS=100.0,  # assumed, between tilt and lift
-    u_max=400.0 * math.sqrt(2.0 / 3.0),  # assumed: phase peak of a 400 V supply (T7: 380/480 V)
-    q_LB=0.0,  # assumed
-    q_UB=0.5,  # assumed, generous: the experiments use 0.05 to 0.30 m
-    v_max=3877.0 / 60.0 * 0.016 / 7.7,  # T7, maximum speed of the motor
-    eta_GB=0.70,  # assumed: makes the measured 35 N m meet the 75 kN load
-)
-
-EMLAS = {"lift": LIFT, "tilt": TILT, "telescope": TELESCOPE, "prototype": PROTOTYPE}
-"""Parameter sets by name."""

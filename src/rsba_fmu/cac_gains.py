@@ -1,4 +1,4 @@
-"""Gains of the CAC-type controller: as published, and tuned."""
+"""Gains of the CAC-type controller, and the rule of the tuned ones; joint files have the numbers."""
 
 from dataclasses import dataclass
 
@@ -19,27 +19,6 @@ class CacGains:
     weaken_field: bool = False
 
 
-PUBLISHED = {
-    "lift": CacGains(
-        k=(230.0, 230.0, 0.05, 1.0, 0.05), varpi=(3.0, 3.0, 0.03, 3.0, 0.03), m=(1.0, 12.0, 1.0)
-    ),
-    "tilt": CacGains(
-        k=(210.0, 210.0, 0.03, 1.0, 0.03), varpi=(2.0, 2.0, 0.02, 2.0, 0.02), m=(1.0, 10.5, 1.0)
-    ),
-    "telescope": CacGains(
-        k=(175.0, 175.0, 0.03, 0.5, 0.03), varpi=(1.0, 1.0, 0.03, 1.0, 0.03), m=(0.9, 8.0, 0.9), a_max=10.0
-    ),
-    # none are printed for the experiments: those of the lift, whose motor comes closest
-    "prototype": CacGains(
-        k=(230.0, 230.0, 0.05, 1.0, 0.05),
-        varpi=(3.0, 3.0, 0.03, 3.0, 0.03),
-        m=(1.0, 12.0, 1.0),
-        omega_n=(1000.0, 2000.0),
-    ),
-}
-"""Table V by joint. epsilon and the filters are ours: with less epsilon the tanh terms lose tilt."""
-
-
 def tuned(
     k_1: float, k_2: float, m_1: float, w_c: float, varpi_2: float, L: float, a_max: float, w: float = 10000.0
 ) -> CacGains:
@@ -58,15 +37,3 @@ def tuned(
         a_max=a_max,
         weaken_field=True,
     )
-
-
-TUNED = {
-    "lift": tuned(515.0, 519.0, 6.09e5, 1703.0, 0.00252, L=2.4e-3, a_max=1.2),
-    "tilt": tuned(307.0, 305.0, 4.95e5, 2370.0, 0.00659, L=3.2e-3, a_max=1.2),
-    "telescope": tuned(401.0, 495.0, 8.81e5, 1581.0, 0.0196, L=12e-3, a_max=10.0),
-    "prototype": tuned(170.0, 90.3, 9360.0, 333.0, 0.022, L=2.42e-3, a_max=1.2, w=2000.0),
-}
-"""What `emla tune cac-lift` and its like find; for the prototype by a search of its own.
-
-For tilt none of the search met all conditions: these are nearest.
-"""

@@ -1,4 +1,4 @@
-"""Gains of the FOC cascade: by rule, and tuned."""
+"""Gains of the FOC cascade: by rule, and tuned; joint files have the numbers."""
 
 from dataclasses import dataclass
 
@@ -23,10 +23,9 @@ def rule(sample_time: float, observer_poles: float, a_max: float) -> FocGains:
     constant T: a gain of 1 / (2 T) (Kessler 1955; Leonhard, Control of Electrical Drives).
 
     - Currents: T is 1.5 samples, one to compute and half of one that the voltage is held.
-    - Speed: T is that loop's 1 / w_c and the observer's
-      2 / `observer_poles`. The gain is shared alike by
-      speed controller and disturbance observer, which act as one PI controller of gain k_v + omega_d
-      and integral k_v omega_d.
+    - Speed: T is that loop's 1 / w_c and the observer's 2 / `observer_poles`. The gain is
+      shared alike by speed controller and disturbance observer, which act as one PI controller of gain
+      k_v + omega_d and integral k_v omega_d.
     - Position: half of k_v, so that its loop is damped by 1 / sqrt(2).
     - The current controllers' integrals take ten times as long as their loops.
     """
@@ -35,24 +34,6 @@ def rule(sample_time: float, observer_poles: float, a_max: float) -> FocGains:
     return FocGains(k_p=0.5 * k_v, k_v=k_v, w_c=w_c, w_i=0.1 * w_c, omega_d=k_v, a_max=a_max)
 
 
-RULE = {
-    "lift": rule(1e-4, 4000.0, a_max=1.2),
-    "tilt": rule(1e-4, 4000.0, a_max=1.2),
-    "telescope": rule(1e-4, 4000.0, a_max=10.0),
-    "prototype": rule(1e-3, 800.0, a_max=1.2),
-}
-"""By `rule`: 0.1 ms, the prototype 1 ms; a_max is what the joint's motor can brake with its load."""
-
-
 def tuned(k_p: float, k_v: float, w_c: float, a_max: float) -> FocGains:
     """Gains found by search, with the observer's d_hat for the load; the integrals as in `rule`."""
     return FocGains(k_p, k_v, w_c, 0.1 * w_c, 0.0, a_max, compensate=True)
-
-
-TUNED = {
-    "lift": tuned(1464.0, 543.0, 2336.0, a_max=1.2),
-    "tilt": tuned(415.0, 332.0, 1400.0, a_max=1.2),
-    "telescope": tuned(478.0, 592.0, 1936.0, a_max=10.0),
-    "prototype": tuned(60.0, 100.0, 200.0, a_max=1.2),
-}
-"""What `emla tune foc-lift` and its like find; for the prototype set by hand."""

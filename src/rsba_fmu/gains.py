@@ -1,4 +1,4 @@
-"""Gains of the RSBA controller: as published, and repaired."""
+"""Gains of the RSBA controller, and the rules that make them; joint files have the numbers."""
 
 from dataclasses import dataclass, replace
 
@@ -29,35 +29,6 @@ class RsbaGains:
     omega_u: float = 0.0
 
 
-PUBLISHED = {
-    "lift": RsbaGains(
-        beta=(3000.0, 3000.0, 1000.0, 1000.0),
-        zeta=(100.0, 100.0, 100.0, 100.0),
-        delta=(100.0, 100.0, 110.0, 110.0),
-        sigma=(0.001, 0.001, 0.01, 0.01),
-    ),
-    "tilt": RsbaGains(
-        beta=(2000.0, 2000.0, 750.0, 750.0),
-        zeta=(100.0, 100.0, 80.0, 80.0),
-        delta=(100.0, 100.0, 80.0, 80.0),
-        sigma=(0.001, 0.001, 0.01, 0.01),
-    ),
-    "telescope": RsbaGains(
-        beta=(800.0, 800.0, 420.0, 420.0),
-        zeta=(0.001, 0.001, 1.0, 1.0),
-        delta=(1.0, 1.0, 0.5, 0.5),
-        sigma=(1.0, 1.0, 1.0, 1.0),
-    ),
-    "prototype": RsbaGains(
-        beta=(15.0, 1500.0, 5.0, 1.0),
-        zeta=(100.0, 100.0, 100.0, 100.0),
-        delta=(100.0, 100.0, 100.0, 100.0),
-        sigma=(0.001, 0.001, 0.001, 0.001),
-    ),
-}
-"""Table V by joint, and the gains of the experiments (Section V)."""
-
-
 def robust(
     beta_1: float, beta_2: float, a_max: float, beta_3: float = 5000.0, zeta: float = 100.0
 ) -> RsbaGains:
@@ -80,18 +51,6 @@ def robust(
         freeze_adaptation=True,
         a_max=a_max,
     )
-
-
-ROBUST = {
-    "lift": robust(800.0, 2000.0, a_max=1.2),
-    # the random part of tilt's disturbance (82) comes back as torque: less gain, less of it
-    "tilt": robust(600.0, 1200.0, a_max=1.2),
-    "telescope": robust(1000.0, 2500.0, a_max=10.0),
-    # at 1 kHz, with a sample of delay: currents at 700 rad/s would ring beyond their limit, so that these
-    # are only a third faster than the speed, and adaptation would ring with them
-    "prototype": robust(240.0, 600.0, a_max=1.2, beta_3=800.0, zeta=0.0),
-}
-"""Repaired gains by joint; a_max is what the joint's motor can brake with its load."""
 
 
 def compensated(T_s: float, k_1: float, k_2: float, a_max: float) -> RsbaGains:
@@ -124,22 +83,3 @@ def compensated(T_s: float, k_1: float, k_2: float, a_max: float) -> RsbaGains:
         i_reserve=0.02,
         omega_u=0.03 / T_s,
     )
-
-
-COMPENSATED = {
-    "lift": compensated(1e-4, k_1=0.105, k_2=0.0875, a_max=1.2),
-    # as in ROBUST, the random part of (82) comes back as torque: slower loops around a fast observer
-    "tilt": compensated(1e-4, k_1=0.015, k_2=0.05, a_max=1.5),
-    # faster loops cross the speed limit at which its reference runs, by some um/s; that is far from a trip
-    "telescope": compensated(1e-4, k_1=0.0275, k_2=0.088, a_max=10.0),
-    "prototype": compensated(1e-3, k_1=0.05, k_2=0.09, a_max=1.2),
-}
-"""Gains with compensation by joint; the prototype's controller samples at 1 kHz."""
-
-COMPENSATED_ON_MACHINE = {
-    # the random part of tilt's disturbance comes through the machine: slower loops make less torque of it
-    "lift": compensated(1e-4, k_1=0.03, k_2=0.08, a_max=1.2),
-    # the machine's inertia is braked as well
-    "tilt": compensated(1e-4, k_1=0.015, k_2=0.05, a_max=1.2),
-}
-"""Those of joints that move the whole machine, where they differ."""

@@ -15,8 +15,8 @@ from emla_cosim.study.certificate import (
     certify,
 )
 from fmublock import Block, Output, Parameter
-from rsba_fmu.gains import ROBUST
 from tests.support.commands import Emla, sentence
+from tests.support.joint_data import ROBUST
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
 from emla_cosim.study.systems import STUDY
-from emla_fmu.parameters import EMLAS
+from tests.support.joint_data import EMLAS
 
 JOINTS = tuple(STUDY)
 POSITION = {"lift": 0.5e-6, "tilt": 2.5e-6, "telescope": 1.0e-6}
@@ -54,14 +54,17 @@ def of_all(name: str, value: float) -> dict[str, float]:
 
 def started(error: float) -> dict[str, float]:
     places = ("plant.start.x_L", "observer.start.x_hat")
-    return {f"{joint}.{place}": STUDY[joint].q_S + error for joint in JOINTS for place in places}
+    return {f"{joint}.{place}": STUDY[joint].reference.q_S + error for joint in JOINTS for place in places}
 
 
 def stepping() -> dict[str, float]:
     found = {}
     for joint in JOINTS:
-        load = f"{joint}.disturbance.load"
-        found |= {f"{load}.level[1]": -STUDY[joint].load, f"{load}.level[2]": STUDY[joint].load}
+        load, force = f"{joint}.disturbance.load", STUDY[joint].load.largest
+        found |= {
+            f"{load}.level[1]": -force,
+            f"{load}.level[2]": force,
+        }
         found |= {f"{load}.start[2]": 0.6, f"{load}.ramp": 1e-4}
     return found
 

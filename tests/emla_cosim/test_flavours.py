@@ -10,13 +10,11 @@ import pytest
 
 from emla_cosim.fmu.models import FLAVOURS, MODELS, build, fmu_path
 from emla_cosim.study.joint import start_values
-from emla_fmu import observer_gains
-from emla_fmu.drive import DRIVES
-from emla_fmu.parameters import TILT
 from emla_fmu.signal_fault import FaultKind
 from fmublock.platforms import host_platform
 from hdrm_fmu.spline import Spline, trajectory_parameters
-from rsba_fmu import anatc_gains, cac_gains, foc_gains, gains
+from tests.support import joint_data
+from tests.support.joint_data import ROBUST, TILT, gains_of, observers
 from tests.support.slaves import BlockSlave, fmu_slave, interface
 
 STEPS, STEP = 5000, 1e-4
@@ -40,7 +38,7 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         start_values(
             MODELS["EmlaPlant"],
             TILT,
-            asdict(DRIVES["tilt"]),
+            asdict(joint_data.DRIVES["tilt"]),
             {"sigma": 1e-6, "resolution": 1e-7, "L_d": 3e-3, "F_2": 0.01, "F_3": 0.002, "F_4": 0.001},
         ),
         {"u_q": 300, "u_d": 200, "i_q_ref": 10, "F_L": 2e4, "d_2": 1, "d_3": 0.4, "d_4": 0.2}
@@ -50,14 +48,14 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         start_values(
             MODELS["EmlaMotor"],
             TILT,
-            DRIVES["tilt"],
+            joint_data.DRIVES["tilt"],
             {"sigma": 1e-6, "resolution": 1e-7, "L_d": 3e-3, "F_3": 0.002, "F_4": 0.001},
         ),
         {"u_q": 300, "u_d": 200, "i_q_ref": 10, "x_L": 1e-3, "v_L": 0.05, "d_3": 0.4, "d_4": 0.2}
         | {"supply.sag": 0.1},
     ),
     "EmlaObserver": (
-        start_values(MODELS["EmlaObserver"], TILT, observer_gains.ROBUST["tilt"], {"use_model": True}),
+        start_values(MODELS["EmlaObserver"], TILT, observers("robust")["tilt"], {"use_model": True}),
         {"y": 1e-4, "i_q_ref": 10, "i_q": 10},
     ),
     "Reference": (
@@ -81,20 +79,20 @@ DRIVES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         {"v_L": 0.1},
     ),
     "RsbaController": (
-        start_values(MODELS["RsbaController"], TILT, gains.ROBUST["tilt"]),
+        start_values(MODELS["RsbaController"], TILT, ROBUST["tilt"]),
         {"x_hat": 1e-3, "v_hat": 0.05, "i_q": 20, "i_d": 5, "x_d": 1e-3, "v_d": 0.05, "a_d": 0.3,
          "d_hat": 0.5, "u_available": 100.0},
     ),
     "FocController": (
-        start_values(MODELS["FocController"], TILT, foc_gains.RULE["tilt"]),
+        start_values(MODELS["FocController"], TILT, gains_of("foc", "rule")["tilt"]),
         COMPARED,
     ),
     "CacController": (
-        start_values(MODELS["CacController"], TILT, cac_gains.PUBLISHED["tilt"]),
+        start_values(MODELS["CacController"], TILT, gains_of("cac", "published")["tilt"]),
         COMPARED,
     ),
     "AnatcController": (
-        start_values(MODELS["AnatcController"], TILT, anatc_gains.PUBLISHED["tilt"]),
+        start_values(MODELS["AnatcController"], TILT, gains_of("anatc", "published")["tilt"]),
         COMPARED,
     ),
     "SignalFault": ({"kind": FaultKind.FREEZE, "start": 0.1, "duration": 0.2}, {"u": 0.5}),

@@ -12,8 +12,8 @@ from hypothesis import given
 import emla_cosim as ec
 from emla_cosim.recorders.csv_file import read_csv
 from emla_cosim.study.metrics import JointMetrics
-from emla_fmu.parameters import EMLAS
 from tests.support.commands import Emla
+from tests.support.joint_data import EMLAS
 from tests.support.paths import FOREIGN_MAPPING
 
 BELOW = ("--set", "tilt.plant.start.x_L=0.38", "--set", "tilt.observer.start.x_hat=0.38")

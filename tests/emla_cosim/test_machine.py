@@ -18,12 +18,12 @@ from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI
 from emla_cosim.study.roles import JOINTS, joints, tracked, variable
 from emla_cosim.study.systems import STUDY
-from emla_fmu.parameters import EMLAS
 from hdrm_fmu import HDRM
 from hdrm_fmu.dynamics import inverse_dynamics
 from hdrm_fmu.spline import DEFAULT_FILE, default_spline
 from tests.support.commands import Emla
 from tests.support.coupled_machine import column, positions
+from tests.support.joint_data import EMLAS
 
 
 @pytest.fixture(scope="module")
@@ -116,11 +116,11 @@ def test_joints_start_beside_the_trajectory_as_in_the_study() -> None:
     system = load("hdrm-coupled").system
     for joint in JOINTS:
         plant, observer = (system.component(f"{joint}.{role}").parameters for role in ("plant", "observer"))
-        assert plant["start.x_L"] == STUDY[joint].x_start == observer["start.x_hat"]
+        assert plant["start.x_L"] == STUDY[joint].start.x_L == observer["start.x_hat"]
         assert plant["uncertainty.F_2"] == 0.01 and plant["sensor.seed"] == STUDY[joint].seed
     mechanics = load("hdrm-merged").system.component("machine.plant").parameters
     for i, joint in enumerate(JOINTS, 1):
-        assert mechanics[f"start.x_L[{i}]"] == STUDY[joint].x_start
+        assert mechanics[f"start.x_L[{i}]"] == STUDY[joint].start.x_L
         assert mechanics[f"motor.J_m[{i}]"] == EMLAS[joint].J_m
         assert mechanics[f"uncertainty.F_2[{i}]"] == 0.01
 
@@ -239,7 +239,7 @@ def test_a_scenario_file_names_a_trajectory_beside_itself(tmp_path: Path) -> Non
     scenario = folder / "mine.toml"
     scenario.write_text('system = "hdrm-merged"\ntrajectory = "t.json"\n')
     start = load(scenario).system.component("machine.plant").parameters["start.x_L[1]"]
-    assert start == pytest.approx(STUDY["lift"].x_start + 0.02)
+    assert start == pytest.approx(STUDY["lift"].start.x_L + 0.02)
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,9 @@ from fmublock.block import Values
 from fmublock.instance import Instance
 from fmublock.results import Results
 from rsba_fmu import RsbaController
-from rsba_fmu.gains import PUBLISHED
 from tests.support import reference_drive
 from tests.support import reference_model as paper
+from tests.support.joint_data import PUBLISHED
 from tests.support.simulated import simulated
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
 

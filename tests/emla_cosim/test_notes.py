@@ -10,9 +10,9 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.study.actuator.profiles import largest_load, reference_reach
-from emla_fmu.parameters import PROTOTYPE
 from tests.emla_cosim.test_actuator import FILE, with_entries
 from tests.support.commands import Emla
+from tests.support.joint_data import PROTOTYPE
 
 LOAD, PLANT = "prototype.disturbance.load", "prototype.plant"
 HOLDABLE, TOO_HEAVY = 6.5e3, 90e3

@@ -9,7 +9,7 @@ from emla_cosim.recorders.csv_file import read_csv
 from emla_cosim.run.result import Result
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.loading import load
-from emla_fmu.parameters import EMLAS
+from tests.support.joint_data import EMLAS
 from tests.support.scenario_runs import run_scenario
 
 # Table VI, column RSBA: position error m, speed error m/s, torque effort N m, convergence s

@@ -16,7 +16,7 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.study.criteria import Criteria, criteria_of
 from emla_cosim.study.metrics import JointMetrics
 from emla_cosim.study.registration import register
-from emla_fmu.parameters import EMLAS
+from tests.support.joint_data import EMLAS
 
 SIGNALS = ("plant.x_L", "plant.v_L", "plant.tau_m", "reference.x_d", "reference.v_d")
 NAMES = [*(f"j.{name}" for name in SIGNALS), "j.observer.x_hat", "j.controller.saturated"]

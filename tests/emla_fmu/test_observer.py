@@ -11,6 +11,7 @@ from hypothesis import given
 from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaObserver, observer_gains
 from fmublock.instance import Instance
+from tests.support.joint_data import observers
 from tests.support.slaves import BlockSlave, interface
 
 OUTPUTS = interface(EmlaObserver)[1]
@@ -36,7 +37,7 @@ def test_p_solves_the_lyapunov_equation(
 
 def test_the_published_p_follows_from_the_published_alpha_and_Q() -> None:
     """(85) prints p to four digits, and alpha and Q rounded."""
-    p = EmlaObserver().lyapunov_solution(observer_gains.PUBLISHED["lift"])
+    p = EmlaObserver().lyapunov_solution(observers("published")["lift"])
     assert p == pytest.approx((1.4078, -0.1975, 4.4535), rel=3e-4)
 
 
@@ -48,7 +49,7 @@ def test_the_published_p_follows_from_the_published_alpha_and_Q() -> None:
 )
 def test_the_robust_term_keeps_its_bound(y_bar: float, eta_hat: float, y: float, time: float) -> None:
     """(25): |f| <= eta_hat H, and f has the innovation's sign."""
-    gains = observer_gains.ROBUST["lift"]
+    gains = observers("robust")["lift"]
     point = {"y": y, "x_hat": y - y_bar, "eta_hat": eta_hat, "time": time, "h_before": 0.0}
     values = SimpleNamespace(**vars(gains) | point)
     f = EmlaObserver().robust_term(values, y)
@@ -115,14 +116,14 @@ def test_the_robust_term_acts_as_its_gains_promise() -> None:
 
 
 def test_the_robust_term_does_nothing_with_the_published_gains() -> None:
-    gains = observer_gains.PUBLISHED["lift"]
+    gains = observers("published")["lift"]
     with_f, without_f = (_errors(gains, stop=2.0, step=1e-3, H_0=H_0)[0] for H_0 in (20.0, 0.0))
     assert abs(without_f) > 1.0  # metres, after 2 s
     assert with_f == pytest.approx(without_f, rel=0.05)
 
 
 def test_published_poles() -> None:
-    gains = observer_gains.PUBLISHED["lift"]
+    gains = observers("published")["lift"]
     poles = np.roots([1.0, gains.alpha_1, gains.alpha_2])
     assert sorted(poles.imag) == pytest.approx([-0.536, 0.536], abs=1e-3)
     assert poles.real == pytest.approx([-0.1596, -0.1596], abs=1e-4)

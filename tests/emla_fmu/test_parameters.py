@@ -5,7 +5,7 @@ import math
 import pytest
 
 from emla_fmu import motion_law
-from emla_fmu.parameters import EMLAS, LIFT, PROTOTYPE, TELESCOPE, TILT
+from tests.support.joint_data import EMLAS, LIFT, PROTOTYPE, TELESCOPE, TILT
 
 
 @pytest.mark.parametrize(

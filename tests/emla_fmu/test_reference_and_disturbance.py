@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from emla_cosim.study.joint import start_values
-from emla_cosim.study.systems import STUDY, VOLTAGE_DISTURBANCES
+from emla_cosim.study.systems import STUDY
 from emla_fmu import Disturbance, DisturbanceReading, Reference
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, rest_to_rest
@@ -108,12 +108,12 @@ def test_ripple_is_as_wide_as_given() -> None:
 def test_equation_98_and_99_as_printed() -> None:
     """Lift and telescope of (82), both lines of (83)."""
     t, v_L = np.arange(0, 1.0, 0.05), 0.05
-    lift = outputs_at(Disturbance(), t, 0.01, v_L, **STUDY["lift"].d_2, **VOLTAGE_DISTURBANCES)
+    lift = outputs_at(Disturbance(), t, 0.01, v_L, **STUDY["lift"].disturbance)
     arctan = 1.2 * np.arctan(v_L) * np.exp(-3 * t)
     assert lift.d_2 == pytest.approx(0.8 * np.sin(8 * t) + 0.7 * np.sin(20 * t) + arctan, abs=1e-12)
     assert lift.d_3 == pytest.approx(0.42 * np.cos(8 * t + np.pi / 3) + 0.032 * np.sin(5 * t), abs=1e-12)
     assert lift.d_4 == pytest.approx(-0.15 * np.cos(12 * t + np.pi / 6), abs=1e-12)
-    telescope = outputs_at(Disturbance(), t, 0.01, **STUDY["telescope"].d_2)
+    telescope = outputs_at(Disturbance(), t, 0.01, **STUDY["telescope"].disturbance)
     assert telescope.d_2 == pytest.approx(0.9 * np.sin(65 * t) - 0.3 * np.sin(50 * t + np.pi / 4), abs=1e-12)
 
 

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emla_fmu import EmlaPlant, TorqueSource
-from emla_fmu.parameters import LIFT, TELESCOPE, TILT
 from fmublock import Instance, StepDiscardedError
 from hdrm_fmu import HDRM, HdrmManipulator, HdrmPlant
 from hdrm_fmu.parameters import RANGES
+from tests.support.joint_data import LIFT, TELESCOPE, TILT
 from tests.support.machines import MOMENTS, Moment, three
 from tests.support.sessions import Session
 

@@ -11,11 +11,11 @@ from motulator.drive.utils import SynchronousMachinePars
 
 from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaPlant
-from emla_fmu.parameters import LIFT
 from fmublock import Block
 from fmublock.instance import Instance
 from rsba_fmu import FocController
 from tests.support import reference_model as paper
+from tests.support.joint_data import LIFT
 
 SAMPLE, SAMPLES = 1e-4, 1500
 MOVE = paper.Motion((0.24, 0.2418), (0.0,), (0.12,))

@@ -11,8 +11,7 @@ from hypothesis import given
 
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.joint import start_values
-from emla_fmu import EmlaPlant, observer_gains
-from emla_fmu.parameters import EMLAS, LIFT
+from emla_fmu import EmlaPlant
 from fmublock import Block
 from fmublock.instance import Instance
 from rsba_fmu import (
@@ -22,11 +21,11 @@ from rsba_fmu import (
     RsbaController,
     drive_laws,
     foc_gains,
-    gains,
 )
 from tests.support import reference_controllers as independent
 from tests.support import reference_model as paper
 from tests.support.continuous import Continuous
+from tests.support.joint_data import COMPENSATED, EMLAS, LIFT, gains_of, observers
 
 COMPARED = (FocController, CacController, AnatcController)
 
@@ -120,7 +119,7 @@ def test_whatever_comes_in_current_and_voltage_stay_within_their_limits(
     assert isinstance(chosen.model, type)
     instance = Instance(chosen.model())
     reference = instance.layout.reference
-    gains = list(chosen.gains.values())[gain_set].controller[joint]
+    gains = gains_of(name, list(chosen.gains)[gain_set])[joint]
     for variable, value in start_values(chosen.model, emla, gains).items():
         instance.set([reference(variable)], [float(value)])
     instance.enter_initialization()
@@ -198,8 +197,8 @@ def test_the_field_is_weakened_until_the_voltage_holds_what_is_asked_for() -> No
 )
 def test_without_adaptation_rsba_asks_for_the_current_of_the_cascade(inputs: dict[str, float]) -> None:
     """But for P_1 / A_2 of (39), a part in k_p k_v: the recommended gains are those of a P-P cascade."""
-    of_rsba = replace(gains.COMPENSATED["lift"], weaken_field=False)
-    assert of_rsba.zeta == (0.0,) * 4 and observer_gains.COMPENSATED["lift"].H_0 == 0.0
+    of_rsba = replace(COMPENSATED["lift"], weaken_field=False)
+    assert of_rsba.zeta == (0.0,) * 4 and observers("compensated")["lift"].H_0 == 0.0
     k_p, k_v = 0.5 * of_rsba.beta[0], 0.5 * of_rsba.beta[1]
     far = {"i_max": 1e6, "u_max": 1e9, "u_available": 1e9}  # limits that nothing reaches
     of_foc = {"k_p": k_p, "k_v": k_v, "a_max": of_rsba.a_max, "weaken_field": False}

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 
 from emla_cosim.study.joint import start_values
-from emla_fmu.parameters import LIFT
 from fmublock.instance import Instance
 from rsba_fmu import RsbaController, gains
+from tests.support.joint_data import LIFT, PUBLISHED, ROBUST
 
 REFERENCE = RsbaController.layout().reference
 
@@ -55,7 +55,7 @@ signals = st.fixed_dictionaries(
 @given(signals)
 def test_the_published_laws_are_those_printed(s: dict[str, float]) -> None:
     """(30), (31), (39) and Table I, with L_d = L_q and C_eq = 0."""
-    g = gains.PUBLISHED["lift"]
+    g = PUBLISHED["lift"]
     found = outputs(g, **s)
     theta = [s[f"theta[{i}]"] for i in range(1, 5)]
     A_2, A_3 = 1.5 * LIFT.N_p * LIFT.Phi_PM / LIFT.A_eq, 1.0 / LIFT.L_q
@@ -80,7 +80,7 @@ def test_the_published_laws_are_those_printed(s: dict[str, float]) -> None:
 
 @given(signals)
 def test_adaptation_follows_32(s: dict[str, float]) -> None:
-    g = gains.PUBLISHED["lift"]
+    g = PUBLISHED["lift"]
     instance = controller(g, **s)
     P = [instance.get([REFERENCE(f"P[{i}]")])[0] for i in range(1, 5)]
     rates = instance.block.derivatives(instance._v)["theta"]
@@ -91,14 +91,14 @@ def test_adaptation_follows_32(s: dict[str, float]) -> None:
 
 def test_without_x_2d_the_speed_error_counts_the_reference_speed() -> None:
     at_rest_on_target = {"x_hat": 0.25, "x_d": 0.25, "v_hat": 0.05, "v_d": 0.05}
-    printed, repaired = gains.PUBLISHED["lift"], gains.ROBUST["lift"]
+    printed, repaired = PUBLISHED["lift"], ROBUST["lift"]
     assert outputs(printed, **at_rest_on_target).P_2 == pytest.approx(0.05)  # wants to slow down
     assert outputs(repaired, **at_rest_on_target).P_2 == 0.0
 
 
 def test_fed_acceleration_is_the_torque_that_the_inertia_needs() -> None:
-    still = outputs(gains.ROBUST["lift"], a_d=0.0).i_q_ref
-    moving = outputs(gains.ROBUST["lift"], a_d=0.5).i_q_ref
+    still = outputs(ROBUST["lift"], a_d=0.0).i_q_ref
+    moving = outputs(ROBUST["lift"], a_d=0.5).i_q_ref
     torque = 1.5 * LIFT.N_p * LIFT.Phi_PM * (moving - still)
     assert torque == pytest.approx(LIFT.A_eq * 0.5)
 
@@ -106,7 +106,7 @@ def test_fed_acceleration_is_the_torque_that_the_inertia_needs() -> None:
 @given(st.floats(-0.05, 0.05))
 def test_the_approach_speed_can_be_braked(error: float) -> None:
     """Within k e, monotone, and v^2 / 2 never more than a_max over the distance left."""
-    g = gains.ROBUST["lift"]
+    g = ROBUST["lift"]
     # on the reference's speed, -a_1 is what P_2 shows beyond the speed error
     speed = outputs(g, x_hat=error).P_2
     k, a = g.beta[0] / 2, g.a_max
@@ -121,7 +121,7 @@ def test_the_approach_speed_can_be_braked(error: float) -> None:
 
 @given(signals)
 def test_limits_hold_and_are_reported(s: dict[str, float]) -> None:
-    g = gains.ROBUST["lift"]
+    g = ROBUST["lift"]
     found = outputs(g, **s)
     assert abs(found.i_q_ref) <= LIFT.i_max
     assert math.hypot(found.u_q, found.u_d) <= LIFT.u_max * (1 + 1e-12)
@@ -130,11 +130,11 @@ def test_limits_hold_and_are_reported(s: dict[str, float]) -> None:
 
 
 def test_adaptation_stops_while_saturated_and_at_its_largest_value() -> None:
-    saturated = controller(gains.ROBUST["lift"], x_hat=0.1)
+    saturated = controller(ROBUST["lift"], x_hat=0.1)
     assert saturated.get([REFERENCE("saturated")]) == [1.0]
     assert saturated.block.derivatives(saturated._v)["theta"][:2] == [0.0, 0.0]
     at_top = {f"theta[{i}]": 1e6 for i in range(1, 5)}
-    free = controller(gains.ROBUST["lift"], v_hat=1e-9, i_d=0.1, **at_top)
+    free = controller(ROBUST["lift"], v_hat=1e-9, i_d=0.1, **at_top)
     rates = free.block.derivatives(free._v)["theta"]
     assert all(rate <= 0.0 for rate in rates)
 
@@ -142,7 +142,7 @@ def test_adaptation_stops_while_saturated_and_at_its_largest_value() -> None:
 @given(theta_max=st.floats(1.0, 1e8), step=st.floats(1e-6, 1e-2), error=st.floats(-0.1, 0.1))
 def test_no_step_jumps_over_the_largest_adaptation(theta_max: float, step: float, error: float) -> None:
     """With nothing but the freeze switched on, adaptation wants 1e9 within a tenth of a millisecond."""
-    only_frozen = replace(gains.PUBLISHED["lift"], freeze_adaptation=True)
+    only_frozen = replace(PUBLISHED["lift"], freeze_adaptation=True)
     instance = controller(only_frozen, **{"limit.theta_max": theta_max}, x_hat=error)
     for k in range(5):
         instance.do_step(k * step, step)
@@ -153,7 +153,7 @@ def test_no_step_jumps_over_the_largest_adaptation(theta_max: float, step: float
 
 def test_published_adaptation_knows_no_limit() -> None:
     """At the published start the tilt joint's theta_2 grows by thousands within 0.1 ms."""
-    instance = controller(gains.PUBLISHED["tilt"], x_hat=0.358, x_d=0.389)
+    instance = controller(PUBLISHED["tilt"], x_hat=0.358, x_d=0.389)
     instance.do_step(0.0, 1e-4)
     assert instance.get([REFERENCE("theta[2]")])[0] > 400
     assert abs(instance.get([REFERENCE("i_q_ref")])[0]) > 1e5

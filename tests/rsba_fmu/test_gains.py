@@ -6,10 +6,10 @@ from dataclasses import fields
 import pytest
 
 from emla_cosim.study.systems import STUDY
-from emla_fmu.parameters import EMLAS
-from rsba_fmu.gains import COMPENSATED, PUBLISHED, ROBUST, RsbaGains
+from rsba_fmu.gains import RsbaGains
+from tests.support.joint_data import COMPENSATED, EMLAS, PUBLISHED, ROBUST
 
-LOADS = {**{joint: study.load for joint, study in STUDY.items()}, "prototype": 75e3}
+LOADS = {**{joint: study.load.largest for joint, study in STUDY.items()}, "prototype": 75e3}
 """The largest load of each joint in N."""
 FASTEST = {**dict.fromkeys(STUDY, 0.25 / 1e-4), "prototype": 0.4 * 1e3}
 """How fast the current loops are in rad/s: a part of the rate of samples."""

@@ -43,7 +43,7 @@ def _start(merged: bool, quiet: bool) -> dict[str, float]:
     """Start values without offset and without rounding of the sensor."""
     values = dict[str, float]()
     for i, joint in enumerate(JOINTS, 1):
-        q = STUDY[joint].q_S
+        q = STUDY[joint].reference.q_S
         values[f"machine.plant.start.x_L[{i}]" if merged else f"{joint}.plant.start.x_L"] = q
         values[f"{joint}.observer.start.x_hat"] = q
         values[f"{joint}.{'motor' if merged else 'plant'}.sensor.resolution"] = 0.0
