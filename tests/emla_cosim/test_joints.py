@@ -1,0 +1,306 @@
+"""A joint is one file: a copy is a new scenario, and what is missing or wrong is refused by name."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.study.controllers import CONTROLLERS
+from emla_cosim.study.joints.library import joint_named, joint_names, joint_text
+from emla_cosim.study.joints.schema import JointFile, read_joint
+from emla_cosim.study.systems import STUDY
+from tests.support.paths import ROOT
+
+TILT = joint_text("tilt")
+
+
+def read(text: str, name: str = "slew") -> JointFile:
+    return read_joint(text, f"the joint file '{name}.toml'", name, Path())
+
+
+def without(text: str, *lines: str) -> str:
+    """Return the text without the lines that begin so."""
+    kept = [line for line in text.splitlines() if not line.startswith(lines)]
+    assert len(kept) == len(text.splitlines()) - len(lines)
+    return "\n".join(kept)
+
+
+def without_table(text: str, name: str) -> str:
+    """Return the text without a table and the tables inside it."""
+    parts = re.split(r"^(?=\[)", text, flags=re.M)
+    return "".join(part for part in parts if not re.match(rf"\[{re.escape(name)}[.\]]", part))
+
+
+def message(text: str) -> str:
+    with pytest.raises(ec.CommandError) as caught:
+        read(text)
+    return str(caught.value)
+
+
+def parameters(scenario: ec.Scenario) -> list[Mapping[str, Any]]:
+    return [component.parameters for component in scenario.system.components]
+
+
+# ---- a copy is a new scenario -----------------------------------------------------------------------
+
+
+@pytest.fixture
+def slew(tmp_path: Path) -> Path:
+    file = tmp_path / "slew.toml"
+    file.write_text(TILT)
+    return file
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_copied_joint_has_the_values_of_its_model(controller: str, slew: Path) -> None:
+    for gains in CONTROLLERS[controller].gains:
+        tilt = ec.load("tilt", controller=controller, gains=gains)
+        copy = ec.load(slew, controller=controller, gains=gains)
+        names = [c.name.replace("slew.", "tilt.") for c in copy.system.components]
+        assert names == [c.name for c in tilt.system.components]
+        assert parameters(copy) == parameters(tilt)
+
+
+def test_copied_joint_runs_as_its_model(slew: Path, fmu_folder: Path, tmp_path: Path) -> None:
+    rows: dict[str, list[str]] = {}
+    for source in ("tilt", slew):
+        name = Path(source).stem
+        with ec.load(source, stop_time=0.05, fmus=fmu_folder).prepare() as simulation:
+            simulation.run().save(tmp_path / name, plots=False)
+        header, *rows[name] = (tmp_path / name / "results.csv").read_text().splitlines()
+        assert f"{name}.plant.x_L" in header
+    assert len(rows["tilt"]) > 50 and rows["slew"] == rows["tilt"]
+
+
+def test_scenario_file_names_a_joint_file(slew: Path) -> None:
+    scenario = slew.with_name("fast.toml")
+    scenario.write_text('system = "slew.toml"\ncontroller = "foc"\nstop_time = 0.1\n')
+    loaded = ec.load(scenario)
+    assert loaded.options.stop_time == 0.1 and loaded.options.step_size == 1e-4
+    assert {c.name for c in loaded.system.components} >= {"slew.plant", "slew.controller"}
+
+
+def test_file_in_the_folder_of_joints_is_listed_and_run(tmp_path: Path) -> None:
+    """In a copy of the package, to which one file is added."""
+    shutil.copytree(ROOT / "orchestration", tmp_path / "orchestration")
+    (tmp_path / "orchestration" / "emla_cosim" / "study" / "joints" / "slew.toml").write_text(TILT)
+    program = """
+import emla_cosim as ec
+from emla_cosim.run.scenarios.built_in import SCENARIOS, TUNINGS
+
+slew, tilt = ec.load("slew"), ec.load("tilt")
+assert "slew" in SCENARIOS and {"rsba-slew", "foc-slew", "cac-slew", "anatc-slew"} <= set(TUNINGS)
+assert 'scenario = "slew"' in TUNINGS["foc-slew"]()
+assert [c.parameters for c in slew.system.components] == [c.parameters for c in tilt.system.components]
+joints = {c.name.partition(".")[0] for c in ec.load("study").system.components}
+assert joints == {"lift", "tilt", "telescope"}, joints
+print(ec.__file__)
+"""
+    path = os.pathsep.join([str(tmp_path / "orchestration"), str(ROOT / "src")])
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert str(tmp_path) in done.stdout
+
+
+def test_the_study_keeps_its_three_joints() -> None:
+    assert tuple(STUDY) == ("lift", "tilt", "telescope")
+    assert set(joint_names()) >= {*STUDY, "prototype"}
+    assert all(file.name.removesuffix(".toml") in joint_names() for file in _joint_files())
+
+
+def _joint_files() -> list[Path]:
+    folder = Path(str(files("emla_cosim.study.joints")))
+    return sorted(folder.glob("*.toml"))
+
+
+# ---- gains are needed only for the controller that is chosen -----------------------------------------
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_missing_gains_are_refused_by_name_for_that_controller_alone(controller: str, slew: Path) -> None:
+    slew.write_text(without_table(TILT, f"gains.{controller}"))
+    for name, other in CONTROLLERS.items():
+        for gains in other.gains:
+            if name != controller:
+                assert ec.load(slew, controller=name, gains=gains)
+                continue
+            with pytest.raises(ec.CommandError) as caught:
+                ec.load(slew, controller=name, gains=gains)
+            assert str(caught.value) == (
+                f"the joint file '{slew}' has no gains '{gains}' for the controller '{name}'; "
+                f"add [gains.{name}.{gains}]."
+            )
+
+
+def test_missing_set_names_the_sets_that_there_are(slew: Path) -> None:
+    slew.write_text(without_table(TILT, "gains.rsba.robust"))
+    with pytest.raises(ec.CommandError, match=r"or choose compensated and published with --gains\.$"):
+        ec.load(slew)
+
+
+def test_block_without_gains_takes_an_observer_of_the_joint(slew: Path) -> None:
+    from rsba_fmu import FocController
+
+    assert ec.load(slew, controller=FocController, gains="compensated")
+    slew.write_text(without_table(without_table(TILT, "observer.robust"), "gains"))
+    with pytest.raises(ec.CommandError, match=r"no gains of the observer .* \[observer.robust\]"):
+        ec.load(slew, controller=FocController)
+
+
+def test_gains_of_python_that_leave_out_the_joint_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    tilt = joint_named("tilt")
+    own = tilt.gain_set("foc", "tuned")
+    gains = ec.Gains({"tilt": own.observer.gains}, {"tilt": own.controller})
+    monkeypatch.setitem(ec.CONTROLLERS, "mine", ec.Controller(CONTROLLERS["foc"].model, {"own": gains}))
+    (k_p,) = (values["k_p"] for values in parameters(ec.load("tilt", controller="mine")) if "k_p" in values)
+    assert k_p == 415.0
+    with pytest.raises(ec.CommandError, match=r"'own' of the controller 'mine' .* joint 'lift'"):
+        ec.load("lift", controller="mine")
+
+
+# ---- what is missing or wrong is refused by name -----------------------------------------------------
+
+LACKING_TABLES = {
+    "run": "lacks the table [run], the options of its scenario",
+    "actuator": "lacks the table [actuator], the data of motor",
+    "actuator.motor": "[actuator] of the joint file 'slew.toml' cannot be used for 7 reasons:",
+    "actuator.sensor": "cannot be used: [sensor] lacks bits or steps or resolution",
+    "start": "lacks the table [start], where the screw starts",
+    "reference": "lacks the table [reference], the motion of the joint",
+    "load": "lacks the table [load], the load force",
+    "observer": "'observer' in [gains.rsba.compensated] of the joint file 'slew.toml' is",
+}
+
+
+@pytest.mark.parametrize("table", LACKING_TABLES)
+def test_missing_table_is_named(table: str) -> None:
+    found = message(without_table(TILT, table))
+    assert "joint file 'slew.toml'" in found and LACKING_TABLES[table] in found
+
+
+LACKING_ENTRIES = {
+    "kind =": 'lacks kind; write kind = "joint"',
+    "description =": "lacks description",
+    "sample_time = 1e-4  #": "lacks sample_time, the sample time of observer and controller; write",
+    "stop_time =": "[run] of the joint file 'slew.toml' lacks stop_time, in s; write stop_time = 10.0",
+    "step_size =": "[run] of the joint file 'slew.toml' lacks step_size",
+    "J_m =": '[motor] lacks J_m, the rotor inertia; write J_m = "9.6 kg cm^2"',
+    "x_L =": "[start] of the joint file 'slew.toml' lacks x_L, the initial screw position; write x_L = 0.24",
+    "q_E =": "lacks q_E, the end of the reference; write q_E = 0.270",
+    "v_peak =": "[reference] of the joint file 'slew.toml' has neither v_peak nor duration",
+    "level =": "lacks level, the load force; write level = 57e3",
+    "beta_1 =": "[gains.rsba.robust] of the joint file 'slew.toml' lacks beta_1; write beta_1 = ...",
+    "zeta =": "[gains.rsba.published] of the joint file 'slew.toml' lacks zeta; write zeta = [..., ...,",
+    "k_p =": "[gains.foc.tuned] of the joint file 'slew.toml' lacks k_p",
+    "eta_hat_start =": "[observer.published] of the joint file 'slew.toml' lacks eta_hat_start",
+}
+
+
+@pytest.mark.parametrize("line", LACKING_ENTRIES)
+def test_missing_entry_is_named(line: str) -> None:
+    assert LACKING_ENTRIES[line] in message(without(TILT, line))
+
+
+WRONG = {
+    "unknown table": ("[load]", "[laod]", "has the entry 'laod'; did you mean 'load'?"),
+    "unknown entry": ("q_E =", "q_F =", "has the entry 'q_F'; did you mean"),
+    "unknown gain": ("beta_2 =", "beta2 =", "has the entry 'beta2'; did you mean 'beta_2'?"),
+    "unknown set": (
+        "gains.rsba.robust",
+        "gains.rsba.robst",
+        "set of gains 'robst'; did you mean 'robust'?",
+    ),
+    "unknown controller": (
+        "[gains.cac.tuned]",
+        "[gains.cca.tuned]",
+        "controller 'cca'; did you mean 'cac'?",
+    ),
+    "unknown rule": ('rule = "rule"', 'rule = "rules"', "is 'rules'; it must be 'tuned' or 'rule'"),
+    "unknown option": ("stop_time =", "stop_tim =", "lacks stop_time"),
+    "unknown parameter": ("high = 2.0", "hi = 2.0", "has the entry 'd_2.hi'; did you mean"),
+    "text": ("x_L = 0.385", 'x_L = "far"', "'x_L' in [start] of the joint file 'slew.toml' is 'far'"),
+    "another unit": ("x_L = 0.385", 'x_L = "3 kg"', "'x_L' in [start]"),
+    "infinite": ("q_S = 0.389", "q_S = inf", "it must be a finite number"),
+    "not positive": ("v_peak = 0.0808", "v_peak = 0.0", "it must be more than 0"),
+    "length": ("low = 0.0", "low = [0.0]", "'d_2.low' in [disturbance]"),
+    "array": ("amplitude = [0.8, 0.95]", "amplitude = [0.8]", "it must be a list of 2 numbers"),
+    "both": ("v_peak = 0.0808", "duration = 1.0\nv_peak = 0.0808", "has both v_peak and duration"),
+    "levels": ("level = 25e3", "level = [25e3, 30e3]", "has 2 levels and 0 times in start"),
+    "elsewhere": ("F_2 = 0.01", "F_2 = 0.01\n[plant.motor]\nR_s = 1.0", "it follows from [actuator]"),
+    "seed": ("seed = 715827883", 'seed = "x"', "it must be a whole number"),
+    "control": (
+        "[start]",
+        "[actuator.control]\nk_1 = 0.05\n[start]",
+        "[gains] of a joint file has all",
+    ),
+    "drive": (
+        "[start]",
+        '[drive.motor]\nR = "1 Ohm"\n[start]',
+        "entry 'motor'; it can have inverter",
+    ),
+    "no table": ("[paper.study]", "[paper.x]\nrsba = 1\n[paper.study]", "it must be a table, [paper.x.rsba]"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_entry_is_named(case: str) -> None:
+    old, new, expected = WRONG[case]
+    assert old in TILT
+    assert expected in message(TILT.replace(old, new, 1))
+
+
+def test_file_without_kind_or_system_is_told_from_a_scenario(slew: Path) -> None:
+    slew.write_text(without(TILT, "kind ="))
+    with pytest.raises(ec.CommandError, match=r"the key '\w+' of a joint; write kind = \"joint\""):
+        ec.load(slew)
+    slew.write_text(TILT.replace('kind = "joint"', 'kind = "jont"'))
+    with pytest.raises(ec.CommandError, match=r"'jont'; choose from joint"):
+        ec.load(slew)
+
+
+def test_name_of_the_file_must_name_a_joint(slew: Path) -> None:
+    odd = slew.rename(slew.with_name("my slew.toml"))
+    with pytest.raises(ec.CommandError, match=r"'my slew' is no name; use letters, digits and _"):
+        ec.load(odd)
+
+
+# ---- the parts of a file ----------------------------------------------------------------------------
+
+
+def test_actuator_can_be_a_file_of_its_own(slew: Path) -> None:
+    tables = re.split(r"^(?=\[)", TILT, flags=re.M)
+    inline = [part for part in tables if part.startswith("[actuator.")]
+    slew.with_name("motor.toml").write_text("".join(part.replace("[actuator.", "[") for part in inline))
+    rest = [part for part in tables if not part.startswith("[actuator.")]
+    slew.write_text('actuator = "motor.toml"\n' + "".join(rest))
+    assert parameters(ec.load(slew)) == parameters(ec.load("tilt"))
+
+
+def test_realistic_drive_takes_the_rule_and_what_the_file_changes(slew: Path) -> None:
+    slew.write_text(f'{TILT}\n[drive]\nalways = true\ninverter = {{ delay = "0.2 ms" }}\n')
+    plant, usual = (
+        next(dict(c.parameters) for c in scenario.system.components if c.name.endswith(f"{joint}.plant"))
+        for scenario, joint in ((ec.load(slew), "slew"), (ec.load("study-drive", gains="robust"), "tilt"))
+    )
+    assert plant.pop("inverter.delay") == pytest.approx(2e-4)
+    assert usual.pop("inverter.delay") == 1e-4
+    assert plant == usual
+
+
+def test_quantities_can_have_other_units() -> None:
+    assert read(TILT.replace("x_L = 0.385", 'x_L = "385 mm"')).start.x_L == 0.385
+    assert read(TILT.replace("level = 25e3", 'level = "25 kN"')).load.level == (25e3,)
