@@ -48,11 +48,11 @@ def first(command: str, begun: str) -> list[Any] | None:
 
 
 def _scenarios() -> Iterable[str]:
-    return _files("scenarios")
+    return sorted([*_files("scenarios"), *_files("joints")])
 
 
 def _plans() -> Iterable[str]:
-    return [*_files("scenarios"), *_files("plans")]
+    return [*_scenarios(), *_files("plans")]
 
 
 def _files(folder: str) -> Iterable[str]:

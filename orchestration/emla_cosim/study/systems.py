@@ -171,7 +171,7 @@ _three_joints = partial(_side_by_side, tuple(STUDY))
 SYSTEMS: dict[str, Callable[..., System]] = {
     "study": _three_joints,
     "study-drive": partial(_three_joints, drive=True),
-    **{name: partial(_side_by_side, (name,)) for name in joint_names()},
+    **{name: partial(_side_by_side, (name,)) for name in dict.fromkeys((*STUDY, *joint_names()))},
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
 }
