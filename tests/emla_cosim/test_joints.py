@@ -239,6 +239,11 @@ WRONG = {
     "length": ("low = 0.0", "low = [0.0]", "'d_2.low' in [disturbance]"),
     "array": ("amplitude = [0.8, 0.95]", "amplitude = [0.8]", "it must be a list of 2 numbers"),
     "both": ("v_peak = 0.0808", "duration = 1.0\nv_peak = 0.0808", "has both v_peak and duration"),
+    "zero": (
+        "sample_time = 1e-4\nobserver_poles",
+        "sample_time = 0.0\nobserver_poles",
+        "cannot be computed with",
+    ),
     "levels": ("level = 25e3", "level = [25e3, 30e3]", "has 2 levels and 0 times in start"),
     "elsewhere": ("F_2 = 0.01", "F_2 = 0.01\n[plant.motor]\nR_s = 1.0", "it follows from [actuator]"),
     "seed": ("seed = 715827883", 'seed = "x"', "it must be a whole number"),

@@ -48,7 +48,7 @@ def _moves() -> str:
 
 def _cells(places: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Mapping[str, Cells]]:
     """Return the printed cells, from the files of the joints, by scenario and joint."""
-    return {(scenario, joint): joint_named(joint).printed[scenario] for scenario, joint in places}
+    return {(scenario, joint): joint_named(joint).printed_in(scenario) for scenario, joint in places}
 
 
 TABLE_VI = PrintedTable(

@@ -179,6 +179,12 @@ class JointFile:
             )
         return sets[name]
 
+    def printed_in(self, scenario: str) -> Mapping[str, Cells]:
+        """Return what the paper prints of a scenario, by controller; CommandError if the file has nothing."""
+        if scenario not in self.printed:
+            raise CommandError(f"{self.label} lacks the table [paper.{scenario}], the figures of the paper.")
+        return self.printed[scenario]
+
     def observer_of(
         self, gains: Mapping[str, ObserverGains] | str, controller: str, gain_set: str
     ) -> ObserverSet:

@@ -81,7 +81,7 @@ def read_call(target: Callable[..., Any], table: Table, ignored: Iterable[str] =
         ignored: Entries that are no arguments.
 
     Raises:
-        CommandError: For an entry that is unknown, missing or of the wrong type.
+        CommandError: For an entry that is unknown, missing or of the wrong type, or beyond computing.
 
     """
     hints = get_type_hints(target, include_extras=True)
@@ -98,7 +98,10 @@ def read_call(target: Callable[..., Any], table: Table, ignored: Iterable[str] =
             raise CommandError(
                 f"{table.label} lacks {name}{about}; write {name} = {_example(kind, entry)}.", key=name
             )
-    return target(**values)
+    try:
+        return target(**values)
+    except ArithmeticError as error:
+        raise CommandError(f"{table.label} has values that cannot be computed with: {error}.") from error
 
 
 def _kind(hint: Any) -> tuple[Any, Entry]:
