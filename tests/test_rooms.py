@@ -19,7 +19,13 @@ RESULT = "a result is data; its methods that show or compare it reach what does 
 LATE = {
     "cli.app": (
         START,
-        {"cli.completion", "cli.commands.failing", "cli.commands.options", "cli.commands.wanted"},
+        {
+            "cli.completion",
+            "cli.commands.failing",
+            "cli.commands.options",
+            "cli.commands.wanted",
+            "run.options",
+        },
     ),
     "cli.commands.failing": (START, {"views.terminal"}),
     "cli.commands.wanted": (START, {"views.terminal"}),
