@@ -12,6 +12,7 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
+from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.run.requirements import RENAMED
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Asked, resolved, with_verdicts
@@ -119,6 +120,7 @@ def test_a_sweep_that_is_resumed_has_the_same_verdicts_and_all_of_its_time(
     part.write_parquet(tmp_path / "b/parts/000000004.parquet")
     record = json.loads((tmp_path / "b/sweep.json").read_text())
     (tmp_path / "b/sweep.json").write_text(json.dumps({**record, "status": "unfinished", "wall_s": 1e3}))
+    (tmp_path / "b" / MANIFEST).unlink()  # which knows that the record was changed
     again = sweep(growth, output=tmp_path / "b", resume=True, **given)
     assert again.complete and again.variants.equals(whole.variants)
     assert 1e3 < again.wall_s < 1e3 + 60.0
@@ -132,6 +134,7 @@ def test_a_sweep_begun_without_verdicts_is_not_resumed(
     record = json.loads((tmp_path / "a/sweep.json").read_text())
     record["identity"]["metrics"], record["status"] = "of before", "unfinished"
     (tmp_path / "a/sweep.json").write_text(json.dumps(record))
+    (tmp_path / "a" / MANIFEST).unlink()  # which knows that the record was changed
     with pytest.raises(ec.CommandError, match="other metrics"):
         sweep(growth, output=tmp_path / "a", resume=True, **plan(cluster))
 
