@@ -108,7 +108,7 @@ def undisturbed(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> U
 
     followed(process, folder, note)
     assert process.communicate()[1].count("Error") == 0 and process.returncode == 0
-    assert assert_whole(folder / "out") == 11
+    assert assert_whole(folder / "out") == 12  # with the manifest
     return Undisturbed((folder / "out/results.csv").read_bytes(), lasted)
 
 

@@ -12,6 +12,7 @@ from hypothesis import given
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
+from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.run.requirements import Requirement, requirement, unmet
 from tests.support.commands import Emla, sentence
 
@@ -90,6 +91,8 @@ def test_a_missing_figure_fails(emla: Emla) -> None:
 def test_what_can_be_no_requirement_is_told_before_the_run(emla: Emla, text: str, said: str) -> None:
     Path("o").mkdir()
     Path("o/results.csv").write_text("of an earlier run")
+    listed = {"format": "emla-output", "version": 1, "files": {"results.csv": None}}
+    Path("o", MANIFEST).write_text(json.dumps(listed))
     assert said in sentence(emla(*RUN, *requiring(text)), 2)
     assert Path("o/results.csv").read_text() == "of an earlier run"
 

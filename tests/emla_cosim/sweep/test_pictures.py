@@ -12,7 +12,7 @@ from emla_cosim.recorders.metrics import Shown
 from emla_cosim.sweeps.drawing import bands as bands_module
 from emla_cosim.sweeps.drawing.bands import PERCENTILES, bands
 from emla_cosim.sweeps.drawing.labels import shortened, with_unit, wrapped
-from emla_cosim.sweeps.pictures import draw
+from emla_cosim.sweeps.pictures import drawn
 from emla_cosim.sweeps.result import SweepResult
 from tests.support.sweep_results import series, swept
 
@@ -243,8 +243,11 @@ def nasty() -> dict[str, tuple[SweepResult, list[str]]]:
 @pytest.mark.parametrize("case", nasty())
 def test_nasty_sweeps_draw_what_there_is(case: str, tmp_path: Path) -> None:
     result, expected = nasty()[case]
-    assert draw(result, tmp_path) == [tmp_path / f"{name}.png" for name in expected]
-    for path in tmp_path.iterdir():
+    pictures = dict(drawn(result))
+    assert list(pictures) == [f"{name}.png" for name in expected]
+    for name, figure in pictures.items():
+        path = tmp_path / name
+        figure.savefig(path)
         assert path.read_bytes().endswith(b"IEND\xaeB`\x82")
 
 
