@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.joints.library import joint_named, joint_names, joint_text
-from emla_cosim.study.joints.schema import JointFile, read_joint
+from emla_cosim.study.joints.schema import JointFile, joint_of, read_joint
 from emla_cosim.study.systems import STUDY
 from tests.support.paths import ROOT
 
@@ -309,3 +310,32 @@ def test_realistic_drive_takes_the_rule_and_what_the_file_changes(slew: Path) ->
 def test_quantities_can_have_other_units() -> None:
     assert read(TILT.replace("x_L = 0.385", 'x_L = "385 mm"')).start.x_L == 0.385
     assert read(TILT.replace("level = 25e3", 'level = "25 kN"')).load.level == (25e3,)
+
+
+def _entries(content: Any, place: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    inner = content.items() if isinstance(content, dict) else enumerate(content)
+    found = []
+    for key, value in inner:
+        found += _entries(value, (*place, key)) if isinstance(value, (dict, list)) else [(*place, key)]
+    return found
+
+
+@pytest.mark.parametrize("odd", [10**400, -(10**400), float("nan"), -1, "", True])
+def test_an_odd_value_in_any_entry_is_taken_or_refused(odd: Any) -> None:
+    for place in _entries(tomllib.loads(joint_text("tilt"))):
+        content = tomllib.loads(joint_text("tilt"))
+        inner: Any = content
+        for key in place[:-1]:
+            inner = inner[key]
+        inner[place[-1]] = odd
+        try:
+            joint_of(content, "the joint file", "tilt", Path())
+        except ec.CommandError as error:
+            assert "the joint file" in str(error), place
+
+
+def test_an_actuator_file_that_is_nested_too_deeply_is_refused(tmp_path: Path) -> None:
+    content = tomllib.loads(joint_text("tilt")) | {"actuator": "deep.toml"}
+    (tmp_path / "deep.toml").write_text("a = " + 3000 * "[" + 3000 * "]")
+    with pytest.raises(ec.CommandError, match=r"deep\.toml' is not TOML"):
+        joint_of(content, "the joint file", "tilt", tmp_path)

@@ -1,5 +1,6 @@
 """Values from outside, read as the type that they must have."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
@@ -11,6 +12,14 @@ import msgspec
 from .errors import CommandError
 
 _NAMES = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a text"}
+
+
+def as_float(value: float) -> float:
+    """Return a number as a float; infinity for a whole number that is too large for one."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def converted(value: Any, type_: Any, label: str, folder: Path | None = None) -> Any:

@@ -1,5 +1,7 @@
 """Counts in words, and numbers in digits."""
 
+from decimal import Decimal
+
 
 def counted(count: int, one: str, many: str = "", form: str = "") -> str:
     """A count and what is counted: "1 step", "2 steps"; `many` where more than an s makes the difference.
@@ -11,7 +13,12 @@ def counted(count: int, one: str, many: str = "", form: str = "") -> str:
 
 def number(value: float, digits: int = 6) -> str:
     """A number in so many digits; a whole one, which may be an identity such as a seed, in all of its own."""
-    return f"{value:.0f}" if abs(value) < _LARGE and value == int(value) else f"{value:.{digits}g}"
+    if abs(value) < _LARGE and value == int(value):
+        return f"{value:.0f}"
+    try:
+        return f"{value:.{digits}g}"
+    except OverflowError:  # a whole number that is too large for a float
+        return f"{Decimal(value):.{digits}g}"
 
 
 _LARGE = 1e15

@@ -25,7 +25,7 @@ _PATIENCE = 3.0
 def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
     """Do `run` in a child process, and end as that ends.
 
-    Where it does not come to an end of its own, `rescue` is called here with the way it ended. Without
+    Where it does not come to an end of its own, one more child calls `rescue` with the way it ended. Without
     processes that can divide, or room for one more, there is no guard.
     """
     if not hasattr(os, "fork"):

@@ -24,6 +24,17 @@ _TEXTS = ("name", "source")
 _NOTHING: Mapping[str, Any] = {}
 
 
+def actuator_tables(path: Path) -> tuple[dict[str, Any], str]:
+    """Return the tables of an actuator's file and its SHA-256; CommandError if it is not TOML."""
+    label, content = f"the actuator '{path}'", read_file(path, "the actuator")
+    try:
+        return tomllib.loads(content.decode("utf-8-sig")), hashlib.sha256(content).hexdigest()
+    except UnicodeDecodeError as error:
+        raise CommandError(f"{label} is not a text in UTF-8.") from error
+    except (ValueError, RecursionError) as error:
+        raise CommandError(f"{label} is not TOML: {error}.") from error
+
+
 @dataclass(frozen=True)
 class Actuator(Entered):
     """One EMLA as its data sheets describe it; plant, observer and controller follow from it.
@@ -60,14 +71,8 @@ class Actuator(Entered):
     def read(cls, path: str | Path) -> "Actuator":
         """The actuator of a file (TOML); CommandError for whatever is wrong with it."""
         path = Path(path)
-        label, content = f"the actuator '{path}'", read_file(path, "the actuator")
-        try:
-            read = tomllib.loads(content.decode("utf-8-sig"))
-        except UnicodeDecodeError as error:
-            raise CommandError(f"{label} is not a text in UTF-8.") from error
-        except (ValueError, RecursionError) as error:
-            raise CommandError(f"{label} is not TOML: {error}.") from error
-        return cls.of_tables(read, label, path, hashlib.sha256(content).hexdigest())
+        tables, sha256 = actuator_tables(path)
+        return cls.of_tables(tables, f"the actuator '{path}'", path, sha256)
 
     @classmethod
     def of_tables(

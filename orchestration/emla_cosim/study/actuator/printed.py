@@ -7,6 +7,7 @@ from typing import Any
 
 from ...base.errors import CommandError
 from ...base.quantities import quantity, unit_named
+from ...base.values import as_float
 from .entries import TURN, Entry
 
 RMS, PEAK = "rms", "peak"
@@ -57,16 +58,10 @@ def printed(value: Any, entry: Entry, label: str) -> Printed:
     elif entry.unit:
         raise CommandError(f'{label} is {value!r} without a unit; write one, as in "{entry.example}".')
     else:
-        text, number = f"{value:.9g}", _plain(value)
+        number = as_float(value)
+        text = f"{number:.9g}"
     _check_range(number, entry, f"{label} is {text}")
     return Printed(text, number)
-
-
-def _plain(value: float) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
 
 
 def _number(text: str, entry: Entry, label: str) -> float:

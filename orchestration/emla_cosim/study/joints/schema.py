@@ -16,9 +16,9 @@ from emla_fmu.reference import rest_to_rest
 from emla_fmu.schedule import NEVER
 
 from ...base.errors import CommandError, listed
-from ...base.files import read_text
+from ...base.values import as_float
 from ...run.scenarios.scenario_file import options_given
-from ..actuator.actuator import Actuator
+from ..actuator.actuator import Actuator, actuator_tables
 from ..controllers import CONTROLLERS
 from .tables import Entry, Table, read_block, read_call
 
@@ -340,11 +340,8 @@ def _actuator(top: Table, folder: Path) -> tuple[Actuator, Mapping[str, Any]]:
         raise CommandError(f"{top.file} lacks the table [actuator], {_TOP['actuator']}.", table="actuator")
     label = f"[actuator] of {top.file}"
     if isinstance(entered, str):
-        label = f"the actuator '{folder / entered}'"
-        try:
-            entered = tomllib.loads(read_text(folder / entered, "the actuator"))
-        except ValueError as error:
-            raise CommandError(f"{label} is not TOML: {error}.") from error
+        path = folder / entered
+        label, entered = f"the actuator '{path}'", actuator_tables(path)[0]
     if not isinstance(entered, Mapping):
         raise CommandError(f"{label} is {entered!r}; it must be a table, or the path of a file.")
     if "control" in entered:
@@ -468,6 +465,8 @@ def _noisy(table: Table) -> dict[str, float]:
     for name, value in table.content.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise CommandError(f"{table.label_of(name)} is {value!r}; it must be a number.")
+        if not math.isfinite(as_float(value)):
+            raise CommandError(f"{table.label_of(name)} is {as_float(value)}; it must be a finite number.")
         found[name] = value
     return found
 

@@ -13,6 +13,7 @@ from fmublock.variables import Variable
 
 from ...base.errors import CommandError, listed
 from ...base.quantities import quantity, unit_named
+from ...base.values import as_float
 
 
 @dataclass(frozen=True)
@@ -153,11 +154,12 @@ def _number(value: Any, entry: Entry, label: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         in_unit = f" in {entry.unit}, or a text with a unit" if entry.unit else ""
         raise CommandError(f"{label} is {value!r}; it must be a number{in_unit}.")
-    if not math.isfinite(value):
-        raise CommandError(f"{label} is {value!r}; it must be a finite number.")
-    if entry.positive and value <= 0.0:
+    number = as_float(value)
+    if not math.isfinite(number):
+        raise CommandError(f"{label} is {number!r}; it must be a finite number.")
+    if entry.positive and number <= 0.0:
         raise CommandError(f"{label} is {value!r}; it must be more than 0.")
-    return float(value)
+    return number
 
 
 def read_block(block: type[Block], table: Table, reserved: Mapping[str, str]) -> dict[str, Any]:
