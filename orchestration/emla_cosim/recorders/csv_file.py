@@ -72,6 +72,10 @@ class CsvFile(Table):
         frame.write_csv(text, include_header=False)
         self._write_lines(text.getvalue())
 
+    def open(self) -> None:
+        """Take the names of the columns from the file. Raises OSError."""
+        self.names = columns_of(self.path)
+
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Columns by name; one that the file does not have is left out."""
         return read_csv(self.path, names, most)

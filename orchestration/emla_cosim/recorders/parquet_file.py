@@ -76,6 +76,11 @@ class ParquetFile(Table):
         self._close_part()
         return {**super().memory(), "kept": self._rows}
 
+    def open(self) -> None:
+        """Take the names of the columns from the file. Raises OSError, or what polars raises."""
+        self.names = list(polars.read_parquet_schema(self.path))
+        self._rows = int(polars.scan_parquet(self.path).select(polars.len()).collect().item())
+
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Columns by name; one that the file does not have is left out."""
         table = polars.scan_parquet(self.path)
@@ -84,7 +89,7 @@ class ParquetFile(Table):
         if most is not None:
             frame = frame.gather_every(max(-(-self._rows // most), 1))
         found = frame.collect()
-        return {n: found[n].to_numpy() for n in chosen}
+        return {n: found[n].cast(polars.Float64).to_numpy() for n in chosen}
 
     def _hold(self, block: polars.DataFrame) -> None:
         self._blocks.append(block)
