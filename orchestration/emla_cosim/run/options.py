@@ -1,7 +1,7 @@
 """The table of options: everything a user may say about a run, each stated once.
 
 The command line, scenario files, run.json, and what a checkpoint belongs to all derive from it.
-Algorithms and recorders bring options of their own: the fields of their classes.
+Algorithms, step-size controls and recorders bring options of their own: the fields of their classes.
 """
 
 import dataclasses
@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ..base.errors import CommandError, listed
 from ..base.option import (
@@ -38,11 +38,15 @@ from ..fmu.models import FLAVOURS, PLATFORMS
 from ..inputs.input import Input
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.registry import ALGORITHMS
+from ..master.stepping.registry import STEP_SIZE_CONTROLS
+from ..master.stepping.step_size_control import StepSizeControl
 from ..recorders.recorder import Recorder
-from ..recorders.registry import RECORDERS, TABLES
+from ..recorders.registry import RECORDERS, TABLES, table_names
 from ..recorders.tubes.tolerance import Tolerance, read_tolerances
 from ..system.fault import Fault, read_faults
 from ..system.model import Replacement, Value
+
+_Kind = TypeVar("_Kind")
 
 ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO)
 
@@ -66,7 +70,8 @@ _output = partial(option, group=OUTPUT)
 class Options:
     """What a user may say about a run; None takes the scenario's value, or the default. Times in s.
 
-    `own` has those of algorithms and recorders, by name; see `ALGORITHMS` and `RECORDERS`.
+    `own` has those of algorithms, step-size controls and recorders, by name; see `ALGORITHMS`,
+    `STEP_SIZE_CONTROLS` and `RECORDERS`.
     """
 
     set: Mapping[str, Value] = _system(
@@ -174,19 +179,11 @@ class Options:
         identity="algorithm",
         takes=Algorithm,
     )
-    error_tolerance: float | None = _stepping(
-        help="Let the step size follow the error, which may become this much of each signal's size over the "
-        "run. Default: fixed steps.",
-        above=0.0,
-        below=1.0,
-        identity="error tolerance",
-    )
-    largest_step: float | None = _stepping(
-        help="Longest step of --error-tolerance. Default: a fiftieth of the run's time, or the distance of "
-        "rows in data of --input.",
-        unit="s",
-        above=0.0,
-        identity="largest step",
+    step_size_control: str | StepSizeControl | None = _stepping(
+        help="What decides how long steps are. Default: the one that has the options that are given, such as "
+        "error with --error-tolerance; without such options fixed.",
+        choices=lambda: STEP_SIZE_CONTROLS,
+        takes=StepSizeControl,
     )
     isolate: Sequence[str] | bool = _system(
         [],
@@ -332,10 +329,15 @@ class Options:
     @property
     def algorithm_name(self) -> str:
         """The name of the algorithm; for one of the user's own, that of its class."""
-        if isinstance(self.algorithm, str):
-            return self.algorithm
-        kind = type(self.algorithm)
-        return next((n for n, k in ALGORITHMS.items() if k is kind), kind.__name__)
+        return _name_of(self.algorithm, ALGORITHMS)
+
+    @property
+    def step_size_control_name(self) -> str:
+        """The name of the step-size control that applies; for one of the user's own, that of its class."""
+        if self.step_size_control is not None:
+            return _name_of(self.step_size_control, STEP_SIZE_CONTROLS)
+        asked = (n for n, kind in STEP_SIZE_CONTROLS.items() if not _names(kind).isdisjoint(self.own))
+        return next(asked, next(iter(STEP_SIZE_CONTROLS)))
 
     @property
     def isolated(self) -> Sequence[str]:
@@ -372,27 +374,36 @@ class Options:
         if isinstance(self.controller, str) and self.controller.lower().endswith(".fmu"):
             found[Path(self.controller)] = "the FMU"
         if self.reference is not None:
-            for table in (self.reference, *(self.reference / f"results.{form}" for form in TABLES)):
+            for table in (self.reference, *(self.reference / name for name in table_names())):
                 found[table] = "the run to compare with"
         return found
 
     def make_algorithm(self) -> Algorithm:
         """The algorithm with its options; CommandError for one that it does not have."""
-        given = {n: v for n, v in self.own.items() if any(n in _names(k) for k in ALGORITHMS.values())}
-        if isinstance(self.algorithm, Algorithm):
+        return self._made(self.algorithm, ALGORITHMS, "algorithm")
+
+    def make_step_size_control(self) -> StepSizeControl:
+        """Return the step-size control with its options; CommandError for what does not fit."""
+        chosen = self.step_size_control or self.step_size_control_name
+        found = self._made(chosen, STEP_SIZE_CONTROLS, "step-size control")
+        found.check()
+        return found
+
+    def _made(self, chosen: str | _Kind, kinds: Mapping[str, type[_Kind]], what: str) -> _Kind:
+        """Return the one of these kinds that is chosen, with its options."""
+        given = {n: v for n, v in self.own.items() if any(n in _names(k) for k in kinds.values())}
+        if not isinstance(chosen, str):
             if given:
-                raise CommandError(f"the algorithm is given with its options; leave out {listed(given)}.")
-            return self.algorithm
-        kind = ALGORITHMS[self.algorithm]
+                raise CommandError(f"the {what} is given with its options; leave out {listed(given)}.")
+            return chosen
         for name in given:
-            if name not in _names(kind):
-                others = [n for n, k in ALGORITHMS.items() if name in _names(k)]
+            if name not in _names(kinds[chosen]):
+                others = [n for n, k in kinds.items() if name in _names(k)]
                 has = "has" if len(others) == 1 else "have"
                 raise CommandError(
-                    f"the algorithm {self.algorithm} has no {table()[name].noun}; {listed(others)} {has}.",
-                    option=name,
+                    f"the {what} {chosen} has no {table()[name].noun}; {listed(others)} {has}.", option=name
                 )
-        return kind(**given)
+        return kinds[chosen](**given)
 
     def make_recorders(self) -> list[Recorder]:
         """Those of `RECORDERS` that an option asks for."""
@@ -404,17 +415,19 @@ class Options:
     def in_effect(self) -> list[tuple[Option, Any]]:
         """Every option that applies, with its value."""
         found = [(o, getattr(self, o.name)) for o in _FIXED.values()]
-        for part in (self.make_algorithm(), *self.make_recorders()):
+        control = self.make_step_size_control()
+        for part in (self.make_algorithm(), control, *self.make_recorders()):
             found += [(o, getattr(part, o.name)) for o in options_of(type(part))]
-        return found
+        unused = (kind for kind in STEP_SIZE_CONTROLS.values() if not isinstance(control, kind))
+        return found + [(o, None) for kind in unused for o in options_of(kind)]
 
 
 _FIXED = {o.name: o for o in options_of(Options)}
 
 
 def table(command: str | None = None) -> dict[str, Option]:
-    """All options by name, those of the algorithms included; of one command if it is named."""
-    kinds = (*ALGORITHMS.values(), *RECORDERS.values())
+    """All options by name, those of registered kinds included; of one command if it is named."""
+    kinds = (*ALGORITHMS.values(), *STEP_SIZE_CONTROLS.values(), *RECORDERS.values())
     own = {o.name: o for kind in kinds for o in options_of(kind)}
     return {n: o for n, o in (_FIXED | own).items() if command is None or command in o.about.commands}
 
@@ -430,6 +443,12 @@ def _merged(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, An
     patterns = [name for name in found if has_wildcard(name)]
     kept = {n: v for n, v in before.items() if n not in found and not any(fits(n, p) for p in patterns)}
     return {**kept, **found}
+
+
+def _name_of(chosen: str | _Kind, kinds: Mapping[str, type[_Kind]]) -> str:
+    if isinstance(chosen, str):
+        return chosen
+    return next((n for n, k in kinds.items() if k is type(chosen)), type(chosen).__name__)
 
 
 def _names(kind: type) -> set[str]:

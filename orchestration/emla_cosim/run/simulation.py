@@ -17,16 +17,14 @@ from ..base.units import Unit
 from ..base.values import converted
 from ..fmu.variables import find_variable, start_value
 from ..inputs.events import input_events, row_distance
-from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.exchanged import list_exchanged
 from ..master.assembly import Assembly
 from ..master.stepping.checkpoint import checkpoint_place
 from ..master.stepping.compilation import compile_kernel
-from ..master.stepping.error_control import ErrorControl, default_largest_step
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.pacing import Pacing
+from ..master.stepping.step_size_control import StepRequest
 from ..master.stepping.stepping import ROUNDING, Stepping
-from ..master.stepping.timing import Timing
 from ..recorders.checkpoints import Checkpoints, resumable
 from ..recorders.coupling.bond_energy import applicable
 from ..recorders.coupling.coupling import COUPLING
@@ -201,6 +199,7 @@ class Simulation:
         self._abandon()
         required = [requirement(text) for text in chosen.require]
         stored = stored_run(chosen.reference) if chosen.reference is not None else None
+        control = chosen.make_step_size_control()
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)
         pacing = Pacing(chosen.real_time) if chosen.real_time is not None else None
@@ -213,7 +212,16 @@ class Simulation:
         recorded = selected(chosen.signals, assembly.network.names)
         algorithm.setup(assembly.network)
         sampled = any(c.samples for c in system.components)
-        stepping = _stepping(algorithm, chosen, times, assembly.parameters, sampled)
+        request = StepRequest(
+            times,
+            chosen.output_interval,
+            sampled,
+            chosen.compiled,
+            chosen.threads,
+            lambda: input_events(chosen.input, chosen.fault, assembly.parameters(), times.stop),
+            lambda: row_distance(chosen.input),
+        )
+        stepping = control.stepping(algorithm, request)
         try:
             metrics, resumed = MetricsRecorder(), None
             taking = [metrics, *([TimeSeries()] if recorders is None else _recorders(recorders))]
@@ -243,7 +251,8 @@ class Simulation:
                 chosen.criteria,
                 exchanged,
                 {**bonds, **{name: Bond.read(name, text) for name, text in chosen.bonds.items()}},
-                watched=chosen.error_tolerance is not None,
+                watched=not control.is_regular,
+                halved=control.is_halved,
             )
             if required:
                 check_requirements(required, MetricsRecorder.before(outline), run_figures())
@@ -547,21 +556,3 @@ def _unmet(going: _Going, result: Result) -> str | None:
 def _freed(stepping: Stepping) -> None:
     stepping.close()
     stepping.algorithm.close()
-
-
-def _stepping(
-    algorithm: Algorithm,
-    options: Options,
-    times: Timing,
-    parameters: Callable[[], Mapping[str, float]],
-    sampled: bool,
-) -> Stepping:
-    """The stepping for an algorithm that is set up; CommandError where times do not fit."""
-    if options.error_tolerance is None:
-        return FixedSteps(algorithm, times, options.compiled, options.threads)
-    events = input_events(options.input, options.fault, parameters(), times.stop)
-    largest = options.largest_step
-    if largest is None:
-        largest = min(default_largest_step(times), row_distance(options.input))
-    tolerance, interval = options.error_tolerance, options.output_interval
-    return ErrorControl(algorithm, times, tolerance, interval, largest, events, sampled)

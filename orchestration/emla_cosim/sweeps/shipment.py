@@ -17,6 +17,7 @@ from ..base.files import sha256
 from ..base.progress import Progress
 from ..fmu.interface import Interface, read_interfaces
 from ..master.algorithms.registry import ALGORITHMS
+from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
 from ..run.options import Options
 from ..run.preparation import prepared, until_data_end
@@ -109,18 +110,25 @@ class Shipped:
         )
 
 
+REGISTRIES: Mapping[str, dict[str, Any]] = {
+    "metric": METRICS,
+    "algorithm": ALGORITHMS,
+    "step-size control": STEP_SIZE_CONTROLS,
+}
+"""What users register and workers need, by what messages call it."""
+
+
 @dataclass(frozen=True)
 class Shipment:
     """All that workers need; `files` has name and content of FMU files by their hash.
 
-    Metrics and algorithms go along since users register their own.
+    `registered` has what is in `REGISTRIES`: users register their own.
     """
 
     key: str
     shipped: Sequence[Shipped]
     files: Mapping[str, tuple[str, bytes]]
-    metrics: Mapping[str, Any]
-    algorithms: Mapping[str, Any]
+    registered: Mapping[str, Mapping[str, Any]]
     version: str
 
     @classmethod
@@ -131,8 +139,7 @@ class Shipment:
             key,
             [Shipped(p.name, _without_files(p.system), p.options, p.fmus) for p in preparations],
             {sha: (path.name, path.read_bytes()) for sha, path in paths.items()},
-            dict(METRICS),
-            dict(ALGORITHMS),
+            {kind: dict(known) for kind, known in REGISTRIES.items()},
             version("emla-cosim"),
         )
 
