@@ -214,9 +214,7 @@ def test_a_step_size_control_is_chosen_by_its_name_or_its_options(fmu_folder: Pa
             simulation.run(step_size_control=error_control(error_tolerance=0.1)),
         ]
         fixed = [simulation.run(), simulation.run(step_size_control="fixed")]
-        with pytest.raises(
-            ec.CommandError, match="control fixed has no error tolerance; error has"
-        ):
+        with pytest.raises(ec.CommandError, match="control fixed has no error tolerance; error has"):
             simulation.run(step_size_control="fixed", error_tolerance=0.1)
         with pytest.raises(ec.CommandError, match="step-size control 'error' needs --error-tolerance"):
             simulation.run(step_size_control="error")
