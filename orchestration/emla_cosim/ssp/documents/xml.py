@@ -26,6 +26,10 @@ ANNOTATION_NAMESPACES = {
 }
 """Namespaces of the annotations in which OMSimulator and libcosim look for the step size."""
 
+OWN_NAMESPACE = {"emla": "urn:emla-cosim:system"}
+SYSTEM = "emla-cosim.system"
+"""The type of the annotation of an experiment with what the standard has no element for."""
+
 RENAMES = "emla-cosim.renames"
 """The type of the annotation of a binding whose mapping holds for results, too."""
 
