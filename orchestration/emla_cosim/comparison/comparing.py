@@ -11,7 +11,7 @@ from typing import Any
 import polars
 
 from ..base.errors import CommandError, RunError, check_choice, listed
-from ..base.option import COMPARE
+from ..base.option import COMPARE, SHOWING
 from ..base.progress import Progress
 from ..base.values import converted
 from ..run.options import table as options_table
@@ -182,9 +182,8 @@ def _check(table: str | None, resolution: int | None, options: Mapping[str, Any]
         raise CommandError(f"a resolution is for the table {STABILITY}; leave it out.")
     if resolution is not None:
         checked_resolution(resolution)
-    own = ("output", "plots", "controller", "gains")
-    known = options_table(COMPARE)
-    if wrong := [n for n in options if n in own or (n in options_table() and n not in known)]:
+    known = {name for name, one in options_table(COMPARE).items() if one.about.stage != SHOWING}
+    if wrong := [n for n in options if n in options_table() and n not in known]:
         raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of the comparison.")
 
 

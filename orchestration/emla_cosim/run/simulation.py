@@ -12,6 +12,7 @@ from typing import Any
 
 from ..base.errors import CommandError, RunError, called_as_in
 from ..base.files import present_folder
+from ..base.option import SHOWING
 from ..base.progress import Progress
 from ..base.units import Unit
 from ..base.values import converted
@@ -39,33 +40,13 @@ from ..system.start_values import start_values
 from .agreement import agreement, agreement_record, common, disagreement
 from .experiment import isolated, run_times, selected, steps_per_row
 from .followers import following_values
-from .options import Options
+from .options import Options, read_options, table
 from .origin import Origin
 from .preparation import prepared, until_data_end
 from .requirements import Requirement, check_requirements, requirement, unmet
 from .result import Result, run_figures
 from .run_record import run_identity, run_record
 from .running import Run
-
-PREPARED = (
-    "parameters",
-    "replace",
-    "mapping",
-    "fault",
-    "input",
-    "controller",
-    "gains",
-    "trajectory",
-    "actuator",
-    "flavour",
-    "fmus",
-    "platform",
-    "isolate",
-)
-"""Options that decide what is prepared: a run of a prepared simulation cannot change them."""
-
-OF_THE_COMMAND = ("output", "plots", "animate", "report")
-"""Options that say what the command line does with a result."""
 
 
 class Simulation:
@@ -194,7 +175,8 @@ class Simulation:
     def _start(self, recorders: Sequence[Recorder] | None, fresh: bool, options: Mapping[str, Any]) -> None:
         if not self._finalizer.alive:
             raise CommandError("the simulation is closed; prepare it anew.")
-        chosen, origin = self._chosen(options), self._origin.updated(options)
+        values = self._read(options)
+        chosen, origin = self.options.merged(values), self._origin.updated(values)
         notes = self._notes(chosen)
         self._abandon()
         required = [requirement(text) for text in chosen.require]
@@ -203,7 +185,7 @@ class Simulation:
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)
         pacing = Pacing(chosen.real_time) if chosen.real_time is not None else None
-        system = self._with_values({name: chosen.set[name] for name in options.get("set") or {}}, chosen)
+        system = self._with_values({name: chosen.set[name] for name in values.get("set", {})}, chosen)
         algorithm = chosen.make_algorithm()
         assembly = self._assembly
         with called_as_in(self._unpacked):
@@ -389,14 +371,19 @@ class Simulation:
         finally:
             self._turn.release()
 
-    def _chosen(self, given: Mapping[str, Any]) -> Options:
-        """The options of a run; CommandError for one that was needed to prepare."""
-        for name in given:
-            if name in PREPARED:
-                raise CommandError(f"the option '{name}' belongs to what is prepared; give it to `prepare`.")
-            if name in OF_THE_COMMAND:
-                raise CommandError(f"the option '{name}' is for the command line; use `save` of the result.")
-        return self.options.updated(given)
+    def _read(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Read the options of a run; CommandError for one that was needed to prepare."""
+        known = table() if given else {}
+        for option in (known[name] for name in given if name in known):
+            if option.is_prepared:
+                raise CommandError(
+                    f"the option '{option.name}' belongs to what is prepared; give it to `prepare`."
+                )
+            if option.about.stage == SHOWING:
+                raise CommandError(
+                    f"the option '{option.name}' is for the command line; use `save` of the result."
+                )
+        return read_options(given)
 
     def _with_values(self, values: Mapping[str, Value], chosen: Options) -> System:
         """The system with further start values, and what follows from them with the options of a run."""
