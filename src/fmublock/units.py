@@ -132,7 +132,7 @@ def parse_unit(name: str) -> Unit:
     """
     found = _read(name)
     if found is None or (found.factor, found.offset) != (1.0, 0.0) or name.count("/") > 1:
-        raise ValueError(f"the unit '{name}' is not a product of coherent SI units")
+        raise ValueError(f"'{name}' is not a product of coherent SI units")
     return found
 
 

@@ -201,6 +201,7 @@ class Options:
         help="What decides how long steps are. Default: the one that has the options that are given, such as "
         "error with --error-tolerance; without such options fixed.",
         choices=lambda: STEP_SIZE_CONTROLS,
+        identity="step-size control",
         takes=StepSizeControl,
     )
     isolate: Sequence[str] | bool = _system(

@@ -45,7 +45,7 @@ from .origin import Origin
 from .preparation import prepared, until_data_end
 from .requirements import Requirement, check_requirements, requirement, unmet
 from .result import Result, run_figures
-from .run_record import run_identity, run_record
+from .run_record import RunDefinition, run_record
 from .running import Run
 
 
@@ -205,11 +205,13 @@ class Simulation:
         )
         stepping = control.stepping(algorithm, request)
         try:
+            fmus = {name: file.sha256 for name, file in assembly.files.items()}
+            definition = RunDefinition(system, fmus, chosen)
             metrics, resumed = MetricsRecorder(), None
             taking = [metrics, *([TimeSeries()] if recorders is None else _recorders(recorders))]
             taking += chosen.make_recorders()
             if chosen.resume or chosen.checkpoint:
-                identity = run_identity(system, assembly, chosen, times)
+                identity = definition.checkpoint_identity
                 if chosen.resume is not None:
                     resumed = resumable(chosen.resume, identity, times, self._here)
                 if chosen.checkpoint is not None:
@@ -243,7 +245,7 @@ class Simulation:
         except BaseException:
             _freed(stepping)
             raise
-        self._run = _Going(run, system, chosen, origin, metrics, taking, every, required, stored, notes)
+        self._run = _Going(run, definition, origin, metrics, taking, every, required, stored, notes)
         with self._abandoning_on_error():
             # the states in a checkpoint would hold a continued run to this run's stop time
             run.begin(times.stop if chosen.checkpoint is None else None)
@@ -445,9 +447,8 @@ class Simulation:
         record = run_record(
             self.name,
             going.origin,
-            going.system,
+            going.definition,
             self._assembly,
-            going.options,
             stepping.times,
             going.every,
             units,
@@ -475,7 +476,7 @@ class Simulation:
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),
             coupling=going.metrics.coupling(),
-            roles=going.options.roles,
+            roles=going.definition.options.roles,
             notes=going.notes,
         )
 
@@ -485,8 +486,7 @@ class _Going:
     """A run that goes on, and what its result needs."""
 
     run: Run
-    system: System
-    options: Options
+    definition: RunDefinition
     origin: Origin
     metrics: MetricsRecorder
     recorders: Sequence[Recorder]
@@ -519,7 +519,9 @@ def _compared(going: _Going, result: Result) -> Result:
     """The result of a whole run with its signals beside those of the one that it is held against."""
     if going.stored is None or result.interrupted:
         return result
-    found = agreement(result.names, result.read, result.units, going.stored, going.options.tolerance)
+    found = agreement(
+        result.names, result.read, result.units, going.stored, going.definition.options.tolerance
+    )
     record = {**result.record, "reference": agreement_record(found, going.stored)}
     return replace(result, comparisons=found, record=record)
 

@@ -22,7 +22,7 @@ from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
 from ..run.options import Options
 from ..run.preparation import prepared, until_data_end
-from ..run.run_record import plain, system_identity
+from ..run.run_record import RunDefinition
 from ..run.scenarios.scenario import Scenario
 from ..system.model import System
 
@@ -84,10 +84,7 @@ class Preparation:
     @property
     def identity(self) -> dict[str, Any]:
         """All that decides what a run gives, as plain data."""
-        times = self.options.start_time, self.options.stop_time, self.options.step_size
-        chosen = {o.name: plain(value) for o, value in self.options.in_effect() if o.about.recorded}
-        algorithm = self.options.algorithm_name
-        return {**system_identity(self.system, self.fmus), "options": chosen, "times": times, "by": algorithm}
+        return RunDefinition(self.system, self.fmus, self.options).variants_identity
 
 
 @dataclass(frozen=True)
