@@ -341,7 +341,7 @@ class Options:
         """Return the options with values that `read_options` returned, merged as `merge` does."""
         if not values:
             return self
-        both = merge({n: getattr(self, n) for n in values if n in _FIXED} | self.own, values)
+        both = merge({**{n: getattr(self, n) for n in values if n in _FIXED}, **self.own}, values)
         own = {name: both.pop(name) for name in [*both] if name not in _FIXED}
         return dataclasses.replace(self, **both, own=own)
 

@@ -99,12 +99,12 @@ def _wrong(unit: DeclaredUnit) -> Iterator[str]:
     known = find_unit(unit.name)
     if known is None or unit.base is None:
         return
-    exponents = _exponents(unit.base)
-    if exponents[:_RAD] != known.exponents[:_RAD]:
-        yield f"The unit {unit.name} is said to be {_told(exponents)}, but is {_told(known.exponents)}."
+    exponents, by_name = _exponents(unit.base), known.exponents or ()
+    if exponents[:_RAD] != by_name[:_RAD]:
+        yield f"The unit {unit.name} is said to be {_told(exponents)}, but is {_told(by_name)}."
         return
     factor = _number(unit.base, "factor", 1.0)
-    turns = exponents[_RAD] - known.exponents[_RAD]
+    turns = exponents[_RAD] - by_name[_RAD]
     powers = (-1, 0, 1) if counts_turns(unit.name) else (0, turns if abs(turns) == 1 else 0)
     allowed = [known.factor * _TURN**k for k in powers]
     if not any(_same(factor, one) for one in allowed):
@@ -121,7 +121,7 @@ def _wrong_display(unit: DeclaredUnit) -> Iterator[str]:
         right = mine.factor / theirs.factor
         turning = counts_turns(unit.name) or counts_turns(display["name"])
         allowed = [right * _TURN**k for k in ((-1, 0, 1) if turning else (0,))]
-        if mine.exponents[:_RAD] != theirs.exponents[:_RAD]:
+        if (mine.exponents or ())[:_RAD] != (theirs.exponents or ())[:_RAD]:
             yield f"{display['name']} is no display unit of {unit.name}: it measures something else."
         elif not any(_same(factor, one) for one in allowed):
             yield f"1 {unit.name} is shown as {factor:g} {display['name']}, but is {right:g}."
