@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from emla_cosim.views.panels import Limit, Line, Plot
 from emla_cosim.views.plots.drawing import changing, drawn_panels
-from emla_cosim.views.plots.panels import ShownLine, ShownPanel
 from emla_cosim.views.plots.plotting import Bound, Curve, Panel, Picture
 from emla_cosim.views.telling import headline
 
@@ -17,8 +17,8 @@ MOVE = np.minimum(TIME, 1.0)
 """At rest after 1 s."""
 
 
-def panel(values: np.ndarray, label: str = "x / m", column: str = "lift", **more: Any) -> ShownPanel:
-    return ShownPanel(column, label, TIME, (ShownLine("x", values, "#000000", False),), **more)
+def panel(values: np.ndarray, label: str = "x / m", column: str = "lift", **more: Any) -> Plot:
+    return Plot(label, (Line("x", TIME, values),), column=column, **more)
 
 
 @dataclass
@@ -37,7 +37,7 @@ class Known:
         return list(self.data)
 
 
-def resolved(curve: Curve, bound: Bound | None = None, **known: Any) -> ShownPanel:
+def resolved(curve: Curve, bound: Bound | None = None, **known: Any) -> Plot:
     power = {"j.F": 2.0 + TIME, "j.v": np.cos(TIME), "j.other": TIME**2}
     result = Known({"joints": {"j": {}}}, power, **known)
     picture = Picture("p", (Panel("l", (curve,), bound=bound),), "joints")
@@ -64,9 +64,9 @@ def test_curves_are_what_they_say(curve: Curve, expected: np.ndarray) -> None:
 def test_limits_are_products_of_parameters() -> None:
     parameters = {"j.N": 4.0, "j.Phi": 0.5, "j.low": -1.0}
     torque = resolved(Curve("", "F"), Bound("torque", ("N", "Phi"), scale=1.5), parameters=parameters)
-    assert torque.limits == (("torque", -3.0, 3.0),)
+    assert torque.limits == (Limit("torque", -3.0, 3.0),)
     stroke = resolved(Curve("", "F"), Bound("stroke", ("N",), ("low",)), parameters=parameters)
-    assert stroke.limits == (("stroke", -1.0, 4.0),)
+    assert stroke.limits == (Limit("stroke", -1.0, 4.0),)
     assert resolved(Curve("", "F"), Bound("unknown", ("gone",)), parameters=parameters).limits == ()
 
 
@@ -91,7 +91,7 @@ def test_every_extreme_of_both_parts_is_drawn() -> None:
     values = np.zeros(200_000)
     values[1_234], values[150_000] = 1.0, -1.0
     time = np.linspace(0.0, 10.0, len(values))
-    shown = ShownPanel("lift", "x", time, (ShownLine("", values, "#000000", False),))
+    shown = Plot("x", (Line("", time, values),), column="lift")
     (axes,) = drawn_panels([shown], "t", "r", rest=1.0).axes
     drawn = axes.lines[0].get_ydata()
     assert (np.min(drawn), np.max(drawn)) == (-1.0, 1.0)
@@ -100,7 +100,7 @@ def test_every_extreme_of_both_parts_is_drawn() -> None:
 
 @pytest.mark.parametrize(("high", "shaded"), [(1.1, 1), (0.9, 1), (5.0, 0)])
 def test_a_limit_is_shaded_where_a_curve_comes_near(high: float, shaded: int) -> None:
-    shown = panel(MOVE, limits=(("largest", None, high),))
+    shown = panel(MOVE, limits=(Limit("largest", None, high),))
     (axes,) = drawn_panels([shown], "t", "r").axes
     assert len(axes.patches) == shaded
     assert axes.get_ylim()[1] < 1.3  # a limit far away must not flatten the curve
@@ -118,7 +118,7 @@ def test_what_does_not_change_takes_no_row() -> None:
     "values", [np.full(2001, np.nan), np.full(2001, np.inf), 1e308 * MOVE, np.where(TIME > 1.0, np.nan, TIME)]
 )
 def test_odd_values_are_borne(values: np.ndarray) -> None:
-    shown = [panel(values, limits=(("largest", -1.0, 1.0),))]
+    shown = [panel(values, limits=(Limit("largest", -1.0, 1.0),))]
     assert drawn_panels(shown, "t", "r", rest=1.0).axes
 
 

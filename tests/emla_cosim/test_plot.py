@@ -12,9 +12,12 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.study.loading import load
 from emla_cosim.views.pages.curves import condensed
+from emla_cosim.views.panels import Line
 from emla_cosim.views.plots import by_unit
+from emla_cosim.views.plots.drawing import draw_line
 from emla_cosim.views.plots.overlay import overlaid, traces
-from emla_cosim.views.plots.stacked import MOST_PANELS, panel
+from emla_cosim.views.plots.stacked import MOST_PANELS
+from emla_cosim.views.plots.style import new_figure
 from tests.support.axis import axis
 from tests.support.commands import Emla, sentence
 
@@ -85,11 +88,12 @@ def test_a_peak_of_one_row_is_seen_however_many_there_are() -> None:
     time = np.linspace(0, 1, 100_001)
     values = np.sin(time)
     values[54_321], values[77_777] = 9.0, np.nan
-    shown = panel("", "", time, {"x": values})
-    assert len(shown.time) < 3000 and shown.time[[0, -1]].tolist() == [0.0, 1.0]
-    line = shown.lines[0].values
-    assert np.nanmax(line) == 9.0 and shown.time[np.nanargmax(line)] == time[54_321]
-    assert np.all(np.diff(shown.time) > 0)
+    axes = new_figure(1, 1, 3.0)[1][0, 0]
+    draw_line(axes, Line("x", time, values))
+    drawn_time, line = axes.lines[0].get_data()
+    assert len(drawn_time) < 3000 and drawn_time[[0, -1]].tolist() == [0.0, 1.0]
+    assert np.nanmax(line) == 9.0 and drawn_time[np.nanargmax(line)] == time[54_321]
+    assert np.all(np.diff(drawn_time) > 0)
 
 
 @pytest.mark.parametrize("level", [0.0, 3.0])
@@ -186,7 +190,8 @@ def test_a_system_that_nobody_knows_gets_a_picture(fmu_folder: Path, tmp_path: P
         result = simulation.run()
     result.save(tmp_path / "o")
     assert [path.name for path in (tmp_path / "o").glob("*.png")] == ["signals.png"]
-    panels = by_unit.ByUnit(0).resolved(result, result.read(["time", *result.names]))
+    (group,) = by_unit.groups(result)
+    panels = group.panels(result, result.read(["time", *result.names]))
     assert {p.label: [line.label for line in p.lines] for p in panels} == {
         "m": ["gantry.motion.x_d", "gantry.slide.place"],
         "m/s": ["gantry.motion.v_d", "gantry.slide.rate"],

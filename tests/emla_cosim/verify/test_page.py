@@ -13,8 +13,9 @@ from emla_cosim.verification.report import Report
 from emla_cosim.verification.verdict import passed
 from emla_cosim.views.pages.curves import thinned
 from emla_cosim.views.pages.page import Plots, rendered
-from emla_cosim.views.pages.plot import Band, Line, Plot
+from emla_cosim.views.pages.plot import as_json
 from emla_cosim.views.pages.text import number, shortened, visible
+from emla_cosim.views.panels import Band, Line, Plot
 from tests.support.reports import examined, finding, hostile, ordinary, report, ten
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
@@ -130,7 +131,7 @@ def drawn(plot: Plot) -> dict[str, Any]:
     def refuse(name: str) -> None:
         raise AssertionError(name)
 
-    return json.loads(plot.as_json(), parse_constant=refuse)
+    return json.loads(as_json(plot), parse_constant=refuse)
 
 
 def test_thinning_keeps_extremes_and_gaps() -> None:

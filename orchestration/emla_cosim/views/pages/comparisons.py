@@ -4,9 +4,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...base.colors import BLUE, GREY, RED
 from ...recorders.tubes.comparison import Comparison
+from ..panels import Band, Line, Plot
 from .page import Plots
-from .plot import Band, Line, Plot
 
 _OPEN_PLOTS = 3
 """Signals whose plots are open from the beginning, where so many left their tubes."""
@@ -52,8 +53,8 @@ def _plot(one: Comparison) -> Plot:
     return Plot(
         one.unit,
         (
-            Line("result", one.time, one.values, "blue" if one.inside else "red"),
-            Line("reference", one.reference_time, one.reference, "grey", dashed=True),
+            Line("result", one.time, one.values, BLUE if one.inside else RED),
+            Line("reference", one.reference_time, one.reference, GREY, dashed=True),
         ),
         Band("tube", one.time, one.lower, one.upper),
         mark=(one.worst_at, "worst"),

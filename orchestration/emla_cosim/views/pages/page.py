@@ -9,8 +9,9 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ...base import colors
+from ..panels import Plot
 from .drawing import library, template
-from .plot import Plot, Shape
+from .plot import Shape, as_json, shape
 from .text import number, shortened, visible
 
 
@@ -18,13 +19,13 @@ class Plots:
     """The plots of one page, which draws each when it is first seen."""
 
     def __init__(self) -> None:
-        self._found: list[Plot] = []
+        self._found: list[tuple[Plot, int | None]] = []
         self._own: dict[str, str] = {}
         self._shapes: set[Shape] = set()
 
-    def add(self, plot: Plot) -> str:
-        """The id under which a template places it: `{{ figure(id, label) }}`."""
-        self._found.append(plot)
+    def add(self, plot: Plot, points: int | None = None) -> str:
+        """The id under which a template places it: `{{ figure(id, label) }}`; for `points` see `as_json`."""
+        self._found.append((plot, points))
         return f"plot-{len(self._found)}"
 
     def hold(self, name: str, content: str, shapes: Iterable[Shape]) -> None:
@@ -34,12 +35,12 @@ class Plots:
 
     def scripts(self) -> Markup:
         """The elements that hold data, templates and the library; nothing where nothing is to be drawn."""
-        shapes = self._shapes.union(plot.shape for plot in self._found)
+        shapes = self._shapes.union(shape(plot) for plot, _ in self._found)
         if not shapes:
             return Markup()
-        data = [_script(f"plot-{k}-data", plot.as_json()) for k, plot in enumerate(self._found, 1)]
+        data = [_script(f"plot-{k}-data", as_json(*one)) for k, one in enumerate(self._found, 1)]
         data += [_script(name, content) for name, content in self._own.items()]
-        figures = [_script(f"figure-{shape}", template(shape)) for shape in sorted(shapes)]
+        figures = [_script(f"figure-{each}", template(each)) for each in sorted(shapes)]
         bokeh = Markup('<script type="text/plain" id="bokeh">\n{}\n</script>').format(Markup(library()))
         return Markup("\n").join([*data, *figures, bokeh])
 

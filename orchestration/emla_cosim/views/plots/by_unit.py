@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...base.arrays import Vector
-from .panels import ShownPanel
+from ..panels import Plot
 from .plotting import Drawing
 from .stacked import panels_needed, stacked, unit_panels
 
@@ -21,9 +21,15 @@ _MOST_SIGNALS, _MOST_PANELS = 60, 20
 
 
 @dataclass(frozen=True)
-class _Group:
+class Group:
+    """Signals that share a picture."""
+
     title: str
     signals: Sequence[str]
+
+    def panels(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
+        """What the picture shows of those that were read."""
+        return unit_panels([n for n in self.signals if n in data], _units(result), data, self.title)
 
 
 @dataclass(frozen=True)
@@ -38,24 +44,18 @@ class ByUnit(Drawing):
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Those of its group."""
-        group = self._group(result)
-        return group.signals if group is not None else ()
-
-    def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[ShownPanel]:
-        """What it shows; nothing where there is no such group."""
-        group = self._group(result)
-        if group is None:
-            return []
-        return unit_panels(group.signals, _units(result), data, group.title)
+        return (name for group in self._own(result) for name in group.signals)
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
         """The panels, one below the other."""
-        panels = self.resolved(result, data)
-        return stacked([[panel] for panel in panels], panels[0].column) if panels else None
+        for group in self._own(result):
+            return stacked(group.panels(result, data), group.title)
+        return None
 
-    def _group(self, result: "Result") -> _Group | None:
-        groups = _groups(result)
-        return groups[self.position] if self.position < len(groups) else None
+    def _own(self, result: "Result") -> Sequence[Group]:
+        """Its group; none where there are fewer, or metrics."""
+        known = any(result.metrics.values())
+        return [] if known else groups(result)[self.position : self.position + 1]
 
 
 BY_UNIT: dict[str, Drawing] = {
@@ -64,9 +64,8 @@ BY_UNIT: dict[str, Drawing] = {
 """The pictures by the name of their file."""
 
 
-def _groups(result: "Result") -> list[_Group]:
-    if any(result.metrics.values()):
-        return []
+def groups(result: "Result") -> list[Group]:
+    """The signals of a system that nobody knows, in groups that are no more than a picture has room for."""
     units = _units(result)
     changing = [name for name in result.names if _changes(result.signals.get(name))]
     parts = {"": changing}
@@ -77,13 +76,13 @@ def _groups(result: "Result") -> list[_Group]:
             for title, signals in (_split(inside, split) if _is_large(inside) else {whole: inside}).items()
         }
     left_out = len(parts) - _MOST_PICTURES
-    found = list[_Group]()
+    found = list[Group]()
     for part, signals in list(parts.items())[:_MOST_PICTURES]:
         kept = _first(signals, units)
         counted = f" ({len(kept)} of {len(signals)} signals)" if len(kept) < len(signals) else ""
         further = f"; {left_out} more parts are not drawn" if left_out > 0 and not found else ""
         if kept:
-            found.append(_Group(f"{': '.join(filter(None, (result.name, part)))}{counted}{further}", kept))
+            found.append(Group(f"{': '.join(filter(None, (result.name, part)))}{counted}{further}", kept))
     return found
 
 

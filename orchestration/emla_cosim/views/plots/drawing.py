@@ -8,7 +8,7 @@ import numpy as np
 from ...base.arrays import Indices, Vector
 from ..pages.curves import drawable, thinned
 from ..pages.text import shortened
-from .panels import ShownLine, ShownPanel
+from ..panels import Line, Plot
 from .style import GREY, RED, new_figure, tidied, with_margins
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _NEAR = 0.3
 """A limit is shown if curves come so near to it, relative to what they span."""
 
 
-def drawn_panels(panels: Sequence[ShownPanel], title: str, run: str, rest: float | None = None) -> "Figure":
+def drawn_panels(panels: Sequence[Plot], title: str, run: str, rest: float | None = None) -> "Figure":
     """Panels that stand row by row, each with a panel for each column, as a picture of a run.
 
     Rows in which nothing changes have no axes: their values stand under the names of the columns. `rest` is
@@ -59,26 +59,26 @@ def drawn_panels(panels: Sequence[ShownPanel], title: str, run: str, rest: float
     return figure
 
 
-def changing(panels: Sequence[ShownPanel]) -> bool:
+def changing(panels: Sequence[Plot]) -> bool:
     """Whether anything changes in any of the panels, without which there is no picture of them."""
     return not all(_is_constant(panel) for panel in panels)
 
 
-def _is_constant(panel: ShownPanel) -> bool:
+def _is_constant(panel: Plot) -> bool:
     """Whether nothing changes in a panel, which has something."""
     return bool(panel.lines) and all(len(x.values) and (x.values == x.values[0]).all() for x in panel.lines)
 
 
-def _constant(panel: ShownPanel) -> str:
+def _constant(panel: Plot) -> str:
     """What a panel says in which nothing changes."""
     quantity, _, unit = panel.label.partition(" / ")
     value = panel.lines[0].values[0] if panel.lines else np.nan
     return f"{quantity} {value:.4g} {unit.strip('()')}".rstrip()
 
 
-def _split(rows: Sequence[Sequence[ShownPanel]], rest: float | None) -> tuple[float, float, float] | None:
+def _split(rows: Sequence[Sequence[Plot]], rest: float | None) -> tuple[float, float, float] | None:
     """First time, the end of the motion, and last time; None where time is drawn evenly."""
-    times = [panel.time for row in rows for panel in row if len(panel.time)]
+    times = [line.time for row in rows for panel in row for line in panel.lines if len(line.time)]
     if rest is None or not times:
         return None
     first, last = min(t[0] for t in times), max(t[-1] for t in times)
@@ -107,20 +107,29 @@ def _widen(axes: "Axes", split: tuple[float, float, float]) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda place, _: f"{said.get(place, np.nan):g}"))
 
 
-def _draw_panel(axes: "Axes", panel: ShownPanel, split: tuple[float, float, float] | None) -> None:
+def _draw_panel(axes: "Axes", panel: Plot, split: tuple[float, float, float] | None) -> None:
     for line in panel.lines:
-        values = drawable(line.values)
-        kept = _kept(panel.time, values, split)
-        style = (0, (4, 2)) if line.dashed else "-"
-        axes.plot(
-            _place(panel.time[kept], split), values[kept], color=line.color, linestyle=style, linewidth=1.1
-        )
+        draw_line(axes, line, split)
     axes.locator_params(axis="y", nbins=5)  # each tick takes its time
     labels = [line.label for line in panel.lines]
     tidied(axes, labels if len(labels) > 1 else ())
     _shade(axes, panel)
     if split is not None:
         axes.axvline(_WIDE, color=GREY, linewidth=0.7, linestyle=":")
+
+
+def draw_line(axes: "Axes", line: Line, split: tuple[float, float, float] | None = None) -> None:
+    """Draw a line with as many of its points as can be seen."""
+    values = drawable(line.values)
+    kept = _kept(line.time, values, split)
+    axes.plot(
+        _place(line.time[kept], split),
+        values[kept],
+        color=line.color,
+        linestyle=(0, (4, 2)) if line.dashed else "-",
+        linewidth=1.1,
+        label=line.label,
+    )
 
 
 def _kept(time: Vector, values: Vector, split: tuple[float, float, float] | None) -> Indices:
@@ -133,11 +142,12 @@ def _kept(time: Vector, values: Vector, split: tuple[float, float, float] | None
     return np.concatenate([thinned(values[:border]), border + thinned(values[border:])])
 
 
-def _shade(axes: "Axes", panel: ShownPanel) -> None:
+def _shade(axes: "Axes", panel: Plot) -> None:
     """Shade what is beyond a limit that curves come near to."""
     lowest, highest = _reach(panel.lines)
     near = _NEAR * (highest - lowest)
-    for _, low, high in panel.limits:
+    for limit in panel.limits:
+        low, high = limit.low, limit.high
         bottom, top = axes.get_ylim()
         if high is not None and highest > high - near:
             top = max(top, high + 0.06 * (top - bottom))
@@ -148,7 +158,7 @@ def _shade(axes: "Axes", panel: ShownPanel) -> None:
         axes.set_ylim(bottom, top)
 
 
-def _reach(lines: Sequence[ShownLine]) -> tuple[float, float]:
+def _reach(lines: Sequence[Line]) -> tuple[float, float]:
     known = [x.values[np.isfinite(drawable(x.values))] for x in lines]
     known = [values for values in known if len(values)]
     if not known:

@@ -14,8 +14,8 @@ from ...base.files import read_text
 from ...base.patterns import fits
 from ...recorders.metrics import TRACKED
 from ...recorders.stored import StoredRun, stored_run
-from .panels import ShownPanel
-from .stacked import MOST_LINES, MOST_PANELS, panel, panels_needed, stacked, unit_panels
+from ..panels import Line, Plot
+from .stacked import MOST_LINES, MOST_PANELS, numbered, panels_needed, stacked, unit_panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,10 +104,10 @@ def overlaid(
     if not any(len(columns["time"]) for columns in data):
         raise CommandError("there are no rows to draw at these times.")
     if len(runs) == 1:
-        rows = [[p] for p in unit_panels(chosen, units, data[0], runs[0].label)]
+        panels = unit_panels(chosen, units, data[0], runs[0].label)
     else:
-        rows = [row for name in chosen for row in _over_one_another(name, runs, units, data)]
-    return Overlay(stacked(rows, ", ".join(run.label for run in runs)), notes)
+        panels = [panel for name in chosen for panel in _over_one_another(name, runs, units, data)]
+    return Overlay(stacked(panels, ", ".join(run.label for run in runs)), notes)
 
 
 def _kept(place: Path, label: str) -> Traces:
@@ -196,12 +196,11 @@ def _cut(run: Traces, chosen: Sequence[str], begin: float | None, end: float | N
 
 def _over_one_another(
     name: str, runs: Sequence[Traces], units: Mapping[str, str], data: Sequence[Mapping[str, Vector]]
-) -> Iterable[list[ShownPanel]]:
+) -> list[Plot]:
     """A signal of all runs that have it, each with times of its own; of those with another unit apart."""
-    rows: dict[str, list[ShownPanel]] = {}
+    found: dict[str, list[Line]] = {}
     for i, (run, columns) in enumerate(zip(runs, data, strict=True)):
         if name in columns:
-            unit = run.units.get(name, units.get(name, ""))
-            shown = panel(name, unit, columns["time"], {run.label: columns[name]}, i)
-            rows.setdefault(unit, []).append(shown)
-    return rows.values()
+            line = numbered(i, run.label, columns["time"], columns[name])
+            found.setdefault(run.units.get(name, units.get(name, "")), []).append(line)
+    return [Plot(unit, tuple(lines), column=name) for unit, lines in found.items()]

@@ -12,9 +12,9 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.files import written_whole
 from ..pages.curves import drawable
+from ..panels import Limit, Line, Plot
 from ..telling import headline
 from .drawing import changing, drawn_panels
-from .panels import ShownLine, ShownPanel
 from .style import BLUE, save
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ class Picture(Drawing):
             return None
         return drawn_panels(shown, self.title, headline(result), self._rest(result, data))
 
-    def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[ShownPanel]:
+    def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """What it shows, row by row: a panel for each column that there are signals for."""
         finds = {c: self._find(result, c) for c in result.metrics.get(self.of, ())}
         found = [
@@ -188,7 +188,7 @@ def _wanted(result: "Result") -> list[str]:
 
 def _resolved(
     panel: Panel, column: str, find: Find, data: Mapping[str, Vector], parameters: Mapping[str, float]
-) -> ShownPanel:
+) -> Plot:
     time = data["time"]
     late = panel.late and time[-1] > time[0] + 2 * _TRANSIENT
     part = time >= time[0] + (_TRANSIENT if late else 0.0)
@@ -197,9 +197,9 @@ def _resolved(
         values = [None if (n := find(name, data)) is None else data[n] for name in curve.names]
         if all(v is not None for v in values):
             shown = _values(curve, [v for v in values if v is not None], time)[part]
-            lines.append(ShownLine(curve.label, shown, curve.color, curve.dashed))
+            lines.append(Line(curve.label, time[part], shown, curve.color, curve.dashed))
     limits = _limits(panel.bound, find, parameters) if panel.bound is not None else ()
-    return ShownPanel(column, panel.label, time[part], tuple(lines), limits)
+    return Plot(panel.label, tuple(lines), limits=limits, column=column)
 
 
 def _values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:
@@ -216,14 +216,12 @@ def _values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:
         return curve.scale * found
 
 
-def _limits(
-    bound: Bound, find: Find, parameters: Mapping[str, float]
-) -> tuple[tuple[str, float | None, float | None], ...]:
+def _limits(bound: Bound, find: Find, parameters: Mapping[str, float]) -> tuple[Limit, ...]:
     ends = [_product(names, find, parameters) for names in (bound.low, bound.high)]
     low, high = (None if end is None else bound.scale * end for end in ends)
     if high is None:
         return ()
-    return ((bound.label, low if bound.low else -high, high),)
+    return (Limit(bound.label, low if bound.low else -high, high),)
 
 
 def _product(names: Sequence[str], find: Find, parameters: Mapping[str, float]) -> float | None:
