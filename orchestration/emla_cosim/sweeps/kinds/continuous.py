@@ -4,7 +4,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -21,11 +21,14 @@ _LEAST_PROBABILITY = 1e-15
 
 
 class _Continuous(Distribution):
-    """One of real numbers."""
+    """One of real numbers, from `low` to `high`; None where there is no bound."""
+
+    low: Any
+    high: Any
 
     def at(self, quantiles: Vector) -> list[Value]:
         """The inverse distribution function, exact at the bounds."""
-        low, high = self._bounds
+        low, high = self.low, self.high
         given = np.asarray(quantiles, dtype=np.float64)
         inner = np.clip(given, _OUTERMOST if low is None else 0, 1 - _OUTERMOST if high is None else 1)
         with np.errstate(over="ignore"):
@@ -39,21 +42,16 @@ class _Continuous(Distribution):
     @property
     def ends(self) -> tuple[Value, Value]:
         """The bounds; where there is none, the 5 % or 95 % quantile."""
-        low, high = self._bounds
+        low, high = self.low, self.high
         inner = self.at(np.array([0.05, 0.95]))
         return inner[0] if low is None else low, inner[1] if high is None else high
-
-    @property
-    @abstractmethod
-    def _bounds(self) -> tuple[float | None, float | None]:
-        """The lowest and the highest value; None where there is none."""
 
     @abstractmethod
     def _inverse(self, q: Vector) -> Vector:
         """The inverse distribution function, but for rounding at the bounds."""
 
     def _check(self) -> None:
-        low, high = self._bounds
+        low, high = self.low, self.high
         if low is not None and high is not None and low >= high:
             self.refuse(f"needs low < high; {low!r} to {high!r} is an empty range.", low=low, high=high)
 
@@ -73,10 +71,13 @@ class _Continuous(Distribution):
             self.refuse("as wide as this reaches beyond 1.8e308; give less deviation, or low and high.")
 
 
+@dataclass(frozen=True)
 class _Spaced(_Continuous):
     """One between bounds, of which a grid may take a number of points."""
 
-    points: int | None
+    low: float
+    high: float
+    points: int | None = None
 
     @property
     def level_count(self) -> int | None:
@@ -101,14 +102,6 @@ class Uniform(_Spaced):
     name: ClassVar[str] = "uniform"
     noun: ClassVar[str] = "a uniform distribution"
 
-    low: float
-    high: float
-    points: int | None = None
-
-    @property
-    def _bounds(self) -> tuple[float, float]:
-        return self.low, self.high
-
     def _inverse(self, q: Vector) -> Vector:
         return self.low + q * (self.high - self.low)
 
@@ -124,14 +117,6 @@ class LogUniform(_Spaced):
     name: ClassVar[str] = "log-uniform"
     noun: ClassVar[str] = "a log-uniform distribution"
 
-    low: float
-    high: float
-    points: int | None = None
-
-    @property
-    def _bounds(self) -> tuple[float, float]:
-        return self.low, self.high
-
     def _inverse(self, q: Vector) -> Vector:
         low, high = math.log(self.low), math.log(self.high)
         return np.exp(low + q * (high - low))
@@ -141,8 +126,32 @@ class LogUniform(_Spaced):
         super()._check()
 
 
+class _Truncated(_Continuous):
+    """A normal distribution of values, or of their logarithms."""
+
+    deviation: float
+
+    @abstractmethod
+    def _standard(self, value: float) -> float:
+        """How many standard deviations a value is above the middle."""
+
+    @property
+    def _standard_bounds(self) -> tuple[float, float]:
+        low = -math.inf if self.low is None else self._standard(self.low)
+        return low, math.inf if self.high is None else self._standard(self.high)
+
+    def _away(self, q: Vector) -> Vector:
+        """How far above the middle quantiles are."""
+        return self.deviation * _truncated_normal(q, *self._standard_bounds)
+
+    def _check(self) -> None:
+        super()._check()
+        _check_truncation(self, *self._standard_bounds)
+        self._check_extremes()
+
+
 @dataclass(frozen=True)
-class Normal(_Continuous):
+class Normal(_Truncated):
     """By mean and standard deviation; truncated to `low` and `high` where these are given."""
 
     name: ClassVar[str] = "normal"
@@ -153,28 +162,19 @@ class Normal(_Continuous):
     low: float | None = None
     high: float | None = None
 
-    @property
-    def _bounds(self) -> tuple[float | None, float | None]:
-        return self.low, self.high
-
-    @property
-    def _standard_bounds(self) -> tuple[float, float]:
-        low = -math.inf if self.low is None else (self.low - self.mean) / self.deviation
-        high = math.inf if self.high is None else (self.high - self.mean) / self.deviation
-        return low, high
+    def _standard(self, value: float) -> float:
+        return (value - self.mean) / self.deviation
 
     def _inverse(self, q: Vector) -> Vector:
-        return self.mean + self.deviation * _truncated_normal(q, *self._standard_bounds)
+        return self.mean + self._away(q)
 
     def _check(self) -> None:
         self._check_positive("deviation")
         super()._check()
-        _check_truncation(self, *self._standard_bounds)
-        self._check_extremes()
 
 
 @dataclass(frozen=True)
-class LogNormal(_Continuous):
+class LogNormal(_Truncated):
     """The natural logarithm is normal; truncated to `low` and `high` where these are given.
 
     `median` is that of the value, `deviation` the standard deviation of the logarithm.
@@ -188,25 +188,15 @@ class LogNormal(_Continuous):
     low: float | None = None
     high: float | None = None
 
-    @property
-    def _bounds(self) -> tuple[float | None, float | None]:
-        return self.low, self.high
-
-    @property
-    def _standard_bounds(self) -> tuple[float, float]:
-        median = math.log(self.median)
-        low = -math.inf if self.low is None else (math.log(self.low) - median) / self.deviation
-        high = math.inf if self.high is None else (math.log(self.high) - median) / self.deviation
-        return low, high
+    def _standard(self, value: float) -> float:
+        return (math.log(value) - math.log(self.median)) / self.deviation
 
     def _inverse(self, q: Vector) -> Vector:
-        return np.exp(math.log(self.median) + self.deviation * _truncated_normal(q, *self._standard_bounds))
+        return np.exp(math.log(self.median) + self._away(q))
 
     def _check(self) -> None:
         self._check_positive("median", "deviation", "low", "high")
         super()._check()
-        _check_truncation(self, *self._standard_bounds)
-        self._check_extremes()
 
 
 @dataclass(frozen=True)
@@ -219,10 +209,6 @@ class Triangular(_Continuous):
     low: float
     mode: float
     high: float
-
-    @property
-    def _bounds(self) -> tuple[float, float]:
-        return self.low, self.high
 
     def _inverse(self, q: Vector) -> Vector:
         width = self.high - self.low

@@ -3,6 +3,9 @@
 from ..host.drive import Trajectory
 from ..verdict import Outcome, failed, passed, warned
 
+_CLOSE = 1e-3
+"""Of an output's range: what two solvers, or two step sizes, may differ by."""
+
 ROUNDING = 1e-9
 """Of an output's range: what another alignment of memory, or another order of a sum, may do."""
 
@@ -23,6 +26,18 @@ def compared(found: Trajectory, wanted: Trajectory, what: str, allowed: float = 
     figures = {"largest_difference": float(apart[worst]) if len(apart) else 0.0}
     sentence = f"{what} differs from {name} at t = {time:.9g} s on{_most(wanted, worst, figures)}."
     return (failed if figures["largest_difference"] > allowed else warned)(sentence, figures=figures)
+
+
+def differing(found: Trajectory, wanted: Trajectory, rows: int) -> tuple[list[str], float]:
+    """Compare the first rows of two runs that need not be the same to the last bit.
+
+    Returns:
+        Beginnings of sentences on outputs that differ by more than a thousandth of their range, and the
+        largest difference in parts of the range.
+    """
+    apart = found.until(rows).distance(wanted.until(rows))
+    far = [(name, d) for name, d in zip(wanted.names, apart, strict=True) if d > _CLOSE]
+    return [f"{name} differs by {d:.3g} of its range" for name, d in far], max(apart, default=0.0)
 
 
 def _most(wanted: Trajectory, worst: int, figures: dict[str, float]) -> str:

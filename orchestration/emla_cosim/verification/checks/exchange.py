@@ -11,7 +11,7 @@ from ..host.experiment import Experiment, experiment
 from ..host.instance import Instance
 from ..subject import Subject
 from ..verdict import Clause, Outcome, Verdict, passed, skipped, warned
-from ._sameness import compared
+from ._sameness import compared, differing
 
 
 @check(
@@ -66,10 +66,6 @@ def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Trajec
     return Trajectory(course.times[: len(rows)], names, values)
 
 
-_CLOSE = 1e-3
-"""Of an output's range: what two step sizes may differ by."""
-
-
 @check(
     "steps.split",
     "Two half steps are one step",
@@ -88,16 +84,15 @@ def split(subject: Subject) -> Outcome:
     whole, halves = alone(subject, course), alone(subject, _halved(course))
     rows = min(len(whole.times), (len(halves.times) + 1) // 2)  # where it asks to end the run
     every_other = Trajectory(whole.times[:rows], whole.names, halves.values[: 2 * rows : 2])
-    apart = whole.until(rows).distance(every_other)
-    far = [(name, float(d)) for name, d in zip(whole.names, apart, strict=True) if d > _CLOSE]
+    far, most = differing(whole, every_other, rows)
     if far:
-        lines = tuple(f"{name} differs by {d:.3g} of its range with half steps." for name, d in far)
+        lines = tuple(f"{line} with half steps." for line in far)
         return warned(
             f"{len(far)} of {len(whole.names)} outputs depend on the step size: {lines[0]}",
             details=lines,
             hint="Take shorter steps inside, unless a state is sampled once per step on purpose.",
         )
-    return passed(f"Half steps end within {max(apart, default=0.0):.1g} of the range where whole ones do.")
+    return passed(f"Half steps end within {most:.1g} of the range where whole ones do.")
 
 
 def _halved(course: Experiment) -> Experiment:

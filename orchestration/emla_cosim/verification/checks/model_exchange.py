@@ -6,9 +6,7 @@ from ..host.experiment import experiment
 from ..host.instance import Instance
 from ..subject import Subject
 from ..verdict import Clause, Outcome, passed, skipped, warned
-
-_CLOSE = 1e-3
-"""Of an output's range: what two solvers may differ by."""
+from ._sameness import differing
 
 
 @check(
@@ -48,12 +46,11 @@ def agrees(subject: Subject) -> Outcome:
         return skipped("It is not for Co-Simulation.")
     slave, model = alone(subject, kind="CoSimulation"), alone(subject, kind="ModelExchange")
     rows = min(len(slave.times), len(model.times))  # where one asks to end the run
-    apart = model.until(rows).distance(slave.until(rows))
-    far = [(name, float(d)) for name, d in zip(slave.names, apart, strict=True) if d > _CLOSE]
+    far, most = differing(model, slave, rows)
     if far:
-        lines = tuple(f"{name} differs by {d:.3g} of its range." for name, d in far)
+        lines = tuple(f"{line}." for line in far)
         return warned(
             f"{len(far)} of {len(slave.names)} outputs differ between model and slave: {lines[0]}",
             details=lines,
         )
-    return passed(f"Both parts agree within {max(apart, default=0.0):.1g} of each output's range.")
+    return passed(f"Both parts agree within {most:.1g} of each output's range.")
