@@ -421,11 +421,11 @@ def test_a_run_that_has_no_memory_left_keeps_what_it_has(package: Path) -> None:
 ASKED = """
 import os, signal, sys
 from emla_cosim.views.output_folder import OutputFolder
-write = OutputFolder.write
+write = OutputFolder.save
 def interrupted(*arguments, **options):
     os.kill(os.getpid(), signal.SIGTERM)
     return write(*arguments, **options)
-OutputFolder.write = interrupted
+OutputFolder.save = interrupted
 from emla_cosim.cli.program import main
 main()
 """

@@ -24,9 +24,9 @@ from emla_cosim.fmu.models import FMU_FOLDER, check_place
 from emla_cosim.run.options import table
 from emla_cosim.sandbox.locking import alone
 from emla_cosim.sweeps.folder import SweepFolder
-from emla_cosim.sweeps.place import Place
 from emla_cosim.tuning.folder import TuneFolder
 from emla_cosim.views.animation import ANIMATIONS
+from emla_cosim.views.folder import Folder
 from emla_cosim.views.output_folder import OutputFolder
 from emla_cosim.views.plots.plotting import FIGURES
 from fmublock import build
@@ -358,7 +358,7 @@ def test_a_folder_of_an_earlier_version_is_recognized(emla: Emla, tmp_path: Path
     ],
 )
 def test_folders_of_earlier_versions_are_recognized(
-    kind: type[Place], records: Mapping[str, Any], tmp_path: Path
+    kind: type[Folder], records: Mapping[str, Any], tmp_path: Path
 ) -> None:
     for name in (*kind.files, *kind.pictures):
         (tmp_path / name).write_text(WORK)

@@ -12,7 +12,7 @@ from ..base.ownership import has_mark
 from ..base.progress import Progress
 from ..study.certificate import JointCertificate, certificate_rows, certify
 from ..study.loading import load
-from ..sweeps.place import Place
+from ..views.folder import Folder
 from .entrants import ALL, entrants
 
 CSV, MARKDOWN = "certificate.csv", "certificate.md"
@@ -81,8 +81,8 @@ def _section(one: SetCertificate) -> list[str]:
     return [*lines, ""]
 
 
-class CertificateFolder(Place):
-    """The folder of certificates; see `Place` for errors."""
+class CertificateFolder(Folder):
+    """The folder of certificates; see `Folder` for errors."""
 
     what = "certificates"
     files = (CSV, MARKDOWN)
@@ -90,9 +90,7 @@ class CertificateFolder(Place):
 
     def keep(self, found: Sequence[SetCertificate]) -> None:
         """Write numbers and tables, each file whole. Raises RunError."""
-        contents = {CSV: frame(found).write_csv(), MARKDOWN: markdown(found)}
         with writing_to(self.path):
-            self._files.claim(self.files)
-            for name, text in contents.items():
-                self.write(name, text.encode())
-            self._files.settle()
+            self.write(CSV, frame(found).write_csv().encode())
+            self.write(MARKDOWN, markdown(found).encode())
+        self.settle()

@@ -1,6 +1,5 @@
 """What a comparison leaves in its folder: rows, tables, what repeats each run, and pictures."""
 
-import json
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +9,7 @@ from ..base.files import writing_to
 from ..base.ownership import has_entries
 from ..run.options import repeated
 from ..run.run_record import plain, versions
-from ..sweeps.place import Place
+from ..views.folder import Folder
 from .contest import Contest
 from .pictures import NAMES
 from .result import CompareResult
@@ -18,8 +17,8 @@ from .result import CompareResult
 CSV, MARKDOWN, RECORD = "comparison.csv", "comparison.md", "comparison.json"
 
 
-class CompareFolder(Place):
-    """The folder of a comparison; see `Place` for errors."""
+class CompareFolder(Folder):
+    """The folder of a comparison; see `Folder` for errors."""
 
     what = "comparison"
     files = (CSV, MARKDOWN, RECORD)
@@ -28,23 +27,18 @@ class CompareFolder(Place):
 
     def keep(self, result: CompareResult, record: Mapping[str, Any]) -> None:
         """Write all but pictures, each file whole; those of an earlier comparison go. Raises RunError."""
-        contents = {
-            CSV: result.rows.write_csv().encode(),
-            MARKDOWN: result.markdown().encode(),
-            RECORD: (json.dumps(record, indent=2) + "\n").encode(),
-        }
         with writing_to(self.path):
             self._files.remove(self.pictures)
-            self._files.claim(self.files)
-            for name, content in contents.items():
-                self.write(name, content)
-            self._files.settle()
+            self.write(CSV, result.rows.write_csv().encode())
+            self.write(MARKDOWN, result.markdown().encode())
+            self.write_json(RECORD, record)
+        self.settle()
 
     def draw_result(self, result: CompareResult) -> list[Path]:
         """Draw all pictures of a result, and return their files. Raises RunError."""
         with self.alone(), writing_to(self.path):
             found = [self.draw(f"{name}.png", figure) for name, figure in result.figures().items()]
-            self._files.settle()
+        self.settle()
         return found
 
 

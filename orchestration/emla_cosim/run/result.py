@@ -163,7 +163,7 @@ class Result:
         )
         with output.alone():
             output.write_table(self)
-            return output.write(self, plots, animated=animate, report=report)
+            return output.save(self, plots, animated=animate, report=report)
 
     @property
     def _table(self) -> Table:

@@ -14,10 +14,10 @@ import polars
 from ..base.errors import CommandError
 from ..base.files import UNFINISHED, read_text, writing_to, written_whole
 from ..base.ownership import has_entries
+from ..views.folder import Folder
 from .data import PROBLEM, STATUS, VARIANT
 from .measures import Measures
 from .pictures import PICTURES
-from .place import Place
 from .worker import Chunk, parquet
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
@@ -35,7 +35,7 @@ _ENDS = {
 }
 
 
-class SweepFolder(Place):
+class SweepFolder(Folder):
     """What a sweep leaves: `variants.parquet`, `series/`, `sweep.json`, and `parts/` until it is complete."""
 
     what = "sweep"
@@ -135,7 +135,7 @@ class SweepFolder(Place):
     def write_record(self, entries: Mapping[str, Any]) -> None:
         """Write sweep.json with these entries and those that it has. Raises RunError."""
         with writing_to(self.path):
-            self.write(RECORD, (json.dumps({**self.record(), **entries}, indent=2) + "\n").encode())
+            self.write_json(RECORD, {**self.record(), **entries})
 
     def keep(self, chunk: Chunk, measures: Measures) -> None:
         """Write what the variants of a chunk gave; it is there whole or not at all. Raises RunError."""

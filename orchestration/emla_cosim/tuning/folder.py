@@ -1,21 +1,21 @@
 """What a tuning leaves in its folder."""
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..base.files import writing_to
 from ..base.ownership import has_entries
-from ..sweeps.place import Place
+from ..views.folder import Folder
+from ..views.pages.plain import plain
 from .picture import drawn
 from .result import TuneResult
 
 BEST, RECORD, HISTORY, PICTURE = "best.toml", "tune.json", "history.csv", "tuning.png"
 
 
-class TuneFolder(Place):
+class TuneFolder(Folder):
     """`best.toml`, a scenario with the best gains; `history.csv`; `tune.json`; `tuning.png`."""
 
     what = "tuning"
@@ -30,27 +30,15 @@ class TuneFolder(Place):
         """
         with writing_to(self.path):
             best = {**(scenario or {}), "set": {**(scenario or {}).get("set", {}), **result.best.set}}
-            self._files.claim(self.files)
             described = {"description": f"Gains found by the tuning {result.name}", **best}
             self.write(BEST, _toml(described).encode())
-            self.write(RECORD, (json.dumps(_plain(record), indent=2) + "\n").encode())
+            self.write_json(RECORD, plain(record))
             self.write(HISTORY, result.history.write_csv().encode())
 
     def draw_result(self, result: TuneResult) -> Path:
         """Draw the picture. Raises RunError."""
         with writing_to(self.path):
             return self.draw(PICTURE, drawn(result))
-
-
-def _plain(value: Any) -> Any:
-    """Data with null where a number does not exist: JSON has no NaN."""
-    if isinstance(value, Mapping):
-        return {str(name): _plain(inner) for name, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
 
 
 def _toml(content: Mapping[str, Any]) -> str:

@@ -1,10 +1,8 @@
 """The output folder of a run: its files by name."""
 
-import contextlib
 import json
-import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -14,8 +12,8 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
-from ..base.files import remove_unfinished, writing_to, written_whole
-from ..base.ownership import OutputFiles, has_entries
+from ..base.files import writing_to
+from ..base.ownership import has_entries
 from ..base.progress import Progress
 from ..recorders.coupling.coupling import COUPLING
 from ..recorders.metrics import SIGNALS
@@ -24,9 +22,10 @@ from ..recorders.recorder import Outline, Recorder, recording
 from ..recorders.registry import TABLES, table_names
 from ..recorders.table import Table
 from ..run.result import Result
-from ..sandbox.locking import alone
 from .animation import ANIMATIONS, animate
-from .plots.plotting import FIGURES, draw
+from .folder import Folder
+from .pages.plain import plain
+from .plots.plotting import FIGURES, drawn
 
 METRICS, RECORD, REPORT = "metrics.json", "run.json", "report.html"
 
@@ -36,8 +35,16 @@ def results_folder(name: str) -> Path:
     return Path("results") / (re.sub(r"[^\w.-]+", "_", name).strip("._") or "run")
 
 
-class OutputFolder:
+def _is_record(path: Path) -> bool:
+    """Return whether a run wrote this run.json, also one that ended too early to say more."""
+    return has_entries("scenario", "status")(path) or has_entries("settings", "versions")(path)
+
+
+class OutputFolder(Folder):
     """A folder for the results of one run; an earlier run's files stay until `clear`."""
+
+    what = "results"
+    record_file, is_record = RECORD, _is_record
 
     def __init__(
         self,
@@ -62,46 +69,32 @@ class OutputFolder:
         Raises:
             CommandError: The folder or one of the files cannot be written, or somebody else wrote it.
         """
-        self.path, self.form, self.overwrite = path, form, overwrite
-        self.results = path / f"results.{form}"
-        self._make = TABLES[form]
+        self.form, self.results = form, path / f"results.{form}"
+        pictures, animations = [f"{name}.png" for name in FIGURES], [f"{name}.gif" for name in ANIMATIONS]
+        self.files = [self.results.name, METRICS, RECORD]
+        self.files += [REPORT] * report + pictures * plots + animations * animated
+        known = [*table_names(), METRICS, RECORD, REPORT, *pictures, *animations]
+        self.pictures = [name for name in known if name not in self.files]
         try:
             path.mkdir(parents=True, exist_ok=True)
-            self._place = path.resolve()
             with TemporaryFile(dir=path):
                 pass
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise CommandError(f"the output folder '{path}' cannot be written: {reason}.") from error
-        self._names = [self.results.name, METRICS, RECORD]
-        self._names += [REPORT] * report + _pictures() * plots + _animations() * animated
-        known = [*table_names(), METRICS, RECORD, REPORT]
-        self._known = [*known, *_pictures(), *_animations()]
-        self._files = OutputFiles(self._place, path, RECORD, _is_record, self._known, overwrite)
-        self.check()
+        super().__init__(path, overwrite)
 
-    @property
-    def files(self) -> list[Path]:
-        """All files that a run may write here."""
-        return [self.path / name for name in self._names]
-
-    def check(self) -> None:
-        """Raise CommandError where one of the files cannot be written, or somebody else wrote it."""
-        self._files.check(self._names, "the file of results")
+    def check_files(self, names: Iterable[str]) -> None:
+        """Raise CommandError where one of these files cannot be written, or somebody else wrote it."""
+        super().check_files(names)
         with writing_to(self.path):
             problem = strange_parts(self._place / self.results.name)
         if problem is not None:
             raise CommandError(f"{problem}, or choose another output folder.")
 
-    @contextlib.contextmanager
-    def alone(self, heir_of: int | None = None) -> Iterator[None]:
-        """No other run writes here meanwhile; CommandError where one does. See `locking.alone`.
-
-        What was not complete when an earlier run was killed is removed.
-        """
-        with alone(self._place, heir_of):
-            remove_unfinished(self._place)
-            yield
+    def check(self) -> None:
+        """`check_files` for all files that a run may write here."""
+        self.check_files(self.files)
 
     def recorders(self, continued: bool) -> list[Recorder]:
         """What writes the table of results while a run goes on, which may continue one in this folder."""
@@ -109,13 +102,13 @@ class OutputFolder:
 
     def table(self) -> Table:
         """What writes the table of results."""
-        return self._make(self._place / self.results.name)
+        return TABLES[self.form](self._place / self.results.name)
 
     def clear(self, keep_results: bool = False) -> None:
         """Remove what an earlier run left, and list what this one writes. May raise OSError."""
         kept = table_names() if keep_results else []
-        self._files.remove([n for n in self._known if n not in kept], self._names)
-        self._files.claim(self._names)
+        self._files.remove([n for n in (*self.files, *self.pictures) if n not in kept], self.files)
+        self._files.claim(self.files)
 
     def write_table(self, result: Result) -> None:
         """Write the table of a result that has it in memory. Raises RunError."""
@@ -140,13 +133,13 @@ class OutputFolder:
         report: bool = False,
         notes: Sequence[str] = (),
     ) -> tuple[Result, list[Path]]:
-        """`write`, with a failure among the problems of the result."""
+        """`save`, with a failure among the problems of the result."""
         try:
-            return result, self.write(result, plots, progress, animated, report, notes)
+            return result, self.save(result, plots, progress, animated, report, notes)
         except RunError as error:
             return replace(result, problem=" ".join(filter(None, (result.problem, str(error))))), []
 
-    def write(
+    def save(
         self,
         result: Result,
         plots: bool,
@@ -161,7 +154,7 @@ class OutputFolder:
         animation.
         """
         with writing_to(self.path):
-            self._files.claim(self._names)
+            self._files.claim(self.files)
             written = self._write(result, plots, progress or Progress(), animated, report, notes)
             self._files.settle()
             return written
@@ -175,24 +168,24 @@ class OutputFolder:
         report: bool,
         notes: Sequence[str],
     ) -> list[Path]:
-        """See `write`. Raises OSError."""
+        """See `save`. Raises OSError."""
         figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
-        self._write_json(METRICS, {**_without_nan(figures), "run": _run_metrics(result)})
-        self._write_json(RECORD, result.record)
+        self.write_json(METRICS, {**plain(figures), "run": _run_metrics(result)})
+        self.write_json(RECORD, result.record)
         written = list[Path]()
         if report:
             from .run_page.page import page
 
             told.begin("writing the report", 1)
-            with written_whole(self._place / REPORT) as stream:
-                stream.write(page(result, notes).encode("utf-8", "replace"))
-            written.append(self.path / REPORT)
+            written.append(self.write(REPORT, page(result, notes).encode("utf-8", "replace")))
             told.advance(1)
         if result.steps == 0 or result.table is None:
             return written
         if plots:
             told.begin("drawing plots", len(FIGURES))
-            written += draw(result, self._place, lambda _: told.advance(1))
+            for name, figure in drawn(result):
+                written += [self.draw(f"{name}.png", figure)] if figure is not None else []
+                told.advance(1)
         if animated:
             written += animate(result, self._place, told)
         return written
@@ -200,8 +193,7 @@ class OutputFolder:
     def change_record(self, **entries: Any) -> None:
         """Write run.json with these entries, and those that it has. Raises RunError."""
         with writing_to(self.path):
-            self._files.claim([RECORD])
-            self._write_json(RECORD, self._record() | entries)
+            self.write_json(RECORD, self._record() | entries)
             self._files.settle()
 
     def status(self) -> str:
@@ -217,23 +209,6 @@ class OutputFolder:
         except ValueError:
             return {}
         return found if isinstance(found, dict) else {}
-
-    def _write_json(self, name: str, content: object) -> None:
-        with written_whole(self._place / name) as stream:
-            stream.write((json.dumps(content, indent=2) + "\n").encode())
-
-
-def _is_record(path: Path) -> bool:
-    """Return whether a run wrote this run.json, also one that ended too early to say more."""
-    return has_entries("scenario", "status")(path) or has_entries("settings", "versions")(path)
-
-
-def _pictures() -> list[str]:
-    return [f"{figure}.png" for figure in FIGURES]
-
-
-def _animations() -> list[str]:
-    return [f"{name}.gif" for name in ANIMATIONS]
 
 
 class _Clearing(Recorder):
@@ -263,10 +238,3 @@ def _run_metrics(result: Result) -> dict[str, Any]:
     if result.pacing is not None:
         found["real_time"] = result.pacing
     return found
-
-
-def _without_nan(value: Any) -> Any:
-    """Figures with null where one does not exist: JSON has no NaN."""
-    if isinstance(value, Mapping):
-        return {name: _without_nan(inner) for name, inner in value.items()}
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -91,7 +91,7 @@ def run_into(
 
 def _check_places(file: Path | None, options: Options, output: OutputFolder) -> None:
     """Raise CommandError where a file would be written that is read, or written twice."""
-    results = dict.fromkeys(output.files, "a file of the results")
+    results = output.roles
     read = ({} if file is None else {file: "the scenario"}) | options.files_read()
     if options.checkpoint is not None:
         check_places({options.checkpoint: "the checkpoint"}, results | read)

@@ -2,20 +2,18 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.files import written_whole
 from ..pages.curves import drawable
 from ..panels import Limit, Line, Plot
 from ..telling import headline
 from .drawing import changing, drawn_panels
-from .style import BLUE, save
+from .style import BLUE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -160,24 +158,12 @@ FIGURES: dict[str, Drawing] = {}
 """Pictures that are drawn of every run that has signals for them, by the name of their file."""
 
 
-def draw(result: "Result", folder: Path, done: Callable[[str], None]) -> list[Path]:
-    """Draw all pictures that the result has signals for; returns the files written.
-
-    `done` is called with the name of each. Raises OSError.
-    """
+def drawn(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
+    """Draw each picture by name; None where the result has no signals for it, or nothing changes."""
     data = result.read(_wanted(result), _MOST_ROWS)
-    if len(data["time"]) < 2:
-        return []
-    written = []
-    for name, picture in FIGURES.items():
-        figure = picture.drawn(result, data)
-        if figure is not None:
-            path = folder / f"{name}.png"
-            with written_whole(path) as stream:
-                save(figure, stream)
-            written.append(path)
-        done(name)
-    return written
+    if len(data["time"]) >= 2:
+        for name, picture in FIGURES.items():
+            yield name, picture.drawn(result, data)
 
 
 def _wanted(result: "Result") -> list[str]:

@@ -1,32 +1,33 @@
-"""A folder that what comes of many runs is written to."""
+"""An output folder: which files a command writes there, whole and one command at a time."""
 
 import contextlib
-from collections.abc import Iterable, Iterator, Mapping
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import IO, TYPE_CHECKING, Any, ClassVar
 
 from ..base.errors import CommandError
 from ..base.files import check_places, remove_unfinished, writing_to, written_whole
 from ..base.ownership import IsOurs, OutputFiles
 from ..sandbox.locking import alone
-from ..views.plots.style import save
+from .plots.style import save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Place:
+class Folder:
     """A folder at `path` to which `files` are written, of `what`; and into `inner`, folders in it.
 
-    `pictures` are further files, which only some commands write. `record` is the file by which a folder is
-    recognized that a version without a manifest wrote, and `is_record` recognizes it.
+    `pictures` are further files, which only some commands write. `record_file` is the file by which a folder
+    is recognized that a version without a manifest wrote, and `is_record` recognizes it.
     """
 
-    what: ClassVar[str]
-    files: ClassVar[tuple[str, ...]]
-    pictures: ClassVar[tuple[str, ...]] = ()
-    inner: ClassVar[tuple[str, ...]] = ()
-    record_file: ClassVar[str]
+    what: str
+    files: Sequence[str]
+    pictures: Sequence[str] = ()
+    inner: Sequence[str] = ()
+    record_file: str
     is_record: ClassVar[IsOurs]
 
     def __init__(self, path: Path, overwrite: bool = False) -> None:
@@ -61,17 +62,25 @@ class Place:
 
     def write(self, name: str, content: bytes) -> Path:
         """Write a file, and return it. Raises OSError."""
-        self._files.claim([name])
-        with written_whole(self._place / name) as stream:
+        with self._written(name) as stream:
             stream.write(content)
         return self.path / name
 
+    def write_json(self, name: str, content: Any) -> Path:
+        """Write a file as JSON, and return it. Raises OSError."""
+        return self.write(name, (json.dumps(content, indent=2) + "\n").encode())
+
     def draw(self, name: str, figure: "Figure") -> Path:
         """Write a picture, and return it. Raises OSError."""
-        self._files.claim([name])
-        with written_whole(self._place / name) as stream:
+        with self._written(name) as stream:
             save(figure, stream)
         return self.path / name
+
+    @contextlib.contextmanager
+    def _written(self, name: str) -> Iterator[IO[bytes]]:
+        self._files.claim([name])
+        with written_whole(self._place / name) as stream:
+            yield stream
 
     def settle(self) -> None:
         """Note that all files are complete. Raises RunError."""
@@ -82,12 +91,18 @@ class Place:
         """Raise CommandError where a file would be written that is read; `read` says what these are."""
         used = {file: what for files in read for file, what in files.items()}
         if self._place.is_dir():
-            check_places({self.path / name: f"a file of the {self.what}" for name in self.files}, used)
+            check_places(self.roles, used)
+
+    @property
+    def roles(self) -> dict[Path, str]:
+        """What `files` are, by their paths."""
+        return {self.path / name: f"a file of the {self.what}" for name in self.files}
 
     @contextlib.contextmanager
-    def alone(self) -> Iterator[None]:
+    def alone(self, heir_of: int | None = None) -> Iterator[None]:
         """No other run writes here meanwhile, nor is an empty folder left that was made for it.
 
+        What was not complete when an earlier run was killed is removed; for `heir_of` see `locking.alone`.
         Raises CommandError where another run does, or the folder cannot be made.
         """
         missing = [place for place in (self._place, *self._place.parents) if not place.exists()]
@@ -98,7 +113,7 @@ class Place:
                 f"the output folder '{self.path}' cannot be written: {error.strerror}."
             ) from error
         try:
-            with alone(self._place):
+            with alone(self._place, heir_of):
                 remove_unfinished(self._place)
                 for name in self.inner:
                     if not (self._place / name).is_symlink():
