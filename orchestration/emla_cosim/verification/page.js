@@ -17,7 +17,7 @@
     texts.get(element) ?? texts.set(element, element.textContent.toLowerCase()).get(element);
 
   function filter() {
-    const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const words = sought();
     const verdicts = new Set(buttons.filter((b) => b.ariaPressed === "true").map((b) => b.dataset.verdict));
     const filtered = words.length > 0 || verdicts.size > 0;
     let shown = 0,
@@ -64,7 +64,7 @@
     target.scrollIntoView();
   }
 
-  search.addEventListener("input", filter);
+  const sought = searchable(search, filter, reset);
   for (const button of buttons)
     button.addEventListener("click", () => {
       button.ariaPressed = String(button.ariaPressed !== "true");
@@ -78,13 +78,6 @@
     fmu.element.querySelector("summary").addEventListener("click", () => {
       if (!status.textContent) fmu.open = !fmu.element.open;
     });
-  document.addEventListener("keydown", (event) => {
-    if (event.key === "/" && document.activeElement !== search) {
-      event.preventDefault();
-      search.focus();
-    }
-    if (event.key === "Escape" && document.activeElement === search) reset();
-  });
   addEventListener("hashchange", follow);
   document.addEventListener("click", (event) => {
     if (event.target.closest?.(`a[href="${location.hash}"]`)) setTimeout(follow);

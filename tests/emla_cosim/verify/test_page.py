@@ -78,7 +78,7 @@ def test_the_matrix_has_every_fmu_and_group() -> None:
         ["other/Plant.fmu", "passed", "", "", "passed", "1.5 s"],
     ]
     alone = Report(ordinary().examined[:1], "0", "then")
-    assert "overview" not in [s.get("class") for s in elements(parsed(page(alone)), "section")]
+    assert "card overview" not in [s.get("class") for s in elements(parsed(page(alone)), "section")]
     assert text_of(elements(parsed(page(alone)), "h1")[0]) == "The FMU failed"
 
 

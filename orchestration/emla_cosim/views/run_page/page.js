@@ -24,7 +24,7 @@
     let turn = Promise.resolve(); // one after the other: a plot that is being drawn must stay
 
     function filter() {
-      const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
+      const words = sought();
       let shown = 0;
       for (const { element, text } of rows) {
         element.hidden = !words.every((w) => text.includes(w));
@@ -92,20 +92,13 @@
       };
     }
 
-    search.addEventListener("input", filter);
+    const sought = searchable(search, filter, () => {
+      search.value = "";
+      filter();
+    });
     for (const row of rows) row.button.addEventListener("click", () => toggle(row));
     clear.addEventListener("click", () => {
       for (const row of rows) if (row.button.ariaPressed === "true") toggle(row);
-    });
-    document.addEventListener("keydown", (event) => {
-      if (event.key === "/" && document.activeElement !== search) {
-        event.preventDefault();
-        search.focus();
-      }
-      if (event.key === "Escape" && document.activeElement === search) {
-        search.value = "";
-        filter();
-      }
     });
   }
 })();
