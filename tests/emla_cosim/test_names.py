@@ -11,7 +11,7 @@ import polars
 import pytest
 
 import emla_cosim as ec
-import emla_cosim.views.plots.plotting
+import emla_cosim.views.folder
 from emla_cosim.recorders.csv_file import read_csv
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.run.scenarios.scenario import Scenario
@@ -86,8 +86,8 @@ def test_tables_and_records(name: str, fmu_folder: Path, tmp_path: Path) -> None
 def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     draw_few(monkeypatch)
     drawn: list[Any] = []
-    save = emla_cosim.views.plots.plotting.save
-    monkeypatch.setattr(emla_cosim.views.plots.plotting, "save", lambda *a: (drawn.append(a[0]), save(*a)))
+    save = emla_cosim.views.folder.save
+    monkeypatch.setattr(emla_cosim.views.folder, "save", lambda *a: (drawn.append(a[0]), save(*a)))
     run = scenario(name, fmu_folder).prepare().run()
     run.save(tmp_path, plots=True)
     assert (tmp_path / "tracking.png").read_bytes().endswith(b"IEND\xaeB`\x82")
