@@ -17,7 +17,8 @@ from emla_cosim.study.sketch.movement import Movement, movement, recorded_signal
 from emla_cosim.study.sketch.picture import INSTANTS, instants
 from emla_cosim.study.sketch.workspace import workspace
 from emla_cosim.views.plots.by_unit import BY_UNIT
-from emla_cosim.views.plots.plotting import draw
+from emla_cosim.views.plots.plotting import drawn as figures
+from emla_cosim.views.plots.style import save
 from hdrm_fmu import HDRM
 from hdrm_fmu.kinematics import tip
 from tests.support.hdrm_runs import replayed, result_of
@@ -33,9 +34,11 @@ def moved(result: Result) -> Movement:
 
 def drawn(result: Result, folder: Path) -> set[str]:
     """The pictures of a machine among those that were drawn."""
-    return {path.name for path in draw(result, folder, lambda _: None)} - {
-        *(f"{name}.png" for name in BY_UNIT)
-    }
+    found = [(f"{name}.png", figure) for name, figure in figures(result) if figure and name not in BY_UNIT]
+    for name, figure in found:
+        with (folder / name).open("wb") as stream:
+            save(figure, stream)
+    return {name for name, _ in found}
 
 
 def film(result: Result) -> MachineFilm:
