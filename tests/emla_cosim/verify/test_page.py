@@ -101,7 +101,7 @@ def test_hostile_texts_make_no_elements() -> None:
     text = page(hostile())
     root = parsed(text)
     assert not elements(root, "img")
-    allowed = {"theme.js", "curves.js", "plots.js", "page.js"}
+    allowed = {"theme.js", "curves.js", "plots.js", "search.js", "page.js"}
     assert len([s for s in elements(root, "script") if not s.get("type")]) == len(allowed)
     assert not [e for e in root.iter() for name in e.attrib if name.startswith("on")]
     assert "{{7*7}}" in text_of(elements(root, "main")[0])
