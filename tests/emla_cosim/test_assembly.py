@@ -73,7 +73,7 @@ def test_a_value_that_the_fmu_itself_refuses_is_reported_with_its_words(fmu_fold
     with Assembly(system, paths) as assembly:
         plant = assembly.network.slaves[0]
         plant.enter_initialization(0.0, 1.0)
-        plant._fmu.setReal([assembly.files["j.plant"].variables["motor.R_s"].valueReference], [-1.0])
+        plant.fmu.setReal([assembly.files["j.plant"].variables["motor.R_s"].valueReference], [-1.0])
         with pytest.raises(
             SlaveError, match=r"exitInitializationMode with fmi2Error.*motor.R_s = -1 is outside"
         ):

@@ -12,8 +12,8 @@ from fmpy.fmi2 import FMU2Slave
 from benchmarks.row import ring
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu import file as fmu_file
+from emla_cosim.fmu.loaded_library import LoadedLibrary
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.slaves.loaded_library import LoadedLibrary
 from emla_cosim.ssp.reader.reading import read_ssp
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System

@@ -9,8 +9,8 @@ import pytest
 from filelock import FileLock
 
 from emla_cosim.fmu.file import FmuFile, open_fmu
+from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.models import MODELS, fmu_path
-from emla_cosim.master.slaves.fmu_log import FmuLog
 from tests.conftest import shared_folder
 from tests.support.c_programs import Build, build
 from tests.support.joint_run import STEP, Case, moving_joint, study_joint

@@ -11,8 +11,8 @@ from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi2 import FMU2Slave, fmi2Error
 from fmpy.validation import validate_fmu
 
+from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.models import FLAVOURS, MODELS, fmu_path
-from emla_cosim.master.slaves.fmu_log import FmuLog
 from tests.support.joint_run import Array, Case, differences, our_run
 
 
@@ -66,7 +66,7 @@ def test_naive_loop_is_bit_for_bit_our_master(case: Case, tmp_path: Path) -> Non
     log = FmuLog()
     found = naive_run(case, tmp_path, log)
     assert differences(case, found, our_run(case, "jacobi")) == {}
-    assert {name: log.lines(name) for name in case.fmus if log.lines(name)} == {}
+    assert {name: log.last(name) for name in case.fmus if log.last(name)} == {}
 
 
 @pytest.mark.parametrize("flavour", FLAVOURS)
@@ -101,7 +101,7 @@ def test_fmpys_own_logging_survives_our_master(fmu_folder: Path) -> None:
         "from fmpy import extract, read_model_description\n"
         "from fmpy.fmi2 import FMU2Slave\n"
         "import gc\n"
-        "from emla_cosim.master.slaves.fmu_log import FmuLog\n"
+        "from emla_cosim.fmu.log import FmuLog\n"
         "FmuLog(); gc.collect()\n"
         f"folder = extract({str(path)!r}); guid = read_model_description(folder).guid\n"
         f"slave = FMU2Slave(guid=guid, unzipDirectory=folder, modelIdentifier='EmlaPlant')\n"

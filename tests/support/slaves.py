@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from emla_cosim.fmu.file import open_fmu
+from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.variables import typed_values
-from emla_cosim.master.slaves.fmu_log import FmuLog
 from emla_cosim.master.slaves.fmu_slave import FmuSlave
 from emla_cosim.master.slaves.slave import EntryPoints, Slave, SlaveError, StepDiscardedError
 from fmublock import Block

@@ -10,7 +10,7 @@ from ..base.errors import CommandError
 from ..base.files import sha256
 from ..base.wording import counted
 from .interface import Interface, read_interface
-from .library import missing_bytes
+from .library import find_library, missing_bytes
 from .unpack import UnsafeArchiveError, unpack
 
 
@@ -61,21 +61,20 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
         ) from error
     except Exception as error:  # whatever zip readers raise
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    library = f"{interface.model_identifier}{fmpy.sharedLibraryExtension}"
     return FmuFile(
         path=path,
         folder=folder,
         interface=interface,
-        library=_whole(path, _library(path, folder / "binaries", library)),
+        library=_whole(path, _library(path, folder, interface.model_identifier)),
         sha256=sha256(path),
     )
 
 
-def _library(path: Path, binaries: Path, name: str) -> Path:
-    """The FMU's library for this machine: under the platform's tuple, or its FMI 2.0 name."""
-    for platform in (fmpy.platform_tuple, fmpy.platform):
-        if (binaries / platform / name).is_file():
-            return binaries / platform / name
+def _library(path: Path, folder: Path, identifier: str) -> Path:
+    """The FMU's library for this machine."""
+    if (library := find_library(folder, identifier)) is not None:
+        return library
+    binaries = folder / "binaries"
     present = sorted(p.name for p in binaries.iterdir()) if binaries.is_dir() else []
     raise CommandError(
         f"'{path}' has no binary for {fmpy.platform}, only for {', '.join(present) or 'no platform'}."

@@ -1,7 +1,9 @@
-"""Shared libraries, looked at before they are loaded: one that is cut off would end the process."""
+"""Shared libraries, found, and looked at before they are loaded: a cut-off one would end the process."""
 
 import struct
 from pathlib import Path
+
+import fmpy
 
 _ELF = b"\x7fELF\x02\x01"  # of 64 bits, little-endian
 _HEADER = struct.Struct("<32xQ14xHH6x")
@@ -9,6 +11,18 @@ _HEADER = struct.Struct("<32xQ14xHH6x")
 _SEGMENT = struct.Struct("<I4xQ16xQ16x")
 """Of a segment: its type, where it is in the file, and its bytes there."""
 _LOADED = 1
+
+
+def find_library(folder: Path, identifier: str) -> Path | None:
+    """Return the library of an unpacked FMU for this machine; None where there is none.
+
+    It lies in the folder of the platform's tuple, or of its FMI 2.0 name.
+    """
+    for platform in (fmpy.platform_tuple, fmpy.platform):
+        path = folder / "binaries" / platform / f"{identifier}{fmpy.sharedLibraryExtension}"
+        if path.is_file():
+            return path
+    return None
 
 
 def missing_bytes(path: Path) -> int:

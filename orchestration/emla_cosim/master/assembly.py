@@ -9,13 +9,13 @@ from ..base.files import temporary_folder
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import Interface
+from ..fmu.log import FmuLog
 from ..fmu.variables import TypedValue, typed_values
 from ..system.model import Alias, Component, Connection, System
 from ..system.resolution import in_fmu_terms, refuse_driven, resolved
 from ..system.signal_faults import MODEL
 from .network import Link, Network
 from .slaves.described_slave import DescribedSlave
-from .slaves.fmu_log import FmuLog
 from .slaves.fmu_slave import FmuSlave
 from .slaves.isolated_slave import IsolatedSlave
 

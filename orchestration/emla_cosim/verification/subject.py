@@ -11,6 +11,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..fmu.interface import Interface
+from ..fmu.library import find_library
 from .declared import Declared, declared
 from .settings import Settings
 
@@ -77,11 +78,7 @@ class Subject:
 
     def library(self, kind: str | None = None) -> Path | None:
         """The shared library for this machine; None where there is none."""
-        name = f"{self.means(kind or self.kinds[0]).modelIdentifier}{fmpy.sharedLibraryExtension}"
-        for platform in (fmpy.platform_tuple, fmpy.platform):
-            if (found := self.folder / "binaries" / platform / name).is_file():
-                return found
-        return None
+        return find_library(self.folder, self.means(kind or self.kinds[0]).modelIdentifier)
 
     def of_causality(self, *causalities: str, kind: str = "Real") -> list[ModelVariable]:
         """Variables of these causalities and of a type, in the order of the model description."""

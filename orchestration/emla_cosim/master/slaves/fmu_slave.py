@@ -2,29 +2,25 @@
 
 import contextlib
 import ctypes
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...fmu.file import FmuFile
+from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmuInstance
+from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
+from ...fmu.log import FmuLog
 from ...sandbox import black_box
 from .calls import CALLS, code_of
 from .described_slave import DescribedSlave
-from .fmu_log import FmuLog
-from .loaded_library import DERIVATIVE, LoadedLibrary
 from .slave import EndRequestedError, EntryPoints, SlaveError, StepDiscardedError
-from .typed_values import CONNECTABLE, TypedValues
-
-_STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
-_FINE, _DISCARD, _FATAL = (0, 1), 2, 4
-_TERMINATED = 3  # fmi2StatusKind
+from .typed_values import TypedValues
 
 _POINTER = ctypes.c_void_p
 _DEAD_LIBRARIES: set[Path] = set()
@@ -36,7 +32,7 @@ LARGEST_STATE = 2**32
 """Bytes that a serialized state may have; an FMU that answers more is not believed."""
 
 
-class FmuSlave(DescribedSlave):
+class FmuSlave(FmuInstance, DescribedSlave):
     """One instance of an FMU in this process; see `Slave` and `DescribedSlave`."""
 
     def __init__(
@@ -62,22 +58,23 @@ class FmuSlave(DescribedSlave):
         self._present = black_box.present()
         self._codes = {call: code_of(number, call) for call in CALLS}
         try:
-            with self._doing("loading its library"):
-                self._library = LoadedLibrary.entered(file)
-            self._fmu = self._instantiated()
+            self.announce("loading its library")
+            self._library = LoadedLibrary.entered(file)
+            try:
+                self.fmu = self._library.calls_of(self)
+                self.fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
+            except BaseException:
+                self._library.leave()
+                raise
         except Exception as error:  # fmpy raises bare Exception
-            reasons = " ".join([str(error), *log.lines(name)])
+            reasons = " ".join([str(error), *log.last(name)])
             raise CommandError(f"the FMU '{file.path}' of {name} cannot be started: {reasons}") from error
+        finally:
+            self.returned()
         self._functions = {n: self._told(n, f) for n, f in self._library.functions.items()}
-        self._component = self._fmu.component
-        self._do_step = self._functions["fmi2DoStep"]
-        self._set_real, self._get_real = self._functions["fmi2SetReal"], self._functions["fmi2GetReal"]
-        self._one_reference, self._one_real, self._one_integer = (
-            ctypes.c_uint32(),
-            ctypes.c_double(),
-            ctypes.c_int32(),
-        )
-        self._this_one = ctypes.byref(self._one_reference)
+        self._component = self.fmu.component
+        self._do_step = self._functions["doStep"]
+        self._set_real, self._get_real = self._functions["setReal"], self._functions["getReal"]
         self._input_references, self._output_references = (
             np.array([v.valueReference for v in variables], dtype=np.uint32)
             for variables in (self.read, self.written)
@@ -86,21 +83,10 @@ class FmuSlave(DescribedSlave):
         self._typed = None
         if self.typed:
             self._typed = (
-                TypedValues("Set", self.read, self._functions),
-                TypedValues("Get", self.written, self._functions),
+                TypedValues("set", self.read, self._functions),
+                TypedValues("get", self.written, self._functions),
             )
         self.bind(self.inputs.copy(), self.outputs)
-
-    def _instantiated(self) -> FMU2Slave:
-        """The instance; where there is none the library is left."""
-        made = self._library.instance(self.name)
-        try:
-            with self._doing("instantiate"):
-                made.instantiate(callbacks=self._log.callbacks, loggingOn=True)
-        except BaseException:
-            self._library.leave()
-            raise
-        return made
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory from now on; the slave keeps its addresses."""
@@ -110,46 +96,30 @@ class FmuSlave(DescribedSlave):
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; SlaveError where the FMU refuses."""
-        self._one_reference.value = variable.valueReference
-        if variable.type == "String":
-            given = (ctypes.c_char_p * 1)(str(value).encode())
-            status = self._functions["fmi2SetString"](self._component, self._this_one, 1, given)
-        elif variable.type == "Real":
-            self._one_real.value = value
-            status = self._set_real(self._component, self._this_one, 1, ctypes.byref(self._one_real))
-        else:
-            self._one_integer.value = value
-            call = self._functions[f"fmi2Set{CONNECTABLE[variable.type]}"]
-            status = call(self._component, self._this_one, 1, ctypes.byref(self._one_integer))
-        if status not in _FINE:
-            raise self.error(f"setting {variable.name} = {value}", status)
+        given = str(value) if variable.type == "String" else value
+        with self.calling(f"setting {variable.name} = {value}"):
+            self.set_typed([(variable, given)])
 
     def value(self, variable: ModelVariable) -> Any:
         """The present value of a variable that is no String: a number, or true or false."""
-        self._one_reference.value = variable.valueReference
-        real = variable.type == "Real"
-        place = self._one_real if real else self._one_integer
-        call = self._functions[f"fmi2Get{CONNECTABLE[variable.type]}"]
-        status = call(self._component, self._this_one, 1, ctypes.byref(place))
-        if status not in _FINE:
-            raise self.error(f"getting {variable.name}", status)
-        return bool(place.value) if variable.type == "Boolean" else place.value
+        with self.calling(f"getting {variable.name}"):
+            (value,) = self.get_typed([variable])
+        return bool(value) if variable.type == "Boolean" else value
 
     def reset(self) -> None:
         """Become as it was when it was new."""
-        self._call("fmi2Reset")
+        super().reset()
         self._stepping, self._no_way_back = False, 1
         self.inputs[:] = self._input_starts
 
-    def enter_initialization(self, start_time: float, stop_time: float | None) -> None:
+    def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
         """Enter initialization mode; times in s, no stop time where none is known yet."""
         self._present.time = start_time
-        self._checked("setupExperiment", self._fmu.setupExperiment, None, start_time, stop_time)
-        self._checked("enterInitializationMode", self._fmu.enterInitializationMode)
+        super().enter_initialization(start_time, stop_time)
 
     def exit_initialization(self) -> None:
         """Leave initialization mode."""
-        self._checked("exitInitializationMode", self._fmu.exitInitializationMode)
+        super().exit_initialization()
         self._stepping = True
 
     def set_inputs(self) -> None:
@@ -160,7 +130,7 @@ class FmuSlave(DescribedSlave):
             call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
         else:
             call, status = "setReal", self._set_real(*self._set_arguments)
-        if status not in _FINE:
+        if status not in FINE:
             raise self.error(call, status)
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
@@ -169,7 +139,7 @@ class FmuSlave(DescribedSlave):
             references, count, orders = self._input_references, len(derivatives), self._derivative_orders
             addresses = (x.ctypes.data for x in (references, orders, derivatives))
             reference, order, value = addresses
-            self._call("fmi2SetRealInputDerivatives", reference, count, order, value)
+            self._call("setRealInputDerivatives", reference, count, order, value)
 
     def get_outputs(self) -> None:
         """Read the FMU's outputs into `outputs`."""
@@ -179,14 +149,14 @@ class FmuSlave(DescribedSlave):
             call, status = "getting outputs", self._typed[1].get(self._component, self.outputs)
         else:
             call, status = "getReal", self._get_real(*self._get_arguments)
-        if status not in _FINE:
+        if status not in FINE:
             raise self.error(call, status)
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
         self._present.time = time
         status = self._do_step(self._component, time, step, self._no_way_back)
-        if status not in _FINE:
+        if status not in FINE:
             raise self.error(f"doStep at t = {time:.9g} s", status)
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
@@ -203,9 +173,9 @@ class FmuSlave(DescribedSlave):
             *(known.ctypes.data, len(known)),
             *(direction.ctypes.data, found.ctypes.data),
         )
-        if status == _FATAL:
-            raise self.error(_plain(DERIVATIVE), status)
-        return found if status in _FINE else None
+        if status == FATAL:
+            raise self.error(DERIVATIVE, status)
+        return found if status in FINE else None
 
     def save(self, state: Any = None) -> Any:
         """A copy of the FMU's state, in the memory of an earlier one if given."""
@@ -214,31 +184,33 @@ class FmuSlave(DescribedSlave):
 
     def restore(self, state: Any) -> None:
         """Go back to a saved state."""
-        self._call("fmi2SetFMUstate", state)
+        self._call("setFMUstate", state)
 
     def forget(self, state: Any) -> None:
         """Free a saved state."""
         if not self._dead():
-            self._functions["fmi2FreeFMUstate"](self._component, ctypes.byref(state))
+            with contextlib.suppress(FMICallException):
+                self.fmu.freeFMUstate(state)
 
     def serialize(self) -> bytes:
         """The FMU's state as bytes."""
         state, size = self._copied(ctypes.c_void_p()), ctypes.c_size_t()
         try:
-            self._call("fmi2SerializedFMUstateSize", state, ctypes.byref(size))
-            if size.value > LARGEST_STATE:
-                answer = f"{size.value} bytes, more than {LARGEST_STATE}"
-                raise SlaveError(self.name, "SerializedFMUstateSize", answer, [])
-            content = ctypes.create_string_buffer(size.value)
-            self._call("fmi2SerializeFMUstate", state, content, size.value)
+            with self.calling():
+                self.fmu.fmi2SerializedFMUstateSize(self._component, state, ctypes.byref(size))
+                if size.value > LARGEST_STATE:
+                    answer = f"{size.value} bytes, more than {LARGEST_STATE}"
+                    raise SlaveError(self.name, "SerializedFMUstateSize", answer, [])
+                content = ctypes.create_string_buffer(size.value)
+                self.fmu.fmi2SerializeFMUstate(self._component, state, content, size.value)
             return content.raw
         finally:
             self.forget(state)
 
     def deserialize(self, content: bytes) -> None:
         """Go to a state that was written by `serialize`."""
-        state = ctypes.c_void_p()
-        self._call("fmi2DeSerializeFMUstate", content, len(content), ctypes.byref(state))
+        with self.calling():
+            state = self.fmu.deSerializeFMUstate(content)
         try:
             self.restore(state)
         finally:
@@ -250,10 +222,9 @@ class FmuSlave(DescribedSlave):
             return
         with contextlib.suppress(Exception):
             if self._stepping:
-                with self._doing("terminate"):
-                    self._fmu.terminate()
-        with contextlib.suppress(Exception), self._doing("freeInstance"):
-            self._fmu.fmi2FreeInstance(self._component)
+                self.fmu.terminate()
+        with contextlib.suppress(Exception):
+            self.free()
             self._library.leave()
 
     def entry_points(self) -> EntryPoints | None:
@@ -263,44 +234,47 @@ class FmuSlave(DescribedSlave):
         address = self._library.addresses
         return EntryPoints(
             component=ctypes.cast(self._component, _POINTER).value or 0,
-            set_real=address["fmi2SetReal"],
-            get_real=address["fmi2GetReal"],
-            do_step=address["fmi2DoStep"],
-            set_real_input_derivatives=address["fmi2SetRealInputDerivatives"],
-            get_state=address["fmi2GetFMUstate"],
-            set_state=address["fmi2SetFMUstate"],
+            set_real=address["setReal"],
+            get_real=address["getReal"],
+            do_step=address["doStep"],
+            set_real_input_derivatives=address["setRealInputDerivatives"],
+            get_state=address["getFMUstate"],
+            set_state=address["setFMUstate"],
             input_references=self._input_references,
             output_references=self._output_references,
             derivative_orders=self._derivative_orders,
         )
 
+    def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
+        """Leave in the black box what is called next."""
+        self._present.code = self._codes[plain_name(function)]
+
+    def returned(self) -> None:
+        """Leave in the black box that nothing is called."""
+        self._present.code = 0
+
     def error(self, call: str, status: int) -> SlaveError:
         """The error of a call that returned this status."""
         kind = SlaveError
-        if status == _DISCARD and call.startswith("doStep"):
-            kind = EndRequestedError if self._asks_to_end() else StepDiscardedError
-        self._stepping = self._stepping and status == _DISCARD
-        if status == _FATAL:
+        if status == DISCARD and call.startswith("doStep"):
+            kind = EndRequestedError if self.asks_to_end() else StepDiscardedError
+        self._stepping = self._stepping and status == DISCARD
+        if status == FATAL:
             _DEAD_LIBRARIES.add(self.file.library)
-        answer = _STATUS[status] if 0 <= status < len(_STATUS) else f"status {status}"
-        return kind(self.name, call, answer, self._log.lines(self.name))
+        answer = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
+        return kind(self.name, plain_name(call), answer, self._log.last(self.name))
 
     def _dead(self) -> bool:
         """Whether an instance of this FMU answered fmi2Fatal: then none of them may be called again."""
         return self.file.library in _DEAD_LIBRARIES
 
-    def _asks_to_end(self) -> bool:
-        terminated = ctypes.c_int()
-        call = self._functions["fmi2GetBooleanStatus"]
-        return call(self._component, _TERMINATED, ctypes.byref(terminated)) == 0 and terminated.value == 1
-
     def _copied(self, state: Any) -> Any:
-        self._call("fmi2GetFMUstate", ctypes.byref(state))
+        self._call("getFMUstate", ctypes.byref(state))
         return state
 
     def _told(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
         """A function that says that it is called."""
-        present, code = self._present, self._codes[_plain(name)]
+        present, code = self._present, self._codes[name]
 
         def called(*arguments: Any) -> int:
             present.code = code
@@ -310,31 +284,10 @@ class FmuSlave(DescribedSlave):
 
         return called
 
-    @contextlib.contextmanager
-    def _doing(self, call: str) -> Iterator[None]:
-        self._present.code = self._codes[call]
-        try:
-            yield
-        finally:
-            self._present.code = 0
-
     def _call(self, name: str, *arguments: Any) -> None:
         status = self._functions[name](self._component, *arguments)
-        if status not in _FINE:
-            raise self.error(_plain(name), status)
-
-    def _checked(self, call: str, function: Any, *arguments: Any) -> None:
-        try:
-            with self._doing(call):
-                function(*arguments)
-        except FMICallException as error:
-            raise self.error(call, error.status) from error
-
-
-def _plain(name: str) -> str:
-    """The name of an FMI function as sentences have it: doStep."""
-    stem = name.removeprefix("fmi2")
-    return f"{stem[0].lower()}{stem[1:]}"
+        if status not in FINE:
+            raise self.error(name, status)
 
 
 def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ...]:

@@ -10,9 +10,7 @@ from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
-
-CONNECTABLE = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}
-"""Types of variables that can be connected, and the type in the names of the FMI functions."""
+from ...fmu.instance import by_type
 
 
 @dataclass(frozen=True)
@@ -27,21 +25,20 @@ class _Group:
 
 
 class TypedValues:
-    """Gets or sets variables by one FMI call per type; `access` is Get or Set."""
+    """Gets or sets variables by one FMI call per type; `access` is get or set."""
 
     def __init__(
         self, access: str, variables: Sequence[ModelVariable], functions: Mapping[str, Callable[..., int]]
     ) -> None:
         self._groups = []
-        for type_ in dict.fromkeys(CONNECTABLE[str(v.type)] for v in variables):
-            elements = [i for i, v in enumerate(variables) if CONNECTABLE[str(v.type)] == type_]
+        for type_, elements in by_type(variables):
             self._groups.append(
                 _Group(
                     elements=np.array(elements, dtype=np.intp),
                     references=np.array([variables[i].valueReference for i in elements], dtype=np.uint32),
                     values=np.zeros(len(elements), dtype=np.float64 if type_ == "Real" else np.int32),
                     boolean=type_ == "Boolean",
-                    function=functions[f"fmi2{access}{type_}"],
+                    function=functions[f"{access}{type_}"],
                 )
             )
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from ...base.errors import CosimError, RunError
 from ...fmu.file import FmuFile
+from ...fmu.log import FmuLog
 from ...sandbox import black_box
 from ...sandbox.channel import own_channel
 from ...sandbox.interruption import ask_no_more
 from ...sandbox.processes import end_with
-from .fmu_log import FmuLog
 from .fmu_slave import FmuSlave
 from .request import Request
 

@@ -9,11 +9,12 @@ import numpy as np
 from fmpy.fmi2 import fmi2Real, fmi2ValueReference
 from fmpy.model_description import ModelVariable
 
+from ...fmu.instance import FATAL, FINE
 from ..check import check
 from ..host.afresh import EndedError, afresh, separately
 from ..host.drive import outputs
 from ..host.experiment import experiment, number, span
-from ..host.instance import FATAL, OK, WARNING, CallError, Instance
+from ..host.instance import CallError, Instance
 from ..subject import Subject
 from ..verdict import Clause, Outcome, passed, warned
 
@@ -92,7 +93,7 @@ def phases(subject: Subject) -> Outcome:
 def _taken(subject: Subject) -> tuple[int, list[str]]:
     """How many calls were made, and those that were answered with fmi2OK."""
     asked = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject)]
-    taken = [f"{f.function} {f.phase}" for f in asked if separately(_answer, subject, f) in (OK, WARNING)]
+    taken = [f"{f.function} {f.phase}" for f in asked if separately(_answer, subject, f) in FINE]
     return len(asked), taken
 
 
@@ -111,15 +112,15 @@ def _answer(subject: Subject, forbidden: _Forbidden) -> int:
     instance, start = Instance(subject), span(subject)[0]
     reached = _PHASES.index(forbidden.phase)
     if reached >= 1:
-        instance.enter_initialization(None, start)
+        instance.enter_initialization(start)
     if reached >= 2:
         instance.exit_initialization()
     if reached >= 3:
         with instance.calling():
             instance.fmu.terminate()
-    instance.fmu.circumstance = f" {forbidden.phase}"
+    instance.circumstance = f" {forbidden.phase}"
     status = forbidden.call(instance)
-    instance.fmu.circumstance = f" after {forbidden.function} {forbidden.phase}"
+    instance.circumstance = f" after {forbidden.function} {forbidden.phase}"
     if status != FATAL:
         instance.status("fmi2Reset")
     instance.free()
@@ -166,7 +167,7 @@ def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tu
     """An output that is no number after this was set; none where a call refused it, or none was."""
     course = experiment(subject, _STEPS)
     instance = Instance(subject)
-    instance.fmu.circumstance = f" with {variable.name} = {value}"
+    instance.circumstance = f" with {variable.name} = {value}"
     names = outputs(subject)
     found: list[float] = []
     try:

@@ -7,12 +7,14 @@ import tempfile
 from collections.abc import Sequence
 from typing import Any
 
+from ...fmu.instance import OK
+from ...fmu.log import Line
 from ..check import check
 from ..host.afresh import afresh, separately
 from ..host.drive import driven
 from ..host.experiment import experiment
-from ..host.instance import OK, Instance
-from ..host.log import LOG, Line, whole
+from ..host.instance import Instance
+from ..host.log import LOG, whole
 from ..subject import Subject
 from ..verdict import Clause, Outcome, failed, passed, warned
 

@@ -156,7 +156,7 @@ def _take(subject: Subject, cases: list[tuple[str, bytes]]) -> None:
     course = experiment(subject, 2)
     for name, data in cases:
         instance = Instance(subject)
-        instance.fmu.circumstance = f" with a state made of {name}"
+        instance.circumstance = f" with a state made of {name}"
         with contextlib.suppress(CallError):
             driven(instance, course)
             with instance.calling():

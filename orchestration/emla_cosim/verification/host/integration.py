@@ -9,12 +9,11 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.sundials import CVodeSolver
 
+from ...fmu.instance import DISCARD
 from ..subject import Subject
 
 RELATIVE_TOLERANCE = 1e-9
 """Of the integration, which starts anew at each communication point and adds up what each start costs."""
-
-_DISCARD = 2
 
 _MOST_STEPS = 50_000
 """Of the solver, from one communication point to the next."""
@@ -57,7 +56,7 @@ class _Solver(CVodeSolver):
             return call(*arguments)
         except FMICallException as error:
             self.refused = error
-            return 1 if error.status == _DISCARD else -1
+            return 1 if error.status == DISCARD else -1
 
 
 class Integration:

@@ -68,7 +68,8 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
     places = np.linspace(0, len(course.times) - 1, 1 if only_once(subject) else count)
     for k in np.unique(places.astype(int)):
         instance = Instance(subject)
-        instance.enter_initialization(course.at(0), float(course.times[0]))
+        instance.set(course.at(0))
+        instance.enter_initialization(float(course.times[0]))
         values = course.at(int(k))
         instance.set(values)
         found = structure.at_initialization(subject)

@@ -6,33 +6,25 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from fmpy import fmi2
-
-from ...base.errors import CommandError
-from ...base.files import coming_back
-from ...fmu.file import FmuFile
+from ..base.errors import CommandError
+from .file import FmuFile
+from .instance import FmuInstance, load
 
 _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
+_VALUES = (_POINTER, _POINTER, _SIZE, _POINTER)
 _PROTOTYPES = {
-    "fmi2SetReal": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2GetReal": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2SetInteger": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2GetInteger": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2SetBoolean": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2GetBoolean": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2SetString": (_POINTER, _POINTER, _SIZE, _POINTER),
-    "fmi2Reset": (_POINTER,),
-    "fmi2SetRealInputDerivatives": (_POINTER, _POINTER, _SIZE, _POINTER, _POINTER),
-    "fmi2DoStep": (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int),
-    "fmi2GetBooleanStatus": (_POINTER, ctypes.c_int, _POINTER),
-    "fmi2GetFMUstate": (_POINTER, _POINTER),
-    "fmi2SetFMUstate": (_POINTER, _POINTER),
-    "fmi2FreeFMUstate": (_POINTER, _POINTER),
-    "fmi2SerializedFMUstateSize": (_POINTER, _POINTER, _POINTER),
-    "fmi2SerializeFMUstate": (_POINTER, _POINTER, _POINTER, _SIZE),
-    "fmi2DeSerializeFMUstate": (_POINTER, _POINTER, _SIZE, _POINTER),
+    "setReal": _VALUES,
+    "getReal": _VALUES,
+    "setInteger": _VALUES,
+    "getInteger": _VALUES,
+    "setBoolean": _VALUES,
+    "getBoolean": _VALUES,
+    "setRealInputDerivatives": (_POINTER, _POINTER, _SIZE, _POINTER, _POINTER),
+    "doStep": (_POINTER, ctypes.c_double, ctypes.c_double, ctypes.c_int),
+    "getFMUstate": (_POINTER, _POINTER),
+    "setFMUstate": (_POINTER, _POINTER),
 }
-DERIVATIVE = "fmi2GetDirectionalDerivative"
+DERIVATIVE = "getDirectionalDerivative"
 """A function that a library may lack."""
 _DERIVATIVE_TYPES = (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER, _POINTER)
 
@@ -40,7 +32,7 @@ _DERIVATIVE_TYPES = (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER, _POIN
 class LoadedLibrary:
     """The library of an FMU for all of its instances in this process; who entered it leaves it once.
 
-    `functions` are those of the FMI by name, with prototypes of their own, because fmpy's checks would
+    `functions` are those of a step by name, with prototypes of their own, because fmpy's checks would
     cost as much as the call; `addresses` are theirs.
     """
 
@@ -48,15 +40,10 @@ class LoadedLibrary:
 
     def __init__(self, file: FmuFile) -> None:
         self._path = file.library
-        with coming_back():  # fmpy goes to the library's folder
-            self._bound = fmi2.FMU2Slave(
-                guid=file.description.guid,
-                unzipDirectory=str(file.folder),
-                modelIdentifier=file.model_identifier,
-                libraryPath=str(file.library),
-            )
+        guid = file.description.guid
+        self._bound = load("CoSimulation", file.library, file.folder, file.model_identifier, guid)
         types = dict(_PROTOTYPES)
-        if file.can("providesDirectionalDerivative") and hasattr(self._bound.dll, DERIVATIVE):
+        if file.can("providesDirectionalDerivative") and hasattr(self._bound.dll, _c_name(DERIVATIVE)):
             types[DERIVATIVE] = _DERIVATIVE_TYPES
         self.functions: Mapping[str, Any] = {n: self._function(n, t) for n, t in types.items()}
         self.addresses = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self.functions.items()}
@@ -80,10 +67,10 @@ class LoadedLibrary:
         library._inside += 1
         return library
 
-    def instance(self, name: str) -> fmi2.FMU2Slave:
-        """What makes an instance of this name; nothing is called yet."""
+    def calls_of(self, instance: FmuInstance) -> Any:
+        """Return fmpy's object for an instance; nothing is called yet."""
         made = copy.copy(self._bound)  # what differs between instances is their name, callbacks and address
-        made.instanceName = name
+        made.instance, made.instanceName = instance, instance.name
         return made
 
     def leave(self) -> None:
@@ -94,6 +81,16 @@ class LoadedLibrary:
             self._bound.freeLibrary()
 
     def _function(self, name: str, argument_types: tuple[Any, ...]) -> Any:
-        function = self._bound.dll[name]
+        function = self._bound.dll[_c_name(name)]
         function.argtypes, function.restype = argument_types, ctypes.c_int
         return function
+
+
+def plain_name(function: str) -> str:
+    """Return the name of an FMI function as sentences have it: doStep."""
+    stem = function.removeprefix("fmi2")
+    return f"{stem[0].lower()}{stem[1:]}"
+
+
+def _c_name(name: str) -> str:
+    return f"fmi2{name[0].upper()}{name[1:]}"

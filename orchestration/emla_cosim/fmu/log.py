@@ -2,7 +2,7 @@
 
 import ctypes
 from collections import defaultdict, deque
-from typing import Any
+from typing import Any, NamedTuple
 
 import fmpy
 from fmpy import fmi2
@@ -10,6 +10,15 @@ from fmpy.logging import addLoggerProxy
 
 LINES = 5
 """How many of its last lines are kept of each instance."""
+
+
+class Line(NamedTuple):
+    """One message: of which instance, with which status, in which category."""
+
+    instance: str
+    status: int
+    category: str
+    text: str
 
 
 class FmuLog:
@@ -22,22 +31,29 @@ class FmuLog:
     _listening: "FmuLog | None" = None
 
     def __init__(self) -> None:
-        self._lines: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=LINES))
+        self._last: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=LINES))
         self.callbacks = _CALLBACKS
         self.callbacks.logger = _LOGGER  # the proxy puts itself in here and calls what was here before
         addLoggerProxy(ctypes.byref(self.callbacks))
         FmuLog._listening = self
 
-    def lines(self, instance: str) -> list[str]:
-        """The last lines of an instance, oldest first."""
-        return list(self._lines[instance])
+    def last(self, instance: str) -> list[str]:
+        """The last warnings and errors of an instance, oldest first."""
+        return list(self._last[instance])
+
+    def take(self, line: Line) -> None:
+        """Take a message."""
+        if line.status >= fmi2.fmi2Warning and line.text:
+            self._last[line.instance].append(line.text)
 
     @classmethod
     def hear(cls, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
-        """Take a message; called through the FMI."""
-        if status >= fmi2.fmi2Warning and message and cls._listening is not None:
-            name, text = ((x or b"").decode(errors="replace").strip() for x in (instance, message))
-            cls._listening._lines[name].append(text)
+        """Hand a message to the log that listens; called through the FMI."""
+        if cls._listening is not None:
+            name, kind, text = (
+                (x or b"").decode(errors="replace").strip() for x in (instance, category, message)
+            )
+            cls._listening.take(Line(name, status, kind, text))
 
 
 # kept for ever: fmpy's proxy does not let go of what it was given last, whoever logs next
