@@ -204,6 +204,30 @@ guarded(os.abort, rescue)
     )
 
 
+def test_a_rescue_that_says_what_it_did_not_write_is_one_sentence(tmp_path: Path) -> None:
+    """Standard output that takes nothing fails again when it is flushed."""
+    code = """
+import os, sys
+from emla_cosim.sandbox.guard import guarded
+def rescue(how):
+    sys.stdout.write("what was computed")
+    sys.stderr.write(f"Error: the run ended: {how}.")
+guarded(os.abort, rescue)
+"""
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            cwd=tmp_path,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONUNBUFFERED": ""},
+        )
+    assert done.returncode == 1
+    assert done.stderr == "Error: the run ended: SIGABRT."
+
+
 def test_a_host_without_room_for_a_guard_runs_without_one(fmu_folder: Path, tmp_path: Path) -> None:
     without = (
         "import os\n"

@@ -113,8 +113,9 @@ def _rescued(rescue: Callable[[str], None], how: str) -> None:
     if child == 0:
         with contextlib.suppress(BaseException):
             rescue(how)
-            sys.stdout.flush()
-            sys.stderr.flush()
+            for stream in (sys.stdout, sys.stderr):
+                with contextlib.suppress(OSError, ValueError):  # `rescue` has said what cannot be written
+                    stream.flush()
             os._exit(0)
         os._exit(1)
     if end := os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]):
