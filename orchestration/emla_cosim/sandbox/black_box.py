@@ -6,6 +6,10 @@ rows that were not written yet, and the last message.
 
 import ctypes
 import math
+import os
+import tempfile
+from mmap import mmap
+from pathlib import Path
 from typing import Any
 
 
@@ -48,8 +52,11 @@ RUN, MEMORY = 0, 1
 _MESSAGES, _LONGEST, _ROWS = 2**12, 2**23 - 2**12, 2**24
 _APART = _MESSAGES // THREADS
 
-BLANK = bytes(_MESSAGES)
-"""Memory that has room for what threads say, but for no message and no rows."""
+LONGEST_NOTE = 2**12
+"""Bytes of a message that also the smallest memory has room for."""
+
+_BLANK = bytes(_MESSAGES + LONGEST_NOTE)
+"""Memory that has room for what threads say and for a short message, but for no rows."""
 
 
 def _presents(memory: Any) -> list[Present]:
@@ -64,7 +71,7 @@ class _Box:
     """The memory of this process: its own, until it is shared."""
 
     memory: Any = None
-    presents = _presents(bytearray(BLANK))
+    presents = _presents(bytearray(_BLANK))
 
 
 def present(thread: int = 0) -> Present:
@@ -82,6 +89,12 @@ def share(memory: Any) -> None:
     _Box.memory, _Box.presents = memory, _presents(memory)
 
 
+def share_file(path: Path) -> None:
+    """Use the memory of a `BlackBoxFile` from now on."""
+    with path.open("r+b") as stream:
+        share(mmap(stream.fileno(), 0))
+
+
 def shared() -> bool:
     """Whether somebody may read a message."""
     return _Box.memory is not None
@@ -91,8 +104,8 @@ def tell(content: bytes, which: int = RUN) -> bool:
     """Leave a message in place of the last one of its kind; none where it is too long. Whether it fits."""
     told = present().told
     told[which] = 0
-    if shared() and len(content) <= _LONGEST:
-        first = _MESSAGES + which * _LONGEST
+    first = _MESSAGES + which * _LONGEST
+    if shared() and len(content) <= min(_LONGEST, len(_Box.memory) - first):
         _Box.memory[first : first + len(content)] = content
         told[which] = len(content)
     return told[which] == len(content)
@@ -101,7 +114,7 @@ def tell(content: bytes, which: int = RUN) -> bool:
 def message(which: int = RUN) -> bytes:
     """The last message; empty if there is none."""
     first = _MESSAGES + which * _LONGEST
-    return _Box.memory[first : first + present().told[which]]
+    return _Box.memory[first : first + present().told[which]] if shared() else b""
 
 
 def room(size: int) -> memoryview:
@@ -109,3 +122,26 @@ def room(size: int) -> memoryview:
     fits = shared() and _ROWS + size <= len(_Box.memory)
     present().room = size if fits else 0
     return memoryview(_Box.memory)[_ROWS : _ROWS + size] if fits else memoryview(bytearray(size))
+
+
+class BlackBoxFile:
+    """A file that another process uses as its memory, see `share_file`, and that is read here."""
+
+    def __init__(self) -> None:
+        descriptor, name = tempfile.mkstemp(prefix="emla-call-")
+        self.path = Path(name)
+        with os.fdopen(descriptor, "wb") as stream:
+            stream.write(_BLANK)
+
+    def present(self) -> Present:
+        """What the process is doing, or was doing when it ended."""
+        return Present.from_buffer_copy(self.path.read_bytes())
+
+    def message(self) -> bytes:
+        """The last message; empty if there is none, or the next one is just being left."""
+        content = self.path.read_bytes()
+        return content[_MESSAGES:][: Present.from_buffer_copy(content).told[RUN]]
+
+    def close(self) -> None:
+        """Remove it."""
+        self.path.unlink(missing_ok=True)

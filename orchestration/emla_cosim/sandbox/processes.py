@@ -2,7 +2,6 @@
 
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -29,21 +28,6 @@ def end_with(parent: int, end: Callable[[], None]) -> None:
         end()
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def started(module: str, *arguments: str) -> subprocess.Popen[bytes]:
-    """A process that runs a module and talks through its standard input and output, see `channel`.
-
-    It finds what this one finds, and Ctrl-C in a terminal does not reach it. Raises OSError.
-    """
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", module, *arguments],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        bufsize=0,
-        env=environment(),
-        start_new_session=True,
-    )
 
 
 def environment() -> dict[str, str]:

@@ -5,15 +5,13 @@ little, whatever the caller did before.
 """
 
 import gc
-import os
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from ..sandbox.channel import Channel, own_channel
-from ..sandbox.interruption import ask_no_more
-from ..sandbox.processes import end_with
+from ..sandbox.server import serve
 from .examination import examined
 from .findings import Examined
 from .settings import Settings
@@ -36,24 +34,16 @@ def main() -> None:
     import lief  # noqa: F401  # slow to load: once, before processes divide
 
     gc.freeze()  # so that processes that divide from this one do not copy what they only look at
-    ask_no_more()  # it is the parent who ends an examination
-    end_with(os.getppid(), lambda: os._exit(0))
-    channel = own_channel()
     tempfile.tempdir = sys.argv[1]
-    while True:
-        try:
-            job: Job = channel.receive()
-        except EOFError:
-            os._exit(0)
-        channel.send(_done(job, channel))
+    serve(_done)
 
 
-def _done(job: Job, channel: Channel) -> Examined:
+def _done(job: Job, tell: Callable[[str], None]) -> Examined:
     if job.system:
-        return examined_system(job.path, job.settings, channel.send)
+        return examined_system(job.path, job.settings, tell)
     with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
-        return examined(subject, channel.send)
+        return examined(subject, tell)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """The way to a report: files handed to examiners, as many at a time as there are cores."""
 
 import os
-import subprocess
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -17,8 +16,8 @@ from ..base.files import temporary_folder
 from ..base.progress import Progress
 from ..base.values import converted
 from ..recorders.tubes.tolerance import Tolerance
-from ..sandbox.channel import Channel
-from ..sandbox.processes import LOOK, how_it_ended, started
+from ..sandbox.processes import LOOK
+from ..sandbox.server import Server, ServerEndedError
 from ..ssp.reader.reading import read_ssp
 from .asking import finding
 from .catalogue import CHECKS
@@ -141,7 +140,7 @@ class _Examiners:
         """Processes put temporary files into `folder`; `advance` is called for each check that is done."""
         self._folder, self._advance = folder, advance
         self._own = threading.local()
-        self._processes: list[subprocess.Popen[bytes]] = []
+        self._servers: list[Server] = []
         self._ended = False
 
     def examined(self, jobs: Sequence[Job]) -> tuple[Examined, ...]:
@@ -158,39 +157,34 @@ class _Examiners:
                     raise
         finally:
             self._end()
-            for process in self._processes:
-                with process:  # which closes its streams, now that no thread reads them
-                    pass
+            for server in self._servers:
+                server.close()  # its streams, now that no thread reads them
 
     def _end(self) -> None:
         """End all processes, and begin none any more."""
         self._ended = True
-        for process in self._processes:
-            process.kill()
-            process.wait()
+        for server in self._servers:
+            server.kill()
 
     def _examined(self, job: Job) -> Examined:
         if self._ended:
             return _lost(job, "interrupted")
-        process, channel = self._process()
+        server = self._server()
         try:
-            channel.send(job)
-            while isinstance(answer := channel.receive(), str):
+            server.send(job)
+            while isinstance(answer := server.receive(), str):
                 self._advance()
-        except (EOFError, OSError):
-            channel.close()
-            del self._own.process
-            return _lost(job, how_it_ended(process.wait()))
+        except ServerEndedError as error:
+            del self._own.server
+            return _lost(job, str(error))
         return replace(answer, path=job.given, name=job.name)
 
-    def _process(self) -> tuple[subprocess.Popen[bytes], Channel]:
+    def _server(self) -> Server:
         """That of this thread."""
-        if not hasattr(self._own, "process"):
-            process = started(_EXAMINER, str(self._folder))
-            self._processes.append(process)
-            channel = Channel(process.stdout, process.stdin, lambda: process.poll() is None)
-            self._own.process = process, channel
-        return self._own.process
+        if not hasattr(self._own, "server"):
+            self._own.server = Server(_EXAMINER, str(self._folder))
+            self._servers.append(self._own.server)
+        return self._own.server
 
 
 def _lost(job: Job, how: str) -> Examined:

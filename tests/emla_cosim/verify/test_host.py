@@ -13,7 +13,7 @@ from fmpy.fmi1 import FMICallException
 from scipy.linalg import expm
 
 from emla_cosim.fmu.unpack import unpack
-from emla_cosim.verification import apart, host
+from emla_cosim.sandbox import child
 from emla_cosim.verification.examination import examined
 from emla_cosim.verification.host.afresh import EndedError, afresh
 from emla_cosim.verification.host.drive import Trajectory, alone
@@ -171,8 +171,7 @@ def test_a_run_can_be_cut() -> None:
 
 def test_checks_go_to_processes_that_share_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As on Windows, where processes cannot divide."""
-    for module in (apart, host.afresh):
-        monkeypatch.setattr(module, "_CONTEXT", multiprocessing.get_context("spawn"))
+    monkeypatch.setattr(child, "_CONTEXT", multiprocessing.get_context("spawn"))
     settings = Settings(only=("run.finite", "run.ranges", "calls.phases"))
     found = examined(Subject(build_good_fmu(tmp_path), tmp_path / "fmu", settings))
     assert {f.check: f.verdict for f in found.findings} == dict.fromkeys(settings.only, Verdict.PASSED)

@@ -2,10 +2,7 @@
 
 import contextlib
 import os
-import subprocess
-import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,9 +12,8 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.variables import TypedValue
-from ...sandbox.black_box import BLANK, Present
-from ...sandbox.channel import Channel, SilenceError
-from ...sandbox.processes import how_it_ended, started
+from ...sandbox.black_box import BlackBoxFile
+from ...sandbox.server import Server, ServerEndedError
 from .calls import decoded
 from .described_slave import DescribedSlave
 from .request import Request
@@ -51,15 +47,13 @@ class IsolatedSlave(DescribedSlave):
         self._end: SlaveError | None = None
         self._under_way = False
         try:
-            self._calls = _CallFile()
-            with self._calls.kept():
-                self._process = started(f"{__package__}.worker", str(self._calls.path))
+            with contextlib.ExitStack() as held:
+                self._calls = held.enter_context(contextlib.closing(BlackBoxFile()))
+                self._server = Server(f"{__package__}.worker", str(self._calls.path))
+                held.pop_all()
         except OSError as error:
             raise CommandError(f"{name} cannot have a process of its own: {error.strerror}.") from error
         self._owner = os.getpid()
-        self._channel = Channel(
-            self._process.stdout, self._process.stdin, lambda: self._process.poll() is None
-        )
         self._send(Request("start", (name, file, list(inputs), list(outputs))))
 
     def ready(self) -> None:
@@ -151,12 +145,7 @@ class IsolatedSlave(DescribedSlave):
             return
         with contextlib.suppress(Exception):
             self._ask("close", patience=_PATIENCE)
-        self._channel.close()
-        try:
-            self._process.wait(_PATIENCE)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        self._server.close(_PATIENCE)
         self._calls.close()
 
     def _ask(self, call: str, *arguments: Any, patience: float | None = None) -> Any:
@@ -178,61 +167,24 @@ class IsolatedSlave(DescribedSlave):
         if self._end is not None:
             raise self._end
         try:
-            self._channel.send(request)
-        except OSError as error:
-            raise self._ended() from error
+            self._server.send(request)
+        except ServerEndedError as error:
+            raise self._ended(str(error)) from error
 
     def _receive(self, patience: float | None = None) -> Any:
         try:
-            answer = self._channel.receive(patience)
-        except SilenceError as error:
-            raise self._killed("no answer") from error
-        except EOFError as error:
-            if error.args:  # what wrote into the stream will not end by itself
-                raise self._killed(str(error)) from error
-            raise self._ended() from error
-        except KeyboardInterrupt as error:  # twice Ctrl-C, so that a call that never returns ends
-            raise self._killed("interrupted") from error
-        except BaseException:  # a late answer must not be taken for that of the next request
-            self._killed("left")
+            answer = self._server.receive(patience)
+        except ServerEndedError as error:
+            raise self._ended(str(error)) from error
+        except BaseException:
+            self._ended("left")
             raise
         if isinstance(answer, Exception):
             raise answer
         return answer
 
-    def _killed(self, how: str) -> SlaveError:
-        self._process.kill()
-        return self._ended(how)
-
-    def _ended(self, how: str = "") -> SlaveError:
+    def _ended(self, how: str) -> SlaveError:
         """The error of a process that is no more; it is the answer to everything from now on."""
-        code = self._process.wait()
-        self._end = ProcessEndedError(self.name, self._calls.last(), how or how_it_ended(code), [])
+        call = decoded(self._calls.present())[1]
+        self._end = ProcessEndedError(self.name, call, how, [])
         return self._end
-
-
-class _CallFile:
-    """A file in which the FMU's process says what it calls."""
-
-    def __init__(self) -> None:
-        descriptor, name = tempfile.mkstemp(prefix="emla-call-")
-        self.path = Path(name)
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(BLANK)
-
-    @contextlib.contextmanager
-    def kept(self) -> Iterator[None]:
-        """Remove it if what is done here fails."""
-        try:
-            yield
-        except BaseException:
-            self.close()
-            raise
-
-    def last(self) -> str:
-        """The call during which the process ended."""
-        return decoded(Present.from_buffer_copy(self.path.read_bytes()))[1]
-
-    def close(self) -> None:
-        """Remove it."""
-        self.path.unlink(missing_ok=True)

@@ -1,8 +1,7 @@
 """The process of one isolated FMU: answers requests until its parent is gone."""
 
-import mmap
-import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,7 @@ from ...base.errors import CosimError, RunError
 from ...fmu.file import FmuFile
 from ...fmu.log import FmuLog
 from ...sandbox import black_box
-from ...sandbox.channel import own_channel
-from ...sandbox.interruption import ask_no_more
-from ...sandbox.processes import end_with
+from ...sandbox.server import serve
 from .fmu_slave import FmuSlave
 from .request import Request
 
@@ -72,31 +69,21 @@ class Worker:
 
 def main() -> None:
     """Serve the parent at the other end of standard input and output."""
-    ask_no_more()  # it is the parent who ends a run
-    end_with(os.getppid(), lambda: os._exit(0))  # also where an FMU does not return
-    channel = own_channel()
-    with Path(sys.argv[1]).open("r+b") as stream:
-        black_box.share(mmap.mmap(stream.fileno(), 0))
-    worker = None
-    while True:
+    worker: Worker | None = None
+
+    def answer(request: Request, tell: Callable[[Any], None]) -> Any:
+        nonlocal worker
         try:
-            request: Request = channel.receive()
-        except EOFError:
-            os._exit(0)
-        answer = None
-        try:
-            if worker is None:
-                worker = _started(*request.arguments)
-            else:
-                answer = worker.do(request)
+            if worker is not None:
+                return worker.do(request)
+            worker = _started(*request.arguments)
         except CosimError as error:
-            answer = error
+            return error
         except Exception as error:
-            answer = RunError(f"the process of an isolated FMU failed: {error!r}.")
-        try:
-            channel.send(answer)
-        except OSError:  # the parent is gone
-            os._exit(0)
+            return RunError(f"the process of an isolated FMU failed: {error!r}.")
+
+    black_box.share_file(Path(sys.argv[1]))
+    serve(answer)
 
 
 def _started(name: str, file: FmuFile, inputs: list[str], outputs: list[str]) -> Worker:

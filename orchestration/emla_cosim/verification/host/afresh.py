@@ -1,15 +1,11 @@
 """A part of a check in a process that has not loaded the FMU yet: nothing is left of what was before."""
 
-import multiprocessing
-import os
 from collections.abc import Callable
 from typing import Any
 
-from ...sandbox.processes import how_it_ended
-from ..apart import end_with_parent, noted
+from ...sandbox.child import Child
+from ..apart import noted
 from ..subject import Subject
-
-_CONTEXT: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn")
 
 
 class EndedError(Exception):
@@ -28,18 +24,15 @@ def afresh(do: Callable[..., Any], *arguments: Any) -> Any:
 
     Raises EndedError where it ends without either.
     """
-    mine, theirs = _CONTEXT.Pipe(duplex=False)
-    process = _CONTEXT.Process(target=_answer, args=(do, arguments, theirs), daemon=False)
-    process.start()
-    theirs.close()
+    child = Child(_answer, do, arguments)
     try:
-        done, found = mine.recv()
+        done, found = child.answers.recv()
     except (EOFError, OSError):
-        process.join()
-        raise EndedError(noted(), how_it_ended(process.exitcode)) from None
+        how = child.wait()
+        raise EndedError(noted(), how) from None
     finally:
-        mine.close()
-    process.join()
+        child.answers.close()
+    child.wait()
     if not done:
         raise found
     return found
@@ -55,12 +48,9 @@ def only_once(subject: Subject) -> bool:
     return subject.can("canBeInstantiatedOnlyOncePerProcess")
 
 
-def _answer(do: Callable[..., Any], arguments: tuple[Any, ...], answers: Any) -> None:
-    end_with_parent()
+def _answer(send: Callable[[Any], None], do: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     try:
         answer: Any = (True, do(*arguments))
     except Exception as error:
         answer = (False, error)
-    answers.send(answer)
-    answers.close()
-    os._exit(0)  # libraries of the FMU have no say in how this process ends
+    send(answer)

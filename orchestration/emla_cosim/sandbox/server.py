@@ -1,0 +1,99 @@
+"""A process that answers requests: how it is started, asked and ended, and how it serves."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from .channel import Channel, SilenceError, own_channel
+from .interruption import ask_no_more
+from .processes import end_with, environment, how_it_ended
+
+
+class ServerEndedError(Exception):
+    """The process is no more; its argument is how it ended."""
+
+
+class Server:
+    """A process that runs a module, which calls `serve`. Every method but `close` may raise ServerEndedError.
+
+    It finds what this process finds, and Ctrl-C in a terminal does not reach it.
+    """
+
+    def __init__(self, module: str, *arguments: str) -> None:
+        """Start it; raises OSError."""
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", module, *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            bufsize=0,
+            env=environment(),
+            start_new_session=True,
+        )
+        self._channel = Channel(
+            self._process.stdout, self._process.stdin, lambda: self._process.poll() is None
+        )
+
+    def send(self, request: Any) -> None:
+        """Send a request."""
+        try:
+            self._channel.send(request)
+        except OSError as error:
+            raise self._ended() from error
+
+    def receive(self, patience: float | None = None) -> Any:
+        """Wait for an answer; a process that gives none in so many seconds is killed."""
+        try:
+            return self._channel.receive(patience)
+        except SilenceError as error:
+            raise self._killed("no answer") from error
+        except EOFError as error:
+            if error.args:  # what wrote into the stream will not end by itself
+                raise self._killed(str(error)) from error
+            raise self._ended() from error
+        except KeyboardInterrupt as error:  # twice Ctrl-C, so that a call that never returns ends
+            raise self._killed("interrupted") from error
+        except BaseException:  # a late answer must not be taken for that of the next request
+            self.kill()
+            raise
+
+    def kill(self) -> None:
+        """End the process at once."""
+        self._process.kill()
+        self._process.wait()
+
+    def close(self, patience: float = 0.0) -> None:
+        """Close the streams, and kill the process if it does not end within so many seconds."""
+        self._channel.close()
+        try:
+            self._process.wait(patience)
+        except subprocess.TimeoutExpired:
+            self.kill()
+
+    def _killed(self, how: str) -> ServerEndedError:
+        self.kill()
+        return ServerEndedError(how)
+
+    def _ended(self) -> ServerEndedError:
+        return ServerEndedError(how_it_ended(self._process.wait()))
+
+
+def serve(answer: Callable[[Any, Callable[[Any], None]], Any]) -> NoReturn:
+    """Answer the requests of the process that started this one, until that one is gone.
+
+    `answer` gets a request, and a function that sends what is to be known before the answer.
+    """
+    ask_no_more()  # it is the parent who ends this process
+    end_with(os.getppid(), lambda: os._exit(0))  # also where an FMU does not return
+    channel = own_channel()
+    while True:
+        try:
+            request = channel.receive()
+        except EOFError:
+            os._exit(0)
+        answered = answer(request, channel.send)
+        try:
+            channel.send(answered)
+        except OSError:  # the parent is gone
+            os._exit(0)
