@@ -124,7 +124,7 @@ class FMU2AnnouncedModel(_Announced, FMU2Model):
     """fmpy's model for Model Exchange."""
 
 
-def load(kind: str, library: Path, folder: Path, identifier: str, guid: str) -> Any:
+def load(kind: str, library: Path, folder: Path, identifier: str, guid: str | None) -> Any:
     """Load the library of an FMU, and return fmpy's object for an instance, of which nothing is called yet.
 
     `kind` is `CoSimulation` or `ModelExchange`. Whoever makes an instance with the object sets its
@@ -137,8 +137,13 @@ def load(kind: str, library: Path, folder: Path, identifier: str, guid: str) -> 
         )
 
 
+def kind_of(variable: ModelVariable) -> str:
+    """Return the type of a variable as the names of the FMI functions have it."""
+    return "Integer" if variable.type == "Enumeration" else str(variable.type)
+
+
 def by_type(variables: Sequence[ModelVariable]) -> Iterator[tuple[str, list[int]]]:
     """Yield types, as the names of the FMI functions have them, with the positions of their variables."""
-    kinds = ["Integer" if v.type == "Enumeration" else str(v.type) for v in variables]
+    kinds = [kind_of(v) for v in variables]
     for kind in dict.fromkeys(kinds):
         yield kind, [i for i, k in enumerate(kinds) if k == kind]

@@ -13,7 +13,7 @@ from fmpy.model_description import ModelVariable
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...fmu.file import FmuFile
-from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmuInstance
+from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmuInstance, kind_of
 from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
 from ...sandbox import black_box
@@ -23,6 +23,11 @@ from .slave import EndRequestedError, EntryPoints, SlaveError, StepDiscardedErro
 from .typed_values import TypedValues
 
 _POINTER = ctypes.c_void_p
+_ONE, _REAL, _INTEGER, _TEXT = (
+    kind * 1 for kind in (ctypes.c_uint32, ctypes.c_double, ctypes.c_int32, ctypes.c_char_p)
+)
+"""Memory for one value reference, or one value."""
+
 _DEAD_LIBRARIES: set[Path] = set()
 
 _INTERPRETED = "slavemodule.txt"
@@ -96,9 +101,15 @@ class FmuSlave(FmuInstance, DescribedSlave):
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; SlaveError where the FMU refuses."""
-        given = str(value) if variable.type == "String" else value
-        with self.calling(f"setting {variable.name} = {value}"):
-            self.set_typed([(variable, given)])
+        reference = _ONE(variable.valueReference)
+        if variable.type == "String":
+            status = self.status("fmi2SetString", reference, 1, _TEXT(str(value).encode()))
+        else:  # tables have thousands of them, and fmpy takes its time
+            kind = kind_of(variable)
+            place = _REAL(value) if kind == "Real" else _INTEGER(value)
+            status = self._functions[f"set{kind}"](self._component, reference, 1, place)
+        if status not in FINE:
+            raise self.error(f"setting {variable.name} = {value}", status)
 
     def value(self, variable: ModelVariable) -> Any:
         """The present value of a variable that is no String: a number, or true or false."""
