@@ -22,7 +22,7 @@ BANNED = {
     r"bears?|borne": "write 'withstands', 'carries', 'tolerates'",
     r"gives? way|gave way": "write 'is replaced by'",
     r"for ever|for good": "write 'permanently' or 'continuously'",
-    r"a sentence|one sentence|these sentences|the sentences?|this sentence": "write 'error message' or 'message'",
+    r"(?:a|one|the|this|these) sentences?": "write 'error message' or 'message'",
     r"as it is": "say which: 'realistic', 'unchanged'",
     r"goes on|go on|went on": "write 'continues'",
     r"becomes? of": "write 'happens to' or name the result",
