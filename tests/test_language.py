@@ -49,6 +49,7 @@ LONG = "This text " + "word " * LONGEST + "ends here."
         (f"# A\n\nYou can read.\n\n1. Short.\n2. {LONG}\n", ["p.md:6: 39 words"]),
         (f"# A\n\nYou can read.\n\n| {LONG} |\n\n```text\n{LONG} Nobody.\n```\n", []),
         ("# A\n\nYou can read `nobody`, $nobody$ and [this](nobody.md).\n<!-- nobody -->\n", []),
+        ("# A\n\nYou can read.\n<!-- table begins -->\nNobody.\n<!-- table ends -->\n", []),
         ("# A\n\n```sh\nls\n```\n\nYou can read.\n", ["p.md:3: begin with a paragraph"]),
         ("# A\n\n## B\n\nYou can read.\n", ["p.md:3: begin with a paragraph"]),
         ("# A\n\n- You can read.\n", ["p.md:3: begin with a paragraph"]),

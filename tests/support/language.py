@@ -23,7 +23,7 @@ BANNED = {
     r"gives? way|gave way": "write 'is replaced by'",
     r"for ever|for good": "write 'permanently' or 'continuously'",
     r"(?:a|one|the|this|these) sentences?": "write 'error message' or 'message'",
-    r"as it is": "say which: 'realistic', 'unchanged'",
+    r"drives? as (?:it is|they are)": "write 'realistic drive'",
     r"goes on|go on|went on": "write 'continues'",
     r"becomes? of": "write 'happens to' or name the result",
     r"at hand|hereby|herein|thereof|therein|whereof|wherein|whence|thence": "use a plain word",
@@ -33,6 +33,9 @@ BANNED = {
 """Words and phrases to avoid, each with what to write instead."""
 
 _PATTERNS = [(re.compile(rf"\b(?:{words})\b", re.IGNORECASE), advice) for words, advice in BANNED.items()]
+_SKIPPED = re.compile(
+    r"<!-- ([\w -]+) begins? -->.*?<!-- \1 ends? -->|<!--.*?-->|\$\$.*?\$\$", re.DOTALL
+)  # written by a program, comments, formulas
 _FENCE = re.compile(r"^\s*(```|~~~)")
 _ITEM = re.compile(r"^\s*(?:[-*+]|\d+\.)\s+")
 
@@ -91,8 +94,8 @@ def check_text(text: str, name: str, line: int = 1, *, with_length: bool = True)
 
 
 def passages(markdown: str) -> Iterator[Passage]:
-    """Split a page into its passages, without code blocks, comments and displayed formulas."""
-    markdown = re.sub(r"<!--.*?-->|\$\$.*?\$\$", lambda m: "\n" * m[0].count("\n"), markdown, flags=re.DOTALL)
+    """Split a page into its passages, without code blocks, formulas and text that programs write."""
+    markdown = _SKIPPED.sub(lambda m: "\n" * m[0].count("\n"), markdown)
     kind, begin, lines, in_code = "", 0, list[str](), False
     for number, line in enumerate([*markdown.splitlines(), ""], start=1):
         if _FENCE.match(line):
