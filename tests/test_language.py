@@ -1,11 +1,12 @@
 """The documentation follows the rules for plain technical English; see `support.language`."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
-from tests.support.language import LONGEST, check_page, check_text
+from tests.support.language import LONGEST, check_page, check_text, passages
 from tests.support.paths import ROOT
 
 PAGES = [
@@ -32,6 +33,29 @@ def test_a_notebook_is_plain_english(notebook: Path) -> None:
     for i, text in others:
         faults += check_page(f"# Title\n\nFirst.\n\n{text}", f"{name}, cell {i}")
     assert not faults, "\n" + "\n".join(faults)
+
+
+@pytest.mark.parametrize(
+    ("word", "page"),
+    [
+        ("sizing", "actuator.md"),
+        ("Simulink", "export.md"),
+        ("CSV", "inputs.md"),
+        ("own controller", "own-controller.md"),
+        ("cluster", "clusters.md"),
+        ("checkpoint", "files.md"),
+        ("unit", "info.md"),
+    ],
+)
+def test_a_search_word_is_in_a_title_or_the_first_paragraph(word: str, page: str) -> None:
+    """The search of the site ranks titles first: those of the navigation and those of the page."""
+    navigation = (ROOT / "docs/site/mkdocs.yml").read_text(encoding="utf-8")
+    titles = re.findall(rf"- (.+): {re.escape(page)}$", navigation, re.MULTILINE)
+    assert len(titles) == 1
+    found = list(passages((ROOT / "docs" / page).read_text(encoding="utf-8")))
+    first = next(p.text for p in found if p.kind == "paragraph")
+    headings = [p.text for p in found if p.kind in {"title", "heading"}]
+    assert word.lower() in " ".join([*titles, first, *headings]).lower()
 
 
 LONG = "This text " + "word " * LONGEST + "ends here."
