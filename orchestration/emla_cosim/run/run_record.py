@@ -79,6 +79,7 @@ def run_identity(system: System, assembly: Assembly, options: Options, times: Ti
         "algorithm": options.algorithm_name,
         "start time": times.start,
         "step size": times.step,
+        "step-size control": options.step_size_control_name,
     }
 
 
@@ -99,9 +100,11 @@ def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
     """The options that applied, as they were in effect."""
     found = {o.record: plain(value) for o, value in options.in_effect() if o.about.recorded}
     del found["mapping"]  # which is told with the replacement
-    interval = options.output_interval if options.error_tolerance is not None else every * times.step
+    is_regular = options.make_step_size_control().is_regular
+    interval = every * times.step if is_regular else options.output_interval
     return found | {
         "algorithm": options.algorithm_name,
+        "step_size_control": options.step_size_control_name,
         "start_time_s": times.start,
         "stop_time_s": times.stop,
         "step_size_s": times.step,
