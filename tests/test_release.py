@@ -130,7 +130,7 @@ def test_the_packages_are_whole(made: Path, tmp_path: Path) -> None:
 
 def test_the_changes_are_those_of_this_version_alone(made: Path) -> None:
     text = (made / f"CHANGES-{VERSION}.md").read_text(encoding="utf-8")
-    assert text.startswith(f"{DATED}\n\n- ")
+    assert text.startswith(f"{DATED}\n\n### ")
     assert text.count("\n## ") == 0 and "# Changelog" not in text
 
 

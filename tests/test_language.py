@@ -1,0 +1,89 @@
+"""The documentation follows the rules for plain technical English; see `support.language`."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.support.language import LONGEST, check_page, check_text, passages
+from tests.support.paths import ROOT
+
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "CHANGELOG.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "fmus").glob("*/README.md")),
+    *(ROOT / name for name in ("benchmarks/README.md", "modelica/README.md")),
+]
+NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_page_is_plain_english(page: Path) -> None:
+    faults = check_page(page.read_text(encoding="utf-8"), str(page.relative_to(ROOT)))
+    assert not faults, "\n" + "\n".join(faults)
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
+def test_a_notebook_is_plain_english(notebook: Path) -> None:
+    name = str(notebook.relative_to(ROOT))
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    first, *others = [(i, "".join(c["source"])) for i, c in enumerate(cells) if c["cell_type"] == "markdown"]
+    faults = check_page(first[1], f"{name}, cell {first[0]}")
+    for i, text in others:
+        faults += check_page(f"# Title\n\nFirst.\n\n{text}", f"{name}, cell {i}")
+    assert not faults, "\n" + "\n".join(faults)
+
+
+@pytest.mark.parametrize(
+    ("word", "page"),
+    [
+        ("sizing", "actuator.md"),
+        ("Simulink", "export.md"),
+        ("CSV", "inputs.md"),
+        ("own controller", "own-controller.md"),
+        ("cluster", "clusters.md"),
+        ("checkpoint", "files.md"),
+        ("unit", "info.md"),
+    ],
+)
+def test_a_search_word_is_in_a_heading_or_the_first_paragraph(word: str, page: str) -> None:
+    """The search of the site ranks headings first."""
+    found = list(passages((ROOT / "docs" / page).read_text(encoding="utf-8")))
+    first = next(p.text for p in found if p.kind == "paragraph")
+    headings = [p.text for p in found if p.kind in {"title", "heading"}]
+    assert word.lower() in " ".join([first, *headings]).lower()
+
+
+LONG = "This text " + "word " * LONGEST + "ends here."
+"""Too long by four words."""
+
+
+@pytest.mark.parametrize(
+    ("page", "faults"),
+    [
+        ("# A\n\nYou can read.\n\nNobody\nis told.\n", ["p.md:5: 'Nobody'", "p.md:6: 'is told'"]),
+        ("# A\n\nYou can read.\n\n- One.\n- It stands\n  there.\n", ["p.md:6: 'stands'"]),
+        ("# A\n\nYou can read.\n\n| whoever |\n|---|\n", ["p.md:5: 'whoever'"]),
+        ("# A\n\nYou can read.\n\n## Nobody reads\n", ["p.md:5: 'Nobody'"]),
+        (f"# A\n\nYou can read. {LONG}\n", ["p.md:3: 39 words"]),
+        (f"# A\n\nYou can read.\n\n1. Short.\n2. {LONG}\n", ["p.md:6: 39 words"]),
+        (f"# A\n\nYou can read.\n\n| {LONG} |\n\n```text\n{LONG} Nobody.\n```\n", []),
+        ("# A\n\nYou can read `nobody`, $nobody$ and [this](nobody.md).\n<!-- nobody -->\n", []),
+        ("# A\n\nYou can read.\n<!-- table begins -->\nNobody.\n<!-- table ends -->\n", []),
+        ("# A\n\n```sh\nls\n```\n\nYou can read.\n", ["p.md:3: begin with a paragraph"]),
+        ("# A\n\n## B\n\nYou can read.\n", ["p.md:3: begin with a paragraph"]),
+        ("# A\n\n- You can read.\n", ["p.md:3: begin with a paragraph"]),
+        ("# A\n", ["p.md:1: begin with a paragraph"]),
+    ],
+)
+def test_faults_of_a_page_are_found(page: str, faults: list[str]) -> None:
+    found = check_page(page, "p.md")
+    assert len(found) == len(faults)
+    assert all(text.startswith(start) for text, start in zip(found, faults, strict=True))
+
+
+def test_abbreviations_and_versions_do_not_end_a_sentence() -> None:
+    half = "Word " + "word " * (LONGEST - 6)
+    (fault,) = check_text(f"With FMI 2.0 and e.g. this {half} and the rest of it.", "text")
+    assert fault.startswith(f"text:1: {LONGEST + 6} words")
+    assert check_text(f"{half}. {half}? `code`, {half}.", "text") == []
