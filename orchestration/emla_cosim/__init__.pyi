@@ -22,6 +22,10 @@ from .master.algorithms.registry import ALGORITHMS as ALGORITHMS
 from .master.algorithms.strong import Strong as Strong
 from .master.algorithms.tasks import Call as Call
 from .master.algorithms.tasks import Operation as Operation
+from .master.stepping.registry import STEP_SIZE_CONTROLS as STEP_SIZE_CONTROLS
+from .master.stepping.step_size_control import StepRequest as StepRequest
+from .master.stepping.step_size_control import StepSizeControl as StepSizeControl
+from .master.stepping.stepping import Stepping as Stepping
 from .recorders.csv_file import CsvFile as CsvFile
 from .recorders.metrics import METRICS as METRICS
 from .recorders.metrics import Metrics as Metrics

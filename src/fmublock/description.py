@@ -129,7 +129,7 @@ def _add_units(root: Element, scalars: Sequence[ScalarVariable]) -> None:
     if names:
         definitions = SubElement(root, "UnitDefinitions")
         for name in names:
-            exponents = {base: str(e) for base, e in parse_unit(name).exponents.items()}
+            exponents = {base: str(e) for base, e in parse_unit(name).powers.items()}
             unit = SubElement(definitions, "Unit", name=name)
             SubElement(unit, "BaseUnit", exponents)
             quantity = QUANTITIES.get(name)

@@ -1,38 +1,229 @@
-"""Units as FMI wants them: a name with its exponents of the SI base units."""
+"""Units of measurement: what they are made of, the table of their names, and how names are read.
+
+The grammar is that of Modelica 3.6, 19.1: `kg.m2/s`, `mm`, `kN`. Names are not standardized in FMI 2.0, so
+that only names that can mean one thing are understood.
+"""
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+"""SI base units in the order of `Unit.exponents`; the radian counts as one, as in FMI and SSP."""
 
-# exponents of the units that are written with a symbol of their own
-_DERIVED: dict[str, dict[str, int]] = {
-    "1": {},
-    **{base: {base: 1} for base in BASE_UNITS},
-    "Hz": {"s": -1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "Pa": {"kg": 1, "m": -1, "s": -2},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "W": {"kg": 1, "m": 2, "s": -3},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "Ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
-    "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
-    "Wb": {"kg": 1, "m": 2, "s": -2, "A": -1},
-}
-_TERM = re.compile(r"(1|[A-Za-z]+)(-?\d+)?")
+_LONGEST = 100
+_TOKEN = re.compile(r"([./()*]|\^?[+-]?[0-9]{1,2}(?![0-9])|[^\W\d_]+|[°%])")
+_EXPONENT = re.compile(r"\^?([+-]?[0-9]{1,2})")
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A coherent SI unit: its name and its exponents of the base units (zeros left out)."""
+    """A unit by its name; a value in SI base units is factor value + offset.
+
+    `exponents` are those of `BASE_UNITS`, None where nobody says what the unit is made of.
+    """
 
     name: str
-    exponents: dict[str, int] = field(hash=False)
+    exponents: tuple[int, ...] | None = None
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def si(self) -> "Unit":
+        """The unit made of SI base units that measures the same."""
+        return replace(self, name="", factor=1.0, offset=0.0)
+
+    @property
+    def powers(self) -> dict[str, int]:
+        """Exponents other than 0 by base unit, as modelDescription.xml has them."""
+        pairs = zip(BASE_UNITS, self.exponents or (), strict=False)
+        return {base: exponent for base, exponent in pairs if exponent}
+
+    def measures_as(self, other: "Unit") -> bool:
+        """Whether both are the same but for their names."""
+        return replace(self, name="") == replace(other, name="")
+
+
+def _unit(factor: float = 1.0, offset: float = 0.0, **exponents: int) -> Unit:
+    return Unit("", tuple(exponents.get(base, 0) for base in BASE_UNITS), factor, offset)
+
+
+_COHERENT = {
+    "m": _unit(m=1),
+    "g": _unit(1e-3, kg=1),
+    "s": _unit(s=1),
+    "A": _unit(A=1),
+    "K": _unit(K=1),
+    "mol": _unit(mol=1),
+    "cd": _unit(cd=1),
+    "rad": _unit(rad=1),
+    "N": _unit(kg=1, m=1, s=-2),
+    "Pa": _unit(kg=1, m=-1, s=-2),
+    "J": _unit(kg=1, m=2, s=-2),
+    "W": _unit(kg=1, m=2, s=-3),
+    "V": _unit(kg=1, m=2, s=-3, A=-1),
+    "C": _unit(s=1, A=1),
+    "F": _unit(kg=-1, m=-2, s=4, A=2),
+    "Ohm": _unit(kg=1, m=2, s=-3, A=-2),
+    "ohm": _unit(kg=1, m=2, s=-3, A=-2),
+    "Ω": _unit(kg=1, m=2, s=-3, A=-2),
+    "S": _unit(kg=-1, m=-2, s=3, A=2),
+    "H": _unit(kg=1, m=2, s=-2, A=-2),
+    "Wb": _unit(kg=1, m=2, s=-2, A=-1),
+    "T": _unit(kg=1, s=-2, A=-1),
+    "bar": _unit(1e5, kg=1, m=-1, s=-2),
+    "l": _unit(1e-3, m=3),
+    "L": _unit(1e-3, m=3),
+}
+"""Units that take prefixes, with symbols of one meaning."""
+
+_ALONE = {
+    "Hz": _unit(s=-1),
+    "kHz": _unit(1e3, s=-1),
+    "MHz": _unit(1e6, s=-1),
+    "rpm": _unit(2 * math.pi / 60, s=-1, rad=1),
+    "krpm": _unit(2000 * math.pi / 60, s=-1, rad=1),
+    "rev": _unit(2 * math.pi, rad=1),
+    "deg": _unit(math.pi / 180, rad=1),
+    "°": _unit(math.pi / 180, rad=1),
+    "min": _unit(60.0, s=1),
+    "h": _unit(3600.0, s=1),
+    "d": _unit(86400.0, s=1),
+    "%": _unit(1e-2),
+    "degC": _unit(1.0, 273.15, K=1),
+    "°C": _unit(1.0, 273.15, K=1),
+    "degF": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
+    "°F": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
+}
+"""Units that take none."""
+
+_PREFIXES = {
+    "T": 1e12,
+    "G": 1e9,
+    "M": 1e6,
+    "k": 1e3,
+    "h": 1e2,
+    "da": 1e1,
+    "d": 1e-1,
+    "c": 1e-2,
+    "m": 1e-3,
+    "u": 1e-6,
+    "µ": 1e-6,
+    "n": 1e-9,
+    "p": 1e-12,
+}
+_AMBIGUOUS = {"C", "F", "g", "dT", "cd"}
+"""Names that people use for something else too: `C` often is a temperature, and `g` an acceleration."""
+_TURNS = ("Hz", "kHz", "MHz", "rpm", "krpm", "rev")
+
+
+def find_unit(name: str) -> Unit | None:
+    """Return the unit of this name; None where the name does not say it, or may say two things."""
+    return None if name in _AMBIGUOUS else _read(name)
+
+
+def parse_unit(name: str) -> Unit:
+    """Return the coherent SI unit of this name, with one "/" at most: "m/s2", "N.m.s/rad", "1/s".
+
+    Raises ValueError for any other name.
+    """
+    found = _read(name)
+    if found is None or (found.factor, found.offset) != (1.0, 0.0) or name.count("/") > 1:
+        raise ValueError(f"'{name}' is not a product of coherent SI units")
+    return found
+
+
+def counts_turns(name: str) -> bool:
+    """Whether something in the name counts turns, which some give as 1 and some as 2 pi rad."""
+    return any(word in _TURNS for word in re.findall(r"[^\W\d_]+", name))
+
+
+def _read(name: str) -> Unit | None:
+    if name in _ALONE:
+        return replace(_ALONE[name], name=name)
+    if len(name) > _LONGEST:
+        return None
+    try:
+        tokens = _tokens(name)
+        found = _expression(tokens)
+    except (_UnknownNameError, OverflowError, ZeroDivisionError):
+        return None
+    whole = not tokens and math.isfinite(found.factor) and found.factor
+    return replace(found, name=name) if whole else None
+
+
+class _UnknownNameError(Exception):
+    pass
+
+
+def _tokens(name: str) -> list[str]:
+    """The parts of a name, the first one last."""
+    parts = _TOKEN.findall(name)
+    if "".join(parts) != name:
+        raise _UnknownNameError(name)
+    return parts[::-1]
+
+
+def _expression(tokens: list[str]) -> Unit:
+    """Numerator, and at most one denominator."""
+    if tokens and tokens[-1] == "1":
+        tokens.pop()
+        found = _unit()
+    else:
+        found = _factor(tokens)
+        while tokens and tokens[-1] in (".", "*"):
+            tokens.pop()
+            found = _times(found, _factor(tokens))
+    if tokens and tokens[-1] == "/":
+        tokens.pop()
+        found = _times(found, _factor(tokens), -1)
+    return found
+
+
+def _factor(tokens: list[str]) -> Unit:
+    if not tokens:
+        raise _UnknownNameError
+    token = tokens.pop()
+    if token == "(":
+        found = _expression(tokens)
+        if not tokens or tokens.pop() != ")":
+            raise _UnknownNameError
+    else:
+        found = _symbol(token)
+    if tokens and (power := _EXPONENT.fullmatch(tokens[-1])):
+        tokens.pop()
+        return _times(_unit(), found, int(power[1]))
+    return found
+
+
+def _times(one: Unit, other: Unit, power: int = 1) -> Unit:
+    """The product of a unit and a power of another; it has no offset, as it measures differences."""
+    pairs = zip(one.exponents or (), other.exponents or (), strict=True)
+    exponents = tuple(mine + power * theirs for mine, theirs in pairs)
+    return Unit("", exponents, one.factor * other.factor**power)
+
+
+def _symbol(symbol: str) -> Unit:
+    """A symbol with or without a prefix; an offset is lost, as a part of a unit measures differences."""
+    if symbol in _COHERENT:
+        return _COHERENT[symbol]
+    if symbol in _ALONE:
+        return replace(_ALONE[symbol], offset=0.0)
+    found = [
+        replace(_COHERENT[rest], factor=factor * _COHERENT[rest].factor)
+        for prefix, factor in _PREFIXES.items()
+        if symbol.startswith(prefix) and (rest := symbol.removeprefix(prefix)) in _COHERENT
+    ]
+    if len(found) != 1:
+        raise _UnknownNameError(symbol)
+    return found[0]
 
 
 @dataclass(frozen=True)
-class Quantity:
+class QuantityKind:
     """What a unit measures: its name in ISO 80000, and the unit that people like to read.
 
     A value in SI units times `factor` is the value in the display unit.
@@ -44,50 +235,21 @@ class Quantity:
 
 
 QUANTITIES = {
-    "m": Quantity("Length", "mm", 1e3),
-    "m/s": Quantity("Velocity", "mm/s", 1e3),
-    "m/s2": Quantity("Acceleration"),
-    "rad": Quantity("Angle", "deg", 180.0 / math.pi),
-    "rad/s": Quantity("AngularVelocity", "rpm", 30.0 / math.pi),
-    "s": Quantity("Time"),
-    "kg": Quantity("Mass"),
-    "kg.m2": Quantity("MomentOfInertia"),
-    "N": Quantity("Force", "kN", 1e-3),
-    "N.m": Quantity("Torque"),
-    "W": Quantity("Power", "kW", 1e-3),
-    "V": Quantity("ElectricPotential"),
-    "A": Quantity("ElectricCurrent"),
-    "Ohm": Quantity("Resistance"),
-    "H": Quantity("Inductance", "mH", 1e3),
-    "Wb": Quantity("MagneticFlux", "mWb", 1e3),
+    "m": QuantityKind("Length", "mm", 1e3),
+    "m/s": QuantityKind("Velocity", "mm/s", 1e3),
+    "m/s2": QuantityKind("Acceleration"),
+    "rad": QuantityKind("Angle", "deg", 180.0 / math.pi),
+    "rad/s": QuantityKind("AngularVelocity", "rpm", 30.0 / math.pi),
+    "s": QuantityKind("Time"),
+    "kg": QuantityKind("Mass"),
+    "kg.m2": QuantityKind("MomentOfInertia"),
+    "N": QuantityKind("Force", "kN", 1e-3),
+    "N.m": QuantityKind("Torque"),
+    "W": QuantityKind("Power", "kW", 1e-3),
+    "V": QuantityKind("ElectricPotential"),
+    "A": QuantityKind("ElectricCurrent"),
+    "Ohm": QuantityKind("Resistance"),
+    "H": QuantityKind("Inductance", "mH", 1e3),
+    "Wb": QuantityKind("MagneticFlux", "mWb", 1e3),
 }
 """Units that measure one thing only; of the others (1/s, kg.m) the variable's description tells."""
-
-
-def per_second(name: str) -> str:
-    """The unit of a time derivative: "m" gives "m/s", "m/s" gives "m/s2", "V" gives "V/s"."""
-    numerator, _, denominator = name.partition("/")
-    terms = denominator.strip("()").split(".") if denominator else []
-    powers = {term.rstrip("0123456789"): int(re.sub(r"\D", "", term) or 1) for term in terms}
-    powers["s"] = powers.get("s", 0) + 1
-    divisor = ".".join(term if power == 1 else f"{term}{power}" for term, power in powers.items())
-    return f"{numerator}/{divisor}" if len(powers) == 1 else f"{numerator}/({divisor})"
-
-
-def parse_unit(name: str) -> Unit:
-    """Read a unit written as in Modelica: "m/s2", "N.m.s/rad", "1/s".
-
-    Raises ValueError for a symbol that is not a coherent SI unit.
-    """
-    total: dict[str, int] = dict.fromkeys(BASE_UNITS, 0)
-    numerator, *denominators = name.replace("(", "").replace(")", "").split("/")
-    if len(denominators) > 1:
-        raise ValueError(f"the unit '{name}' has more than one '/'")
-    for factor, product in ((1, numerator), *((-1, d) for d in denominators)):
-        for term in product.split("."):
-            match = _TERM.fullmatch(term)
-            if match is None or match[1] not in _DERIVED:
-                raise ValueError(f"'{term}' in the unit '{name}' is not a coherent SI unit")
-            for base, exponent in _DERIVED[match[1]].items():
-                total[base] += factor * exponent * int(match[2] or 1)
-    return Unit(name, {base: exponent for base, exponent in total.items() if exponent})

@@ -1,6 +1,7 @@
 """The variables of a block, declared as class attributes beside the equations."""
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -8,7 +9,6 @@ from itertools import product
 from typing import Any
 
 from .symbols import symbol_of
-from .units import per_second
 
 
 class Variable:
@@ -231,3 +231,13 @@ class ScalarVariable:
     index: tuple[int, ...]
     name: str
     start: float
+
+
+def per_second(name: str) -> str:
+    """The unit of a time derivative: "m" gives "m/s", "m/s" gives "m/s2", "V" gives "V/s"."""
+    numerator, _, denominator = name.partition("/")
+    terms = denominator.strip("()").split(".") if denominator else []
+    powers = {term.rstrip("0123456789"): int(re.sub(r"\D", "", term) or 1) for term in terms}
+    powers["s"] = powers.get("s", 0) + 1
+    divisor = ".".join(term if power == 1 else f"{term}{power}" for term, power in powers.items())
+    return f"{numerator}/{divisor}" if len(powers) == 1 else f"{numerator}/({divisor})"

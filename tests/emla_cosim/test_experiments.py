@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.study.experiments import WAY_POINTS
 from tests.support.scenario_runs import run_scenario
 
 # Table VIII, column RSBA: position error m, speed error m/s, torque effort N m
 TABLE_VIII = {"experiment-1": (8e-4, 2e-3, 35.0), "experiment-2": (8e-4, 2.5e-3, 35.0)}
 # Section V
+WAY_POINTS = (0.05, 0.1333, 0.2167, 0.30, 0.2375, 0.175, 0.1125, 0.05)
 PEAK_SPEED = {"experiment-1": 0.026, "experiment-2": 0.030}
 LEVELS = {
     "experiment-1": {(0, 40): 7e3, (40, 100): 20e3, (100, 200): 40e3, (200, 280): 60e3, (280, 320): 70e3},

@@ -59,7 +59,11 @@ class JsonLines(ec.Table):
 
     def begin(self, outline: ec.Outline, memory: Any = None) -> None:
         super().begin(outline, memory)
+        self.path.with_suffix(".names").write_text(json.dumps(self.names))
         self.stream = self.path.open("w")
+
+    def open(self) -> None:
+        self.names = json.loads(self.path.with_suffix(".names").read_text())
 
     def append(self, rows: Array) -> None:
         self.stream.writelines(json.dumps(row) + "\n" for row in rows.tolist())  # type: ignore[union-attr]
@@ -153,6 +157,39 @@ def test_what_is_added_runs_from_the_command_and_from_a_file(emla: Emla) -> None
         assert metrics["energy"]["lift.plant"]["work_J"] > 0.0
 
 
+def test_an_added_format_is_read_wherever_csv_is(emla: Emla) -> None:
+    def run(form: str, *more: str) -> Any:
+        return emla("run", "lift", *SHORT, "--output", form, "--output-format", form, *more)
+
+    assert run("jsonl").exit_code == run("csv").exit_code == 0
+    rows = {form: Path(form, f"results.{form}") for form in ("csv", "jsonl")}
+    for place in ("jsonl", rows["jsonl"]):
+        assert emla("plot", str(place), "--signals", "lift.plant.x_L", "--overwrite").exit_code == 0
+        assert emla("run", "lift", *SHORT, "--reference", str(place)).exit_code == 0
+    assert emla("plot", "csv", "jsonl", "--signals", "lift.plant.x_L", "--overwrite").exit_code == 0
+    text = sentence(
+        emla("run", "lift", *SHORT, "--reference", "jsonl", "--set", "lift.plant.motor.R_s=0.3"), 1
+    )
+    assert "lift." in text
+    driven = []
+    for form, table in rows.items():
+        more = ("--input", f"{table}:lift.plant.F_L=lift.disturbance.F_L", "--output", f"driven-{form}")
+        assert emla("run", "lift", *SHORT, *more).exit_code == 0
+        driven.append(Path(f"driven-{form}", "results.csv").read_bytes())
+    assert driven[0] == driven[1]
+    with rows["jsonl"].open("a") as stream:
+        stream.write("no row\n")
+    text = sentence(emla("run", "lift", *SHORT, "--reference", "jsonl"), 2)
+    assert "the run to compare with, 'jsonl/results.jsonl', cannot be read: " in text
+
+
+def test_a_format_that_cannot_be_read_says_so(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(JsonLines, "open", ec.Table.open)
+    assert emla("run", "lift", *SHORT, "--output", "o", "--output-format", "jsonl").exit_code == 0
+    text = sentence(emla("plot", "o"), 2)
+    assert "cannot be read: JsonLines has no method 'open'" in text
+
+
 def test_what_is_added_is_what_runs(fmu_folder: Path) -> None:
     with ec.load("lift", stop_time=0.01).prepare(fmus=fmu_folder) as simulation:
         by_name = simulation.run(algorithm="backwards", settings=3)
@@ -166,6 +203,29 @@ def test_what_is_added_is_what_runs(fmu_folder: Path) -> None:
     assert not np.array_equal(by_name["lift.plant.i_q"], ours["lift.plant.i_q"])
     assert by_name.stepping == as_object.stepping
     assert by_name.record["settings"]["algorithm"] == as_object.record["settings"]["algorithm"] == "backwards"
+
+
+def test_a_step_size_control_is_chosen_by_its_name_or_its_options(fmu_folder: Path) -> None:
+    error_control: Any = ec.STEP_SIZE_CONTROLS["error"]
+    with ec.load("lift", stop_time=0.002).prepare(fmus=fmu_folder) as simulation:
+        results = [
+            simulation.run(error_tolerance=0.1),
+            simulation.run(error_tolerance=0.1, step_size_control="error"),
+            simulation.run(step_size_control=error_control(error_tolerance=0.1)),
+        ]
+        fixed = [simulation.run(), simulation.run(step_size_control="fixed")]
+        with pytest.raises(ec.CommandError, match="control fixed has no error tolerance; error has"):
+            simulation.run(step_size_control="fixed", error_tolerance=0.1)
+        with pytest.raises(ec.CommandError, match="step-size control 'error' needs --error-tolerance"):
+            simulation.run(step_size_control="error")
+        with pytest.raises(ec.CommandError, match="error tolerance 2 must be between 0 and 1"):
+            simulation.run(step_size_control=error_control(error_tolerance=2.0))
+    for found, name, tolerance in ((results, "error", 0.1), (fixed, "fixed", None)):
+        for result in found:
+            assert np.array_equal(result["lift.plant.i_q"], found[0]["lift.plant.i_q"])
+            settings = result.record["settings"]
+            assert (settings["step_size_control"], settings["error_tolerance"]) == (name, tolerance)
+    assert len(results[0].time) != len(fixed[0].time)
 
 
 def test_what_is_added_belongs_to_a_checkpoint(emla: Emla) -> None:

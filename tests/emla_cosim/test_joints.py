@@ -339,3 +339,50 @@ def test_an_actuator_file_that_is_nested_too_deeply_is_refused(tmp_path: Path) -
     (tmp_path / "deep.toml").write_text("a = " + 3000 * "[" + 3000 * "]")
     with pytest.raises(ec.CommandError, match=r"deep\.toml' is not TOML"):
         joint_of(content, "the joint file", "tilt", tmp_path)
+
+
+# ---- experiments ------------------------------------------------------------------------------------
+
+EXPERIMENT = """
+[experiment.one.reference]
+way_points = [0.3, 0.4, 0.3]
+v_peak = 0.05
+period = 8.0
+
+[experiment.one.load]
+level = 1e3
+"""
+
+
+def test_motion_of_an_experiment_peaks_at_its_speed_and_repeats() -> None:
+    """A quintic move of d in T peaks at 15 d / (8 T): 3.75 s for each of two moves, then dwells of 0.25 s."""
+    task = read(TILT + EXPERIMENT).experiment("one")
+    found = task.reference.parameters()
+    assert found["duration"][:2] == pytest.approx([3.75, 3.75])
+    assert found["start"][:2] == pytest.approx([0.0, 4.0])
+    assert (found["x"][:3], found["x"][-1], found["period"]) == ([0.3, 0.4, 0.3], 0.3, 8.0)
+    assert task.load.level == (1e3,)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("period = 8.0", "period = 7.0", "is 7 s; the moves take 7.5 s in all"),
+        (
+            "[0.3, 0.4, 0.3]",
+            "[0.3]",
+            "'way_points' in [experiment.one.reference] of the joint file 'slew.toml' must",
+        ),
+        ("[0.3, 0.4, 0.3]", "[0.3, 0.3]", "must be 2 to"),
+        ("v_peak = 0.05", "", "lacks v_peak, the peak speed of every move"),
+        ("level = 1e3", "", "lacks level, the load force"),
+        ("[experiment.one.load]\nlevel = 1e3", "", "lacks the table [experiment.one.load]"),
+    ],
+)
+def test_experiments_that_cannot_be_are_refused(old: str, new: str, expected: str) -> None:
+    assert expected in message(TILT + EXPERIMENT.replace(old, new))
+
+
+def test_joint_without_an_experiment_says_which_table_it_lacks() -> None:
+    with pytest.raises(ec.CommandError, match=re.escape("lacks the table [experiment.two]")):
+        read(TILT).experiment("two")

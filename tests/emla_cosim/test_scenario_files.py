@@ -70,6 +70,11 @@ SETTINGS: dict[str, tuple[str, str, Any]] = {
         1e-6,
     ),
     "error_tolerance": ("error_tolerance = 0.01", "error_tolerance", 0.01),
+    "step_size_control": (
+        'error_tolerance = 0.01\nstep_size_control = "error"',
+        "step_size_control",
+        "error",
+    ),
     "output_interval": ("output_interval = 2e-4", "output_interval_s", pytest.approx(2e-4)),
     "order": (f"order = {ORDER}", "order", ORDER),
     "real_time": ("real_time = 100", "real_time_factor", 100.0),

@@ -343,6 +343,37 @@ def test_the_time_of_a_lock_is_told(tmp_path: Path) -> None:
             pass
 
 
+@pytest.mark.parametrize(("kind", "name"), [(ec.CsvFile, "mine.csv"), (ec.ParquetFile, "mine.parquet")])
+def test_tables_made_in_python_replace_only_their_own_files(
+    kind: Any, name: str, fmu_folder: Path, tmp_path: Path
+) -> None:
+    path, other = tmp_path / name, tmp_path / "notes.txt"
+    path.write_text("precious")
+    other.write_text("precious")
+    with ec.load("lift", stop_time=0.005, fmus=fmu_folder).prepare() as simulation:
+        with pytest.raises(ec.CommandError, match=f"{name}' was not written by emla"):
+            simulation.run(recorders=[kind(path)])
+        assert path.read_text() == "precious"
+        simulation.run(recorders=[kind(path, overwrite=True)])
+        first = path.read_bytes()
+        simulation.run(recorders=[kind(path)], stop_time=0.003)
+        assert path.read_bytes() != first
+        path.write_bytes(path.read_bytes() + b"\n")
+        with pytest.raises(ec.CommandError, match=f"{name}' was changed since emla wrote it"):
+            simulation.run(recorders=[kind(path)])
+        path.unlink()
+        path.symlink_to(other)
+        with pytest.raises(ec.CosimError, match="link"):
+            simulation.run(recorders=[kind(path, overwrite=True)])
+        assert path.is_symlink() and other.read_text() == "precious"
+        path.unlink()
+        whole, parts = tmp_path / f"whole-{name}", tmp_path / f"parts-{name}"
+        simulation.run(recorders=[kind(whole)])
+        simulation.run(recorders=[kind(parts)], stop_time=0.003, checkpoint=tmp_path / "c")
+        simulation.run(recorders=[kind(parts)], resume=tmp_path / "c")
+        assert parts.read_bytes() == whole.read_bytes()
+
+
 @pytest.mark.parametrize("replaced", [False, True])
 def test_rows_that_went_to_a_file_that_is_gone_are_missed(
     replaced: bool, fmu_folder: Path, tmp_path: Path

@@ -20,7 +20,7 @@ def test_everything_a_block_imports_is_gathered() -> None:
     assert set(gather_sources(Toy, "instance").texts) == {
         "tests/__init__.py", "tests/support/__init__.py", "tests/support/toy.py",
         "fmublock/__init__.py", "fmublock/block.py", "fmublock/functions.py", "fmublock/instance.py",
-        "fmublock/noise.py", "fmublock/results.py", "fmublock/symbols.py", "fmublock/units.py",
+        "fmublock/noise.py", "fmublock/results.py", "fmublock/symbols.py",
         "fmublock/variables.py",
     }  # fmt: skip
 

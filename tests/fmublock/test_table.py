@@ -16,13 +16,14 @@ from scipy.interpolate import CubicSpline
 
 from emla_cosim import Verdict, verify
 from fmublock.errors import BuildError
-from fmublock.table import ENDS, MOST_OUTPUTS, Column, DataUnit, Shown, Table, build_table
+from fmublock.table import ENDS, MOST_OUTPUTS, Column, Shown, Table, build_table
+from fmublock.units import Unit
 
 pytestmark = pytest.mark.usefixtures("own_cache")
 
 Array = NDArray[np.float64]
 
-NEWTON = DataUnit("kN", {"kg": 1, "m": 1, "s": -2}, 1e3)
+NEWTON = Unit("kN", (1, 1, -2, 0, 0, 0, 0, 0), 1e3)
 
 
 def a_table(times: Array, values: Array, end: str = "hold") -> Table:

@@ -37,7 +37,14 @@ from .paths import ROOT
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 """All pages that may show something."""
 
-_REGISTRIES = (ec.ALGORITHMS, ec.CONTROLLERS, ec.METRICS, ec.RECORDERS, ec.TABLES)
+_REGISTRIES = (
+    ec.ALGORITHMS,
+    ec.CONTROLLERS,
+    ec.METRICS,
+    ec.RECORDERS,
+    ec.STEP_SIZE_CONTROLS,
+    ec.TABLES,
+)
 
 Ended = tuple[int, str]
 """Exit code and everything that was shown."""

@@ -16,6 +16,12 @@ RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
 BUILD, PLOT, TRAJECTORY, VERIFY = "build", "plot", "trajectory", "verify"
 """Commands that take options."""
 
+BUILDING, PREPARING, LOADING, RUNNING, SHOWING = "building", "preparing", "loading", "running", "showing"
+"""What uses an option: to build our own FMUs, prepare a system, load its FMUs, run it, show what came out."""
+
+VARIES, SAME, LEFT_OUT = "varies", "same", "left out"
+"""What a sweep does with an option: it can vary it, keeps it the same in all variants, or leaves it out."""
+
 
 @dataclass(frozen=True)
 class About:
@@ -31,7 +37,9 @@ class About:
     value too, and taken as it is, also as an entry of a table. `alone` is the value of a flag of the command
     line that nothing follows. `writes` is "file" or "folder" where the value names what is written. An
     option that is not `repeated` holds for one command: those that repeat a run leave it out. With `arrays`
-    a list in a table is that of the elements `name[1]`, `name[2]`.
+    a list in a table is that of the elements `name[1]`, `name[2]`. `stage` says what uses the option,
+    `in_sweep` what a sweep does with it. `makes` is the part of a built-in system that the option decides;
+    other systems have their own and refuse the option.
     """
 
     help: str
@@ -53,6 +61,9 @@ class About:
     writes: str = ""
     repeated: bool = True
     arrays: bool = False
+    stage: str = RUNNING
+    in_sweep: str = VARIES
+    makes: str = ""
 
 
 class Entered:
@@ -96,6 +107,16 @@ class Option:
     def record(self) -> str:
         """What run.json calls it."""
         return self.about.record or self.name + (f"_{self.about.unit}" if self.about.unit else "")
+
+    @property
+    def is_prepared(self) -> bool:
+        """Whether a run of a prepared simulation cannot change it."""
+        return self.about.stage in (BUILDING, PREPARING, LOADING)
+
+    @property
+    def can_vary(self) -> bool:
+        """Whether a sweep can vary it."""
+        return self.about.in_sweep == VARIES and self.about.in_file
 
     @property
     def plain_type(self) -> Any:

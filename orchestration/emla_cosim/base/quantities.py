@@ -2,12 +2,11 @@
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from .errors import CommandError
-from .unit_names import meaning
-from .units import LinearTransformation, Unit, conversion
+from .units import LinearTransformation, Unit, conversion, find_unit
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(\S.*?)?\s*")
 _PRODUCT = re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])|(?<=[0-9])\s+(?=[^\W\d_])")
@@ -57,13 +56,13 @@ def unit_named(name: str, label: str) -> Unit:
 
     Raises CommandError, with `label` for where it stands, for a name that does not say which unit it is.
     """
-    known = meaning(_PRODUCT.sub(".", name.strip().translate(_POWERS)))
+    known = find_unit(_PRODUCT.sub(".", name.strip().translate(_POWERS)))
     if known is None:
         raise CommandError(
             f"{label} has the unit '{name}', which is none; write one such as kN, mm/s, N.m or kg.cm2.",
             unit=name,
         )
-    return Unit(name, known.exponents, known.factor, known.offset)
+    return replace(known, name=name)
 
 
 def quantity(text: str, label: str) -> Quantity:

@@ -1,9 +1,22 @@
-"""Units of measurement, and linear transformations of values: from one unit to another, or as prescribed."""
+"""Units, which come from `fmublock.units`, and linear transformations of values.
 
-from dataclasses import dataclass, replace
+A value is transformed from one unit to another, or as prescribed.
+"""
 
-BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-"""SI base units in the order of `Unit.exponents`; the radian counts as one, as in FMI and SSP."""
+from dataclasses import dataclass
+
+from fmublock.units import BASE_UNITS, Unit, counts_turns, find_unit
+
+__all__ = [
+    "BASE_UNITS",
+    "COLUMN_UNITS",
+    "IDENTITY",
+    "LinearTransformation",
+    "Unit",
+    "conversion",
+    "counts_turns",
+    "find_unit",
+]
 
 COLUMN_UNITS = "units"
 """The entry of a Parquet file's metadata that has the units of its columns, as a JSON object."""
@@ -34,31 +47,6 @@ class LinearTransformation:
 
 
 IDENTITY = LinearTransformation()
-
-
-@dataclass(frozen=True)
-class Unit:
-    """A unit by its name; a value in SI base units is factor value + offset.
-
-    `exponents` are those of `BASE_UNITS`, None where nobody says what the unit is made of.
-    """
-
-    name: str
-    exponents: tuple[int, ...] | None = None
-    factor: float = 1.0
-    offset: float = 0.0
-
-    def __str__(self) -> str:
-        return self.name
-
-    @property
-    def si(self) -> "Unit":
-        """The unit made of SI base units that measures the same."""
-        return replace(self, name="", factor=1.0, offset=0.0)
-
-    def measures_as(self, other: "Unit") -> bool:
-        """Whether both are the same but for their names."""
-        return replace(self, name="") == replace(other, name="")
 
 
 def conversion(source: Unit | None, target: Unit | None) -> LinearTransformation:

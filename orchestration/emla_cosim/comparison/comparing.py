@@ -11,11 +11,9 @@ from typing import Any
 import polars
 
 from ..base.errors import CommandError, RunError, check_choice, listed
-from ..base.option import COMPARE
+from ..base.option import COMPARE, SHOWING
 from ..base.progress import Progress
 from ..base.values import converted
-from ..master.algorithms.registry import ALGORITHMS
-from ..recorders.metrics import METRICS
 from ..run.options import table as options_table
 from ..run.scenarios.built_in import SCENARIOS
 from ..sandbox.interruption import interruption
@@ -23,7 +21,7 @@ from ..study.controllers import ROBUSTNESS_SETS
 from ..study.paper import PRINTED
 from ..sweeps.data import REFUSED, VARIANT
 from ..sweeps.farm import Scheduler, farm
-from ..sweeps.shipment import Shipment, check_portable
+from ..sweeps.shipment import REGISTRIES, Shipment, check_portable
 from ..sweeps.sweeping import check_cluster
 from ..sweeps.worker import Chunk, Outcome
 from .cases import Case, checked_resolution, robustness_cases, stability_maps, stability_stop_time
@@ -94,7 +92,7 @@ def compare(
         options = {"stop_time": stability_stop_time(), **options}
         terms = replace(terms, options=options)
     contest = laid_out(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, told)
-    for kind, known in (("metric", METRICS), ("algorithm", ALGORITHMS)):
+    for kind, known in REGISTRIES.items():
         check_portable(kind, known)
     if folder is None:
         return _result(contest, name, table, _run(contest, table, (scheduler, workers), told), None)
@@ -184,9 +182,8 @@ def _check(table: str | None, resolution: int | None, options: Mapping[str, Any]
         raise CommandError(f"a resolution is for the table {STABILITY}; leave it out.")
     if resolution is not None:
         checked_resolution(resolution)
-    own = ("output", "plots", "controller", "gains")
-    known = options_table(COMPARE)
-    if wrong := [n for n in options if n in own or (n in options_table() and n not in known)]:
+    known = {name for name, one in options_table(COMPARE).items() if one.about.stage != SHOWING}
+    if wrong := [n for n in options if n in options_table() and n not in known]:
         raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of the comparison.")
 
 

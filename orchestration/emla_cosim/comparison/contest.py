@@ -7,12 +7,11 @@ from typing import Any
 from ..base.errors import CommandError
 from ..base.progress import Progress
 from ..run.experiment import check_run, run_times
-from ..run.simulation import PREPARED
 from ..study.loading import load
 from ..study.roles import joints
 from ..sweeps.farm import Work
 from ..sweeps.shipment import Preparation
-from ..sweeps.targets import as_arguments, merged
+from ..sweeps.targets import as_arguments, changed_in_run, merged
 from ..sweeps.worker import Variant
 from .cases import Case, left_out
 from .entrants import Entrant
@@ -53,7 +52,7 @@ class Contest:
 
     def variant(self, number: int) -> Variant:
         """A heat as it is run."""
-        return Variant(number, {n: x for n, x in self.heats[number].own.items() if n not in PREPARED})
+        return Variant(number, changed_in_run(self.heats[number].own))
 
     def work(self) -> list[Work]:
         """All heats by group, those with the most steps first, so that workers end at about the same time."""

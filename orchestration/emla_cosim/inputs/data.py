@@ -14,6 +14,9 @@ import polars
 from ..base.arrays import Vector
 from ..base.errors import CommandError, listed
 from ..base.files import read_file
+from ..recorders.registry import TABLES, format_of
+from ..recorders.stored import readable
+from ..recorders.table import Table
 from .headers import Header, named_units
 from .input import Input
 
@@ -232,6 +235,20 @@ class ParquetData(Data):
             raise self._wrong(position, "cannot be read") from error
 
 
+class RegisteredData(Data):
+    """A file in a format of `TABLES` that is neither CSV nor Parquet."""
+
+    def __init__(self, label: str, table: Table) -> None:
+        self._table = table
+        readable(label, table.open)
+        super().__init__(label, table.names)
+
+    def texts(self, position: int) -> polars.Series:
+        """A column; CommandError where the file is damaged there."""
+        name = self.headers[position].text
+        return polars.Series(readable(self.label, lambda: self._table.read([name])[name]))
+
+
 class FrameData(Data):
     """Columns that a program has: a frame of polars or pandas, or a mapping of names to arrays."""
 
@@ -261,9 +278,14 @@ def read_data(source: Input) -> Data:
 
 
 def read_table(file: Path, what: str) -> Data:
-    """The table of a file, CSV or Parquet, that sentences call `what`; CommandError as in `read_data`."""
+    """Return the table of a file, which messages call `what`; CommandError as in `read_data`.
+
+    Its format is CSV, Parquet, or another one that is registered.
+    """
     label = f"{what} '{file}'"
     content = read_file(file, what)
+    if (form := format_of(file)) not in ("csv", "parquet"):
+        return RegisteredData(label, TABLES[form](file))
     if content.startswith(_PARQUET) or file.suffix.lower() == ".parquet":
         return ParquetData(label, content)
     return CsvData(label, content)

@@ -9,8 +9,7 @@ from typing import Any
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.quantities import unit_named
-from ..base.unit_names import meaning
-from ..base.units import COLUMN_UNITS, Unit, conversion
+from ..base.units import COLUMN_UNITS, Unit, conversion, find_unit
 
 _HEADER = re.compile(
     r"(?P<name>.+?)"
@@ -65,7 +64,8 @@ def data_unit(name: str | None, label: str) -> Unit | None:
 
 def same_unit(one: str, other: str) -> bool:
     """Whether two names mean the same unit."""
-    return one == other or (meaning(one) is not None and meaning(one) == meaning(other))
+    units = find_unit(one), find_unit(other)
+    return one == other or (units[0] is not None and units[1] is not None and units[0].measures_as(units[1]))
 
 
 def rate_of(unit: Unit | None, order: int) -> Unit | None:

@@ -12,15 +12,24 @@ from fmublock.table import ENDS, INTERPOLATIONS
 from ..base.errors import CommandError, check_choice
 from ..base.files import digest
 from ..base.option import Entered
+from ..recorders.registry import TABLES
 
-ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".parquet")
-"""How the names of files end that are tables."""
+_TEXTS = (".tsv", ".txt", ".dat")
+"""How the names of files end that are read as CSV, beside those of `TABLES`."""
 
-_FILE = re.compile(
-    rf"(?P<file>.+?(?:{'|'.join(map(re.escape, ENDINGS))}))(?::(?P<rest>.*))?", re.IGNORECASE | re.DOTALL
-)
 _USUAL = {"time": None, "interpolation": "linear", "end": "hold"}
 _SETTINGS = tuple(_USUAL)
+
+
+def table_endings() -> tuple[str, ...]:
+    """Return how the names of files end that are tables."""
+    return (*(f".{name.lower()}" for name in TABLES), *_TEXTS)
+
+
+def _parts(text: str) -> re.Match[str] | None:
+    """Match the file of an input, and what follows it."""
+    endings = "|".join(map(re.escape, table_endings()))
+    return re.fullmatch(rf"(?P<file>.+?(?:{endings}))(?::(?P<rest>.*))?", text, re.IGNORECASE | re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -56,13 +65,13 @@ class Column:
 class Input(Entered):
     """Data over time that drive signals.
 
-    The data are a `file` (CSV or Parquet), or in Python `data`: a frame of polars or pandas, or a mapping
-    of names to arrays. `signals` says by full name which column drives what; without it, and for what
-    `columns` has patterns of, columns drive the signals that they are called after. `time` is the column of
-    times, without it the one called time or t; in s unless it says otherwise. `interpolation` is what is
-    between rows: held (the value of the row before), linear, or cubic (a spline). `end` is what follows the
-    last row: hold its values, repeat from the first row, or stop the run. Before the first row its values
-    hold.
+    The data are a `file` (CSV, Parquet, or a format of `TABLES`), or in Python `data`: a frame of polars or
+    pandas, or a mapping of names to arrays. `signals` says by full name which column drives what; without
+    it, and for what `columns` has patterns of, columns drive the signals that they are called after. `time`
+    is the column of times, without it the one called time or t; in s unless it says otherwise.
+    `interpolation` is what is between rows: held (the value of the row before), linear, or cubic (a spline).
+    `end` is what follows the last row: hold its values, repeat from the first row, or stop the run. Before
+    the first row its values hold.
     """
 
     file: Path | None = None
@@ -89,7 +98,7 @@ class Input(Entered):
     @classmethod
     def of_text(cls, text: str) -> "Input":
         """FILE, or FILE:SIGNAL=COLUMN,...,end=repeat as the command line has it. Raises CommandError."""
-        found = _FILE.fullmatch(text.strip())
+        found = _parts(text.strip())
         if found is None or not found["rest"]:
             return cls(Path(found["file"] if found is not None else text.strip()))
         settings = dict[str, str]()

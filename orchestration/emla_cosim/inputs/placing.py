@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from fmublock.errors import BuildError
-from fmublock.table import Column, DataUnit, Shown, Table
+from fmublock.table import Column, Shown, Table
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
 from ..base.files import CacheError, temporary_folder
-from ..base.units import BASE_UNITS, Unit
 from ..fmu.interface import Interface
 from ..fmu.models import license_text, producer
 from ..system.model import Component, Connection, System
@@ -165,7 +164,7 @@ def _built(table: Readable, driven: Sequence[tuple[Wanted, str]], platforms: Seq
             one.order,
             one.transformation.factor,
             one.transformation.offset,
-            _unit(one.unit),
+            one.unit,
             f"Column '{table.data.headers[one.column].text}'",
         )
         for one, name in driven
@@ -196,15 +195,6 @@ def _check_size(data: Data, one: Wanted, values: Vector) -> None:
             row=row,
             column=header,
         )
-
-
-def _unit(unit: Unit | None) -> DataUnit | None:
-    if unit is None:
-        return None
-    exponents: dict[str, int] | None = None
-    if unit.exponents is not None:
-        exponents = dict(zip(BASE_UNITS, unit.exponents, strict=True))
-    return DataUnit(unit.name, exponents, unit.factor, unit.offset)
 
 
 _held = ExitStack()

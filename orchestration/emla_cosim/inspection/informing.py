@@ -7,9 +7,11 @@ from typing import Any
 from fmpy.model_description import ValidationError
 
 from ..base.errors import CommandError, called_as_in
+from ..base.option import BUILDING
 from ..base.progress import Progress
 from ..base.units import IDENTITY
 from ..fmu.interface import Interface, described, first_problem, read_interfaces, unfit
+from ..run.options import table
 from ..run.preparation import prepared
 from ..run.scenarios.reading import is_fmu
 from ..run.scenarios.scenario import Scenario
@@ -22,9 +24,6 @@ from .parts import ComponentInfo, ConnectionInfo, FmuInfo
 from .told import Info
 from .variables import End, Rows, Wires, names_in, said_by
 
-_OF_OURS = {"fmus", "flavour", "overwrite"}
-"""Options that change nothing of somebody else's FMU."""
-
 
 def info(source: str | Path | System, progress: Progress | None = None, **options: Any) -> Info:
     """What an FMU, a package, a scenario or a system is made of, with all that options change.
@@ -36,7 +35,8 @@ def info(source: str | Path | System, progress: Progress | None = None, **option
     try:
         scenario = load(source, **options)
     except CommandError:
-        if set(options) - _OF_OURS or not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
+        of_ours = {n for n, one in table().items() if one.about.stage == BUILDING or not one.about.repeated}
+        if set(options) - of_ours or not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
             raise
         return _of_any_fmu(Path(source))
     with called_as_in(scenario.unpacked):

@@ -14,32 +14,31 @@ import polars
 
 from ..base.arrays import Vector
 from ..base.files import real_place
+from .file_table import FileTable
 from .recorder import Outline
-from .table import Table
 
 _BLOCK = 2**20
 
 
-class CsvFile(Table):
+class CsvFile(FileTable):
     """Writes a table to a CSV file as it comes, by whole lines.
 
     Numbers have the digits that bring back the same double. Where a run continues another one, whose
     file is there, the file is cut and continued; without it a new one begins with the rows that follow.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
-
-    def __str__(self) -> str:
-        return str(self.path)
-
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Create the file with its header, or open it to continue; raises OSError."""
+        """Create the file with its header, or open it to continue.
+
+        Raises OSError; CommandError for a file that is somebody else's.
+        """
         super().begin(outline, memory)
         header = polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
         real_place(self.path)  # a device or a folder is no place for it
         length, line = (int(memory["bytes"]), str(memory["line"])) if memory is not None else (0, "")
-        if memory is not None and _continues(self.path, header, length, line.encode()):
+        continued = memory is not None and _continues(self.path, header, length, line.encode())
+        self.claim(continued)
+        if continued:
             self._stream = self.path.open("r+b", buffering=0)
             self._stream.truncate(length)
             self._stream.seek(length)
@@ -60,6 +59,7 @@ class CsvFile(Table):
                 raise OSError(0, "it was removed or replaced while the run wrote to it")
         finally:
             self._stream.close()
+        self.settle()
 
     def memory(self) -> Any:
         """How far the file is: rows that came, bytes of those that were due, the last line."""
@@ -71,6 +71,10 @@ class CsvFile(Table):
         frame = polars.from_numpy(np.ascontiguousarray(rows), schema=self.names)
         frame.write_csv(text, include_header=False)
         self._write_lines(text.getvalue())
+
+    def open(self) -> None:
+        """Take the names of the columns from the file. Raises OSError."""
+        self.names = columns_of(self.path)
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Columns by name; one that the file does not have is left out."""

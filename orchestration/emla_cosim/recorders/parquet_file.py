@@ -12,8 +12,8 @@ import polars
 from ..base.arrays import Vector
 from ..base.files import written_whole
 from ..base.units import COLUMN_UNITS
+from .file_table import FileTable
 from .recorder import Outline
-from .table import Table
 
 PART = 2**22
 """Numbers in a part; so many are held in memory."""
@@ -22,7 +22,7 @@ _OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-\w+")
 """Names of files that a run leaves in the folder of parts."""
 
 
-class ParquetFile(Table):
+class ParquetFile(FileTable):
     """Writes a table to a Parquet file: closed parts while the run goes on, one file in the end.
 
     The parts are in a folder beside the file, `results.parquet.parts`, as long as the run goes on. Each
@@ -31,17 +31,15 @@ class ParquetFile(Table):
 
     quick_memory = False  # it writes a part
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | Path, overwrite: bool = False) -> None:
+        super().__init__(path, overwrite)
         self._parts = parts_of(self.path)
-
-    def __str__(self) -> str:
-        return str(self.path)
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin a folder of parts, of which an earlier file is the first where a run continues it.
 
-        Raises OSError, also where that folder holds something that no run has left there.
+        Raises OSError, also where that folder holds something that no run has left there; CommandError for
+        a file that is somebody else's.
         """
         super().begin(outline, memory)
         units = {n: str(outline.units[i]) for n, i in zip(self.names[1:], outline.recorded, strict=True)}
@@ -51,6 +49,7 @@ class ParquetFile(Table):
         self._blocks: list[polars.DataFrame] = []
         self._held = self._count = self._rows = 0
         earlier = self._earlier(int(memory["kept"])) if memory is not None else None
+        self.claim(earlier is not None)
         self._remove_parts()
         self._parts.mkdir()
         if earlier is not None:
@@ -70,11 +69,17 @@ class ParquetFile(Table):
         with _polars_failures(), written_whole(self.path) as stream:
             whole.sink_parquet(stream, metadata=self._metadata)
         self._remove_parts()
+        self.settle()
 
     def memory(self) -> Any:
         """How many rows came, and how many were kept; the latter are on disk now."""
         self._close_part()
         return {**super().memory(), "kept": self._rows}
+
+    def open(self) -> None:
+        """Take the names of the columns from the file. Raises OSError, or what polars raises."""
+        self.names = list(polars.read_parquet_schema(self.path))
+        self._rows = int(polars.scan_parquet(self.path).select(polars.len()).collect().item())
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Columns by name; one that the file does not have is left out."""
@@ -84,7 +89,7 @@ class ParquetFile(Table):
         if most is not None:
             frame = frame.gather_every(max(-(-self._rows // most), 1))
         found = frame.collect()
-        return {n: found[n].to_numpy() for n in chosen}
+        return {n: found[n].cast(polars.Float64).to_numpy() for n in chosen}
 
     def _hold(self, block: polars.DataFrame) -> None:
         self._blocks.append(block)

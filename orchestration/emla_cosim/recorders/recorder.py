@@ -26,8 +26,8 @@ class Outline:
     `parameters` has the values of the components' parameters that are numbers, by full name. `roles` says
     which of all these plays a role, by what it is of and the role: `lift.x_L`. `criteria` are those that a
     user set for the judgement of joints. `exchanged` has the continuous
-    connections, `bonds` the power bonds by name. With `watched`, steps are of any length, each is done in two
-    halves, and not every one has a row; `Stepping.watch` tells of all.
+    connections, `bonds` the power bonds by name. With `watched`, steps are of any length, and not every one
+    has a row; `Stepping.watch` tells of all. With `halved`, each of them is done in two halves.
     """
 
     names: Sequence[str]
@@ -41,6 +41,7 @@ class Outline:
     exchanged: Sequence[Exchanged] = ()
     bonds: Mapping[str, Bond] = field(default_factory=dict)
     watched: bool = False
+    halved: bool = False
 
 
 class Pause(Protocol):

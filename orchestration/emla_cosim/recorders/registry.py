@@ -1,4 +1,4 @@
-"""Recorders by name: the forms of a table of results, and what else a user may ask for."""
+"""Recorders by name: the formats of a table of results, and what else a user may ask for."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -17,7 +17,22 @@ TABLES: dict[str, Callable[[Path], Table]] = {
     "csv": _imported("csv_file", "CsvFile"),
     "parquet": _imported("parquet_file", "ParquetFile"),
 }
-"""What makes a table of a path, by the name of its form, which is also the ending of the file's name."""
+"""What makes a table of a path, by the name of its format, which is also the ending of the file's name."""
+
+DEFAULT_FORMAT = "csv"
+"""Format of files with any other ending."""
+
+
+def format_of(path: Path) -> str:
+    """Return the format of a table by the ending of its name."""
+    name = path.name.lower()
+    return max((one for one in TABLES if name.endswith(f".{one.lower()}")), key=len, default=DEFAULT_FORMAT)
+
+
+def table_names(stem: str = "results") -> list[str]:
+    """Return the names that a table of results can have, one for each format."""
+    return [f"{stem}.{name}" for name in TABLES]
+
 
 RECORDERS: dict[str, type[Recorder]] = {}
 """Further recorders: dataclasses whose fields are options. One is made when an option of its is given."""

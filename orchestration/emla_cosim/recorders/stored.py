@@ -1,14 +1,16 @@
-"""The table of a run that was kept in a folder."""
+"""Read the table of a run that was kept in a folder."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import polars
+from typing import TypeVar
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from .csv_file import columns_of, read_csv
+from .registry import TABLES, format_of, table_names
+from .table import Table
+
+_T = TypeVar("_T")
 
 _REFERENCE = "the run to compare with"
 
@@ -19,6 +21,7 @@ class StoredRun:
 
     path: Path
     names: Sequence[str]
+    table: Table
     what: str = _REFERENCE
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
@@ -26,14 +29,7 @@ class StoredRun:
 
         Of more than `most` rows only every n-th may be given.
         """
-        try:
-            if self.path.suffix == ".parquet":
-                frame = polars.read_parquet(self.path, columns=list(names))
-                every = 1 if most is None else max(-(-len(frame) // most), 1)
-                return {name: frame[name].cast(polars.Float64).to_numpy()[::every] for name in names}
-            return read_csv(self.path, names, most)
-        except Exception as error:  # polars has many kinds
-            raise _unreadable(self.path, self.what, error) from error
+        return readable(f"{self.what}, '{self.path}',", lambda: self.table.read(names, most))
 
 
 def stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
@@ -41,28 +37,25 @@ def stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
 
     Sentences call it `what`.
     """
-    kept = [place / "results.csv", place / "results.parquet"] if place.is_dir() else [place]
+    kept = [place / name for name in table_names()] if place.is_dir() else [place]
     path = next((p for p in kept if p.exists()), None)
     if path is None:
-        missing = "has no results.csv or results.parquet" if place.is_dir() else "is not there"
+        missing = f"has no {' or '.join(table_names())}" if place.is_dir() else "is not there"
         raise CommandError(f"{what}, '{place}', {missing}.")
     if not path.is_file():
         raise CommandError(f"{what}, '{path}', cannot be read: it is no file.")
-    try:
-        names = _columns(path)
-    except Exception as error:
-        raise _unreadable(path, what, error) from error
+    table = TABLES[format_of(path)](path)
+    readable(f"{what}, '{path}',", table.open)
+    names = table.names
     if names[:1] != ["time"] or len(names) < 2:
         raise CommandError(f"{what}, '{path}', must have 'time' as its first column, and signals.")
-    return StoredRun(path, names[1:], what)
+    return StoredRun(path, names[1:], table, what)
 
 
-def _columns(path: Path) -> list[str]:
-    if path.suffix == ".parquet":
-        return list(polars.read_parquet_schema(path))
-    return columns_of(path)
-
-
-def _unreadable(path: Path, what: str, error: Exception) -> CommandError:
-    reason = getattr(error, "strerror", None) or str(error).splitlines()[0].rstrip(".")
-    return CommandError(f"{what}, '{path}', cannot be read: {reason}.")
+def readable(label: str, read: Callable[[], _T]) -> _T:
+    """Return what `read` returns; CommandError that begins with `label` for whatever it raises."""
+    try:
+        return read()
+    except Exception as error:  # polars has many kinds
+        reason = getattr(error, "strerror", None) or (str(error) or type(error).__name__).splitlines()[0]
+        raise CommandError(f"{label} cannot be read: {reason.rstrip('.')}.") from error

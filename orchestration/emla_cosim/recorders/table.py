@@ -11,7 +11,13 @@ from .recorder import Outline, Recorder
 
 
 class Table(Recorder):
-    """Keeps every n-th row, and the last one, of the signals that are wanted."""
+    """Keeps every n-th row, and the last one, of the signals that are wanted.
+
+    A format of a file has all of `open`, `append` and `read`, and is made of the path of its file.
+    """
+
+    names: list[str]
+    """Names of the columns, `time` first."""
 
     key = "table"
     quick_memory = True
@@ -49,6 +55,13 @@ class Table(Recorder):
     @abstractmethod
     def append(self, rows: Vector) -> None:
         """Append these rows, time first. May raise OSError."""
+
+    def open(self) -> None:
+        """Take the names of the columns from the file that an earlier run wrote, so that `read` can read it.
+
+        May raise OSError.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no method 'open'")
 
     @abstractmethod
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:

@@ -20,6 +20,7 @@ def check_run(options: Options, name: str) -> None:
     """Raise CommandError for what can be seen to be wrong before anything is built."""
     steps_per_row(options, run_times(options, name))
     options.make_algorithm()
+    options.make_step_size_control()
     for text in options.require:
         requirement(text)
     if options.reference is not None:
@@ -32,8 +33,6 @@ def run_times(options: Options, name: str) -> Timing:
     """The communication points of a run; CommandError where nobody says how long it is or its steps."""
     if options.stop_time is None:
         raise CommandError(f"'{name}' does not say when to stop; give --stop-time.")
-    if options.largest_step is not None and options.error_tolerance is None:
-        raise CommandError("--largest-step bounds the steps of --error-tolerance; set both, or neither.")
     if options.step_size is None:
         raise CommandError(f"'{name}' does not say how long a step is; give --step-size.")
     return timing(options.stop_time, options.step_size, options.start_time or 0.0)
@@ -50,7 +49,7 @@ def steps_per_row(options: Options, times: Timing) -> int:
         raise CommandError(f"the output interval {chosen:g} s must be a positive number of seconds.")
     if (times.stop - times.start) / chosen > MAXIMUM_STEPS:
         raise CommandError(f"an output interval of {chosen:g} s makes more than {MAXIMUM_STEPS:g} rows.")
-    if options.error_tolerance is not None:
+    if not options.make_step_size_control().is_regular:
         return 1
     every = round(chosen / times.step)
     if every >= 1 and abs(every * times.step - chosen) <= 1e-9 * chosen:

@@ -1,7 +1,7 @@
 """The table of options: everything a user may say about a run, each stated once.
 
 The command line, scenario files, run.json, and what a checkpoint belongs to all derive from it.
-Algorithms and recorders bring options of their own: the fields of their classes.
+Algorithms, step-size controls and recorders bring options of their own: the fields of their classes.
 """
 
 import dataclasses
@@ -10,17 +10,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ..base.errors import CommandError, listed
 from ..base.option import (
     BUILD,
+    BUILDING,
     COMPARE,
     EXPORT,
     INFO,
+    LEFT_OUT,
+    LOADING,
     OUTPUT,
     PLOT,
+    PREPARING,
     RUN,
+    SAME,
+    SHOWING,
     STEPPING,
     SWEEP,
     SYSTEM,
@@ -38,11 +44,15 @@ from ..fmu.models import FLAVOURS, PLATFORMS
 from ..inputs.input import Input
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.registry import ALGORITHMS
+from ..master.stepping.registry import STEP_SIZE_CONTROLS
+from ..master.stepping.step_size_control import StepSizeControl
 from ..recorders.recorder import Recorder
-from ..recorders.registry import RECORDERS, TABLES
+from ..recorders.registry import RECORDERS, TABLES, table_names
 from ..recorders.tubes.tolerance import Tolerance, read_tolerances
 from ..system.fault import Fault, read_faults
 from ..system.model import Replacement, Value
+
+_Kind = TypeVar("_Kind")
 
 ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO)
 
@@ -58,15 +68,18 @@ def read_threads(text: str) -> int | None:
 
 
 _system = partial(option, group=SYSTEM, commands=ALL)
+_prepared = partial(_system, stage=PREPARING)
 _stepping = partial(option, group=STEPPING)
 _output = partial(option, group=OUTPUT)
+_shown = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
 
 
 @dataclass(frozen=True)
 class Options:
     """What a user may say about a run; None takes the scenario's value, or the default. Times in s.
 
-    `own` has those of algorithms and recorders, by name; see `ALGORITHMS` and `RECORDERS`.
+    `own` has those of algorithms, step-size controls and recorders, by name; see `ALGORITHMS`,
+    `STEP_SIZE_CONTROLS` and `RECORDERS`.
     """
 
     set: Mapping[str, Value] = _system(
@@ -75,66 +88,74 @@ class Options:
         "'lift.disturbance.load.level[*]=30 kN' (repeatable).",
         metavar="COMPONENT.VARIABLE=VALUE",
         arrays=True,
+        in_sweep=SAME,
     )
     follow_models: bool = _system(
         False,
         help="Set the model parameters of controllers and observers to fit the plant that --set and --vary "
         "make. Gains stay.",
     )
-    parameters: Sequence[Path] = _system(
+    parameters: Sequence[Path] = _prepared(
         [],
         help="Set start values from an SSP parameter file (.ssv), or from a table, CSV or Parquet: "
         "docs/inputs.md. --set wins over it (repeatable).",
         metavar="FILE",
     )
-    replace: Mapping[str, Replacement] = _system(
+    replace: Mapping[str, Replacement] = _prepared(
         {},
         help="Put your FMU in the place of a component, such as lift.controller=mine.fmu (repeatable).",
         metavar="COMPONENT=FILE.fmu",
     )
-    mapping: Mapping[str, Path] = _system(
+    mapping: Mapping[str, Path] = _prepared(
         {},
         help="File that says what the FMU of --replace calls its variables, an SSP parameter mapping "
         "(repeatable).",
         metavar="COMPONENT=FILE.ssm",
+        in_sweep=SAME,
     )
-    fault: Sequence[Fault] = _system(
+    fault: Sequence[Fault] = _prepared(
         [],
         help="Let a signal fail from START on, for DURATION, both in s: freeze, offset, gain or constant. "
         "Commas between several.",
         metavar="SIGNAL=KIND[:VALUE]@START[+DURATION]",
         parse=read_faults,
+        in_sweep=SAME,
     )
-    input: Sequence[Input] = _system(
+    input: Sequence[Input] = _prepared(
         [],
         help="Data that drive signals, from CSV or Parquet (repeatable).",
         metavar="FILE[:SIGNAL=COLUMN,...,end=repeat]",
     )
-    controller: str | type | None = _system(
+    controller: str | type | None = _prepared(
         takes=type,
         help="Controller of all joints: a name (`emla list` shows them), your FMU, or your block as "
         "FILE.py:BLOCK.",
         commands=(RUN, EXPORT, SWEEP, INFO),
+        makes="gains",
     )
-    gains: str | None = _system(
+    gains: str | None = _prepared(
         help="Set of gains for controller and observer (`emla list` shows them). Default: the controller's "
         "first.",
         commands=(RUN, EXPORT, SWEEP, INFO),
+        makes="gains",
     )
-    trajectory: Path | None = _system(
+    trajectory: Path | None = _prepared(
         help="Motion that the manipulator follows, a file that `emla trajectory` wrote.",
         metavar="FILE.json",
+        makes="reference",
     )
-    actuator: Mapping[str, Path | Entered] = _system(
+    actuator: Mapping[str, Path | Entered] = _prepared(
         {},
         help="Another actuator for a joint, from its data sheets: docs/actuator.md (repeatable).",
         metavar="JOINT=FILE.toml",
         takes=Entered,
+        makes="actuators",
     )
     flavour: str = _system(
         "native",
         help="Which build of our own FMUs: compiled (native), or Python inside (python).",
         choices=lambda: FLAVOURS,
+        stage=BUILDING,
     )
     fmus: Path | None = _system(
         help="Folder of our own FMUs; missing ones are built there. Default: fmus/ if it has them, else your "
@@ -142,6 +163,7 @@ class Options:
         in_file=False,
         recorded=False,
         writes="folder",
+        stage=BUILDING,
     )
     platform: Sequence[str] = option(
         [],
@@ -151,6 +173,7 @@ class Options:
         commands=(EXPORT,),
         in_file=False,
         recorded=False,
+        stage=BUILDING,
     )
     start_time: float | None = _stepping(
         help="Simulated time at which the run begins. Default: the scenario's, or 0.",
@@ -174,19 +197,12 @@ class Options:
         identity="algorithm",
         takes=Algorithm,
     )
-    error_tolerance: float | None = _stepping(
-        help="Let the step size follow the error, which may become this much of each signal's size over the "
-        "run. Default: fixed steps.",
-        above=0.0,
-        below=1.0,
-        identity="error tolerance",
-    )
-    largest_step: float | None = _stepping(
-        help="Longest step of --error-tolerance. Default: a fiftieth of the run's time, or the distance of "
-        "rows in data of --input.",
-        unit="s",
-        above=0.0,
-        identity="largest step",
+    step_size_control: str | StepSizeControl | None = _stepping(
+        help="What decides how long steps are. Default: the one that has the options that are given, such as "
+        "error with --error-tolerance; without such options fixed.",
+        choices=lambda: STEP_SIZE_CONTROLS,
+        identity="step-size control",
+        takes=StepSizeControl,
     )
     isolate: Sequence[str] | bool = _system(
         [],
@@ -196,6 +212,8 @@ class Options:
         commands=(RUN, SWEEP, COMPARE),
         takes=bool,
         alone="*",
+        stage=LOADING,
+        in_sweep=SAME,
     )
     compiled: bool = _stepping(
         True,
@@ -219,9 +237,11 @@ class Options:
         metavar="FACTOR",
         record="real_time_factor",
         commands=(RUN,),
+        repeated=False,
+        in_sweep=LEFT_OUT,
     )
-    output: Path | None = _output(
-        help="Folder for all that comes out. Default: results/SCENARIO.", recorded=False, writes="folder"
+    output: Path | None = _shown(
+        help="Folder for all that comes out. Default: results/SCENARIO.", writes="folder"
     )
     overwrite: bool = _output(
         False,
@@ -239,6 +259,7 @@ class Options:
         help="Signals to keep in the table, such as 'lift.plant.*' (repeatable). Default: all.",
         metavar="PATTERN",
         commands=(RUN,),
+        in_sweep=LEFT_OUT,
     )
     output_interval: float | None = _output(
         help="Time between rows of the table. Default: 1 ms.", unit="s", identity="output interval"
@@ -273,6 +294,7 @@ class Options:
         help="Fail unless this holds, such as 'lift.position_error_m < 2e-5' (repeatable).",
         metavar="'FIGURE < VALUE'",
         commands=(RUN, SWEEP),
+        in_sweep=SAME,
     )
     reference: Path | None = _output(
         help="Fail unless every signal agrees with that of an earlier run, whose folder this is.",
@@ -289,53 +311,52 @@ class Options:
         in_file=False,
         parse=read_tolerances,
     )
-    plots: bool = _output(True, help="Draw pictures into the output folder.", recorded=False)
-    animate: bool = _output(
-        False, help="Draw an animation of the manipulator, a GIF.", recorded=False, commands=(RUN,)
-    )
-    report: bool = _output(
-        False, help="Write a page to look at and to keep, report.html.", recorded=False, commands=(RUN,)
-    )
+    plots: bool = _shown(True, help="Draw pictures into the output folder.")
+    animate: bool = _shown(False, help="Draw an animation of the manipulator, a GIF.", commands=(RUN,))
+    report: bool = _shown(False, help="Write a page to look at and to keep, report.html.", commands=(RUN,))
     checkpoint: Path | None = _output(
         help="Save the state of the run to this file every minute and at the end, for --resume.",
         in_file=False,
         recorded=False,
         writes="file",
         commands=(RUN,),
+        repeated=False,
+        in_sweep=LEFT_OUT,
     )
     resume: Path | None = _output(
         help="Continue the run whose state this file of --checkpoint holds.",
         in_file=False,
         record="resumed_from",
         commands=(RUN,),
+        repeated=False,
+        in_sweep=LEFT_OUT,
     )
     own: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def updated(self, given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> "Options":
-        """With other values by name: tables are merged, everything else is replaced.
+        """Read values as `read_options` does, and return the options with them; CommandError as there."""
+        return self.merged(read_options(given, where, folder))
 
-        `where` is what sentences call the place of the values, and paths in them are relative to
-        `folder`. Raises CommandError for an unknown name, or a value of another type or range.
-        """
-        values, own = {}, dict(self.own)
-        known = table()
-        for name, value in given.items():
-            label = f"'{name}' of {where}" if where else f"the option '{name}'"
-            found = read_option(name, value, label, folder, known)
-            if name in _FIXED:
-                before = getattr(self, name)
-                values[name] = _merged(before, found) if isinstance(before, Mapping) else found
-            else:
-                own[name] = {**own.get(name, {}), **found} if isinstance(found, Mapping) else found
-        return dataclasses.replace(self, **values, own=own)
+    def merged(self, values: Mapping[str, Any]) -> "Options":
+        """Return the options with values that `read_options` returned, merged as `merge` does."""
+        if not values:
+            return self
+        both = merge({n: getattr(self, n) for n in values if n in _FIXED} | self.own, values)
+        own = {name: both.pop(name) for name in [*both] if name not in _FIXED}
+        return dataclasses.replace(self, **both, own=own)
 
     @property
     def algorithm_name(self) -> str:
         """The name of the algorithm; for one of the user's own, that of its class."""
-        if isinstance(self.algorithm, str):
-            return self.algorithm
-        kind = type(self.algorithm)
-        return next((n for n, k in ALGORITHMS.items() if k is kind), kind.__name__)
+        return _name_of(self.algorithm, ALGORITHMS)
+
+    @property
+    def step_size_control_name(self) -> str:
+        """The name of the step-size control that applies; for one of the user's own, that of its class."""
+        if self.step_size_control is not None:
+            return _name_of(self.step_size_control, STEP_SIZE_CONTROLS)
+        asked = (n for n, kind in STEP_SIZE_CONTROLS.items() if not _names(kind).isdisjoint(self.own))
+        return next(asked, next(iter(STEP_SIZE_CONTROLS)))
 
     @property
     def isolated(self) -> Sequence[str]:
@@ -372,27 +393,36 @@ class Options:
         if isinstance(self.controller, str) and self.controller.lower().endswith(".fmu"):
             found[Path(self.controller)] = "the FMU"
         if self.reference is not None:
-            for table in (self.reference, *(self.reference / f"results.{form}" for form in TABLES)):
+            for table in (self.reference, *(self.reference / name for name in table_names())):
                 found[table] = "the run to compare with"
         return found
 
     def make_algorithm(self) -> Algorithm:
         """The algorithm with its options; CommandError for one that it does not have."""
-        given = {n: v for n, v in self.own.items() if any(n in _names(k) for k in ALGORITHMS.values())}
-        if isinstance(self.algorithm, Algorithm):
+        return self._made(self.algorithm, ALGORITHMS, "algorithm")
+
+    def make_step_size_control(self) -> StepSizeControl:
+        """Return the step-size control with its options; CommandError for what does not fit."""
+        chosen = self.step_size_control or self.step_size_control_name
+        found = self._made(chosen, STEP_SIZE_CONTROLS, "step-size control")
+        found.check()
+        return found
+
+    def _made(self, chosen: str | _Kind, kinds: Mapping[str, type[_Kind]], what: str) -> _Kind:
+        """Return the one of these kinds that is chosen, with its options."""
+        given = {n: v for n, v in self.own.items() if any(n in _names(k) for k in kinds.values())}
+        if not isinstance(chosen, str):
             if given:
-                raise CommandError(f"the algorithm is given with its options; leave out {listed(given)}.")
-            return self.algorithm
-        kind = ALGORITHMS[self.algorithm]
+                raise CommandError(f"the {what} is given with its options; leave out {listed(given)}.")
+            return chosen
         for name in given:
-            if name not in _names(kind):
-                others = [n for n, k in ALGORITHMS.items() if name in _names(k)]
+            if name not in _names(kinds[chosen]):
+                others = [n for n, k in kinds.items() if name in _names(k)]
                 has = "has" if len(others) == 1 else "have"
                 raise CommandError(
-                    f"the algorithm {self.algorithm} has no {table()[name].noun}; {listed(others)} {has}.",
-                    option=name,
+                    f"the {what} {chosen} has no {table()[name].noun}; {listed(others)} {has}.", option=name
                 )
-        return kind(**given)
+        return kinds[chosen](**given)
 
     def make_recorders(self) -> list[Recorder]:
         """Those of `RECORDERS` that an option asks for."""
@@ -404,17 +434,19 @@ class Options:
     def in_effect(self) -> list[tuple[Option, Any]]:
         """Every option that applies, with its value."""
         found = [(o, getattr(self, o.name)) for o in _FIXED.values()]
-        for part in (self.make_algorithm(), *self.make_recorders()):
+        control = self.make_step_size_control()
+        for part in (self.make_algorithm(), control, *self.make_recorders()):
             found += [(o, getattr(part, o.name)) for o in options_of(type(part))]
-        return found
+        unused = (kind for kind in STEP_SIZE_CONTROLS.values() if not isinstance(control, kind))
+        return found + [(o, None) for kind in unused for o in options_of(kind)]
 
 
 _FIXED = {o.name: o for o in options_of(Options)}
 
 
 def table(command: str | None = None) -> dict[str, Option]:
-    """All options by name, those of the algorithms included; of one command if it is named."""
-    kinds = (*ALGORITHMS.values(), *RECORDERS.values())
+    """All options by name, those of registered kinds included; of one command if it is named."""
+    kinds = (*ALGORITHMS.values(), *STEP_SIZE_CONTROLS.values(), *RECORDERS.values())
     own = {o.name: o for kind in kinds for o in options_of(kind)}
     return {n: o for n, o in (_FIXED | own).items() if command is None or command in o.about.commands}
 
@@ -425,6 +457,12 @@ def repeated(options: Mapping[str, Any]) -> dict[str, Any]:
     return {n: v for n, v in options.items() if n not in known or known[n].about.repeated}
 
 
+def merge(before: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge values of options by name: tables are merged, everything else is replaced."""
+    tables = {n for n, value in later.items() if isinstance(value, Mapping) and before.get(n)}
+    return {**before, **{n: _merged(before[n], v) if n in tables else v for n, v in later.items()}}
+
+
 def _merged(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
     """Two tables as one: what was found later wins, over names that its patterns mean too."""
     patterns = [name for name in found if has_wildcard(name)]
@@ -432,8 +470,27 @@ def _merged(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, An
     return {**kept, **found}
 
 
+def _name_of(chosen: str | _Kind, kinds: Mapping[str, type[_Kind]]) -> str:
+    if isinstance(chosen, str):
+        return chosen
+    return next((n for n, k in kinds.items() if k is type(chosen)), type(chosen).__name__)
+
+
 def _names(kind: type) -> set[str]:
     return {o.name for o in options_of(kind)}
+
+
+def read_options(given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> dict[str, Any]:
+    """Read values of options, by name, as their types.
+
+    `where` is what sentences call the place of the values, and paths in them are relative to `folder`.
+    Raises CommandError for an unknown name, or a value of another type or range.
+    """
+    known, of = table() if given else {}, f" of {where}" if where else ""
+    return {
+        name: read_option(name, value, f"'{name}'{of}" if of else f"the option '{name}'", folder, known)
+        for name, value in given.items()
+    }
 
 
 def read_option(

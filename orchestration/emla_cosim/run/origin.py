@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.files import present_folder
-from .options import Options, table
+from .options import merge, table
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,12 @@ class Origin:
     changed: Mapping[str, Any] = field(default_factory=dict)
 
     def updated(self, given: Mapping[str, Any]) -> "Origin":
-        """With further options, merged as `Options.updated` does; CommandError as there."""
-        both = Options().updated(with_gains(self.changed)).updated(with_gains(given))
+        """Return the origin with further options, which `read_options` returned, merged as `merge` does."""
+        if not given:
+            return self
+        both = merge(self.changed, with_gains(given))
         names = [name for name in table() if name in self.changed or name in given]
-        values = {name: getattr(both, name, both.own.get(name)) for name in names}
-        return Origin(self.source, self.sha256, {name: _absolute(name, v) for name, v in values.items()})
+        return replace(self, changed={name: _absolute(name, both[name]) for name in names})
 
 
 def of_file(path: Path, content: bytes | None) -> Origin:

@@ -15,7 +15,7 @@ from ..fmu.interface import Interface
 from ..fmu.variables import start_value
 from ..inputs.data import Data, read_table
 from ..inputs.headers import data_unit
-from ..inputs.input import ENDINGS
+from ..inputs.input import table_endings
 from ..ssp.documents.parameters import parse_parameter_set
 from ..system.model import Component, System, Value
 
@@ -24,11 +24,11 @@ _ONE = Unit("1", (0,) * 8)
 
 
 def file_values(file: Path, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
-    """Start values by full name from a table (CSV, Parquet) or a parameter set (SSV).
+    """Start values by full name from a table (CSV, Parquet, a registered format) or a parameter set (SSV).
 
     They are in the units that variables have in the system. Raises CommandError for whatever does not fit.
     """
-    if file.suffix.lower() in ENDINGS:
+    if file.name.lower().endswith(table_endings()):
         return _of_table(read_table(file, "the parameter table"), system, interfaces)
     return _of_parameter_set(file, system, interfaces)
 

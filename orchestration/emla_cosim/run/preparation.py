@@ -62,7 +62,7 @@ def until_data_end(options: Options) -> Options:
     if end is None or options.stop_time is None or options.stop_time <= end:
         return options
     start, stop = options.start_time or 0.0, end
-    if options.step_size is not None and options.error_tolerance is None:
+    if options.step_size is not None and options.make_step_size_control().is_regular:
         steps = math.floor((end - start) / options.step_size * (1.0 + 1e-12) + 1e-9)
         stop = float(f"{start + steps * options.step_size:.12g}")
     if not stop > start:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import listed
+from .options import table
 
 Record = Mapping[str, Any]
 
@@ -15,8 +16,8 @@ MOST = 8
 def differences(before: Record, now: Record, given: Collection[str] = ()) -> list[str]:
     """What was run otherwise than before, as parts of a sentence, by both runs' run.json.
 
-    Settings that are `given` anew, by their names in run.json, may differ. Whatever `before` has that no
-    run.json has counts as not there.
+    Settings that are `given` anew, by their names in run.json, may differ, and those that no run repeats.
+    Whatever `before` has that no run.json has counts as not there.
     """
     found = [*_versions(before, now), *_source(before, now), *_fmus(before, now)]
     found += _settings(before, now, given)
@@ -58,7 +59,8 @@ def _fmus(before: Record, now: Record) -> Iterator[str]:
 
 def _settings(before: Record, now: Record, given: Iterable[str]) -> Iterator[str]:
     then, here = _table(before, "settings"), _table(now, "settings")
-    for name in (n for n in here if n in then and n not in {*given, *_OF_THE_RUN}):
+    may_differ = {*given, *(o.record for o in table().values() if not o.about.repeated)}
+    for name in (n for n in here if n in then and n not in may_differ):
         yield from _changed(f"the setting {name}", then[name], here[name])
 
 
@@ -93,10 +95,6 @@ def _wiring(before: Record, now: Record) -> Iterator[str]:
             yield f"the start values of {name}"
     if before.get("connections") != now["connections"]:
         yield "the connections"
-
-
-_OF_THE_RUN = ("resumed_from", "real_time_factor")
-"""Settings that a repetition never has."""
 
 
 def _table(record: Any, name: str) -> Record:

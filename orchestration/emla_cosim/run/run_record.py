@@ -1,15 +1,15 @@
 """run.json: everything needed to repeat a run; and what a checkpoint of it belongs to."""
 
 import platform
-from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, is_dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from ..base.files import digest
-from ..base.option import Entered
+from ..base.option import Entered, Option
 from ..master.algorithms.algorithm import Algorithm
 from ..master.assembly import Assembly
 from ..master.stepping.timing import Timing
@@ -26,12 +26,60 @@ COMPLETED = "completed"
 _PACKAGES = ("emla-cosim", "fmpy", "numpy", "numba", "casadi", "ziglang", "pythonfmu")
 
 
+@dataclass(frozen=True)
+class RunDefinition:
+    """All that decides what a run gives; `fmus` has the content hash of every component's FMU.
+
+    run.json, checkpoints and the records of many runs tell parts of it, each by names of its own.
+    """
+
+    system: System
+    fmus: Mapping[str, str]
+    options: Options
+
+    @property
+    def checkpoint_identity(self) -> dict[str, Any]:
+        """What must be the same for a run to be continued, by the names it has in messages."""
+        times = {"start time": self.options.start_time or 0.0, "step size": self.options.step_size}
+        return {**self._system, **self.values(lambda o: o.about.identity), **times}
+
+    @property
+    def variants_identity(self) -> dict[str, Any]:
+        """What must be the same for many runs of one preparation to be continued."""
+        times = self.options.start_time, self.options.stop_time, self.options.step_size
+        chosen = self.values(lambda o: o.name if o.about.recorded else "")
+        return {**self._system, "options": chosen, "times": times, "by": chosen["algorithm"]}
+
+    @property
+    def _system(self) -> dict[str, Any]:
+        """What the system is, by the names that it has in messages."""
+        every = self.system.components
+        return {
+            "FMUs": dict(self.fmus),
+            "components": [c.name for c in every],
+            "values set": {f"{c.name}.{n}": str(v) for c in every for n, v in sorted(c.parameters.items())},
+            "mappings": {f"{c.name}.{n}": str(a) for c in every for n, a in c.aliases.items()},
+            "connections": [f"{x} {x.transformation}" for x in self.system.connections],
+        }
+
+    def values(self, name: Callable[[Option], str]) -> dict[str, Any]:
+        """Return the options in effect as JSON, by their `name`; those with an empty one are left out."""
+        chosen = {
+            "algorithm": self.options.algorithm_name,
+            "step_size_control": self.options.step_size_control_name,
+        }
+        return {
+            name(o): chosen[o.name] if o.name in chosen else plain(value)
+            for o, value in self.options.in_effect()
+            if name(o)
+        }
+
+
 def run_record(
     scenario: str,
     origin: Origin,
-    system: System,
+    definition: RunDefinition,
     assembly: Assembly,
-    options: Options,
     times: Timing,
     every: int,
     units: Mapping[str, Any],
@@ -39,23 +87,24 @@ def run_record(
     problem: str | None,
     unpacked: Path | None = None,
 ) -> dict[str, Any]:
-    """The record of a run of this system; `problem` says why it ended early, if it did.
+    """The record of a run that is defined so; `problem` says why it ended early, if it did.
 
     FMUs in the folder `unpacked` are called as in their package.
     """
+    system = definition.system
     return {
         "scenario": scenario,
         "source": origin.source,
         "source_sha256": origin.sha256,
         "changed": changed(origin),
         "status": COMPLETED if problem is None else problem,
-        "settings": _settings(options, times, every),
+        "settings": _settings(definition, times, every),
         "stepping": stepping,
         "versions": dict(versions()),
         "components": {
             c.name: {
                 "fmu": _file(assembly.files[c.name].path, unpacked),
-                "sha256": assembly.files[c.name].sha256,
+                "sha256": definition.fmus[c.name],
                 "guid": assembly.files[c.name].description.guid,
                 "parameters": dict(c.parameters),
                 "changed": assembly.changed(c),
@@ -70,38 +119,13 @@ def run_record(
     }
 
 
-def run_identity(system: System, assembly: Assembly, options: Options, times: Timing) -> dict[str, Any]:
-    """What must be the same for a run to be continued, by the names it has in messages."""
-    fmus = {name: file.sha256 for name, file in assembly.files.items()}
-    return {
-        **system_identity(system, fmus),
-        **{o.about.identity: plain(value) for o, value in options.in_effect() if o.about.identity},
-        "algorithm": options.algorithm_name,
-        "start time": times.start,
-        "step size": times.step,
-    }
-
-
-def system_identity(system: System, fmus: Mapping[str, str]) -> dict[str, Any]:
-    """What a system is, by the names that it has in messages; `fmus` has the content hash of every FMU."""
-    return {
-        "FMUs": dict(fmus),
-        "components": [c.name for c in system.components],
-        "values set": {
-            f"{c.name}.{n}": str(v) for c in system.components for n, v in sorted(c.parameters.items())
-        },
-        "mappings": {f"{c.name}.{n}": str(a) for c in system.components for n, a in c.aliases.items()},
-        "connections": [f"{x} {x.transformation}" for x in system.connections],
-    }
-
-
-def _settings(options: Options, times: Timing, every: int) -> dict[str, Any]:
+def _settings(definition: RunDefinition, times: Timing, every: int) -> dict[str, Any]:
     """The options that applied, as they were in effect."""
-    found = {o.record: plain(value) for o, value in options.in_effect() if o.about.recorded}
+    options, found = definition.options, definition.values(lambda o: o.record if o.about.recorded else "")
     del found["mapping"]  # which is told with the replacement
-    interval = options.output_interval if options.error_tolerance is not None else every * times.step
+    is_regular = options.make_step_size_control().is_regular
+    interval = every * times.step if is_regular else options.output_interval
     return found | {
-        "algorithm": options.algorithm_name,
         "start_time_s": times.start,
         "stop_time_s": times.stop,
         "step_size_s": times.step,

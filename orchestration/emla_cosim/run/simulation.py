@@ -12,21 +12,20 @@ from typing import Any
 
 from ..base.errors import CommandError, RunError, called_as_in
 from ..base.files import present_folder
+from ..base.option import SHOWING
 from ..base.progress import Progress
 from ..base.units import Unit
 from ..base.values import converted
 from ..fmu.variables import find_variable, start_value
 from ..inputs.events import input_events, row_distance
-from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.exchanged import list_exchanged
 from ..master.assembly import Assembly
 from ..master.stepping.checkpoint import checkpoint_place
 from ..master.stepping.compilation import compile_kernel
-from ..master.stepping.error_control import ErrorControl, default_largest_step
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.pacing import Pacing
+from ..master.stepping.step_size_control import StepRequest
 from ..master.stepping.stepping import ROUNDING, Stepping
-from ..master.stepping.timing import Timing
 from ..recorders.checkpoints import Checkpoints, resumable
 from ..recorders.coupling.bond_energy import applicable
 from ..recorders.coupling.coupling import COUPLING
@@ -41,33 +40,13 @@ from ..system.start_values import start_values
 from .agreement import agreement, agreement_record, common, disagreement
 from .experiment import isolated, run_times, selected, steps_per_row
 from .followers import following_values
-from .options import Options
+from .options import Options, read_options, table
 from .origin import Origin
 from .preparation import prepared, until_data_end
 from .requirements import Requirement, check_requirements, requirement, unmet
 from .result import Result, run_figures
-from .run_record import run_identity, run_record
+from .run_record import RunDefinition, run_record
 from .running import Run
-
-PREPARED = (
-    "parameters",
-    "replace",
-    "mapping",
-    "fault",
-    "input",
-    "controller",
-    "gains",
-    "trajectory",
-    "actuator",
-    "flavour",
-    "fmus",
-    "platform",
-    "isolate",
-)
-"""Options that decide what is prepared: a run of a prepared simulation cannot change them."""
-
-OF_THE_COMMAND = ("output", "plots", "animate", "report")
-"""Options that say what the command line does with a result."""
 
 
 class Simulation:
@@ -196,15 +175,17 @@ class Simulation:
     def _start(self, recorders: Sequence[Recorder] | None, fresh: bool, options: Mapping[str, Any]) -> None:
         if not self._finalizer.alive:
             raise CommandError("the simulation is closed; prepare it anew.")
-        chosen, origin = self._chosen(options), self._origin.updated(options)
+        values = self._read(options)
+        chosen, origin = self.options.merged(values), self._origin.updated(values)
         notes = self._notes(chosen)
         self._abandon()
         required = [requirement(text) for text in chosen.require]
         stored = stored_run(chosen.reference) if chosen.reference is not None else None
+        control = chosen.make_step_size_control()
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)
         pacing = Pacing(chosen.real_time) if chosen.real_time is not None else None
-        system = self._with_values({name: chosen.set[name] for name in options.get("set") or {}}, chosen)
+        system = self._with_values({name: chosen.set[name] for name in values.get("set", {})}, chosen)
         algorithm = chosen.make_algorithm()
         assembly = self._assembly
         with called_as_in(self._unpacked):
@@ -213,13 +194,24 @@ class Simulation:
         recorded = selected(chosen.signals, assembly.network.names)
         algorithm.setup(assembly.network)
         sampled = any(c.samples for c in system.components)
-        stepping = _stepping(algorithm, chosen, times, assembly.parameters, sampled)
+        request = StepRequest(
+            times,
+            chosen.output_interval,
+            sampled,
+            chosen.compiled,
+            chosen.threads,
+            lambda: input_events(chosen.input, chosen.fault, assembly.parameters(), times.stop),
+            lambda: row_distance(chosen.input),
+        )
+        stepping = control.stepping(algorithm, request)
         try:
+            fmus = {name: file.sha256 for name, file in assembly.files.items()}
+            definition = RunDefinition(system, fmus, chosen)
             metrics, resumed = MetricsRecorder(), None
             taking = [metrics, *([TimeSeries()] if recorders is None else _recorders(recorders))]
             taking += chosen.make_recorders()
             if chosen.resume or chosen.checkpoint:
-                identity = run_identity(system, assembly, chosen, times)
+                identity = definition.checkpoint_identity
                 if chosen.resume is not None:
                     resumed = resumable(chosen.resume, identity, times, self._here)
                 if chosen.checkpoint is not None:
@@ -243,7 +235,8 @@ class Simulation:
                 chosen.criteria,
                 exchanged,
                 {**bonds, **{name: Bond.read(name, text) for name, text in chosen.bonds.items()}},
-                watched=chosen.error_tolerance is not None,
+                watched=not control.is_regular,
+                halved=control.is_halved,
             )
             if required:
                 check_requirements(required, MetricsRecorder.before(outline), run_figures())
@@ -252,7 +245,7 @@ class Simulation:
         except BaseException:
             _freed(stepping)
             raise
-        self._run = _Going(run, system, chosen, origin, metrics, taking, every, required, stored, notes)
+        self._run = _Going(run, definition, origin, metrics, taking, every, required, stored, notes)
         with self._abandoning_on_error():
             # the states in a checkpoint would hold a continued run to this run's stop time
             run.begin(times.stop if chosen.checkpoint is None else None)
@@ -380,14 +373,19 @@ class Simulation:
         finally:
             self._turn.release()
 
-    def _chosen(self, given: Mapping[str, Any]) -> Options:
-        """The options of a run; CommandError for one that was needed to prepare."""
-        for name in given:
-            if name in PREPARED:
-                raise CommandError(f"the option '{name}' belongs to what is prepared; give it to `prepare`.")
-            if name in OF_THE_COMMAND:
-                raise CommandError(f"the option '{name}' is for the command line; use `save` of the result.")
-        return self.options.updated(given)
+    def _read(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Read the options of a run; CommandError for one that was needed to prepare."""
+        known = table() if given else {}
+        for option in (known[name] for name in given if name in known):
+            if option.is_prepared:
+                raise CommandError(
+                    f"the option '{option.name}' belongs to what is prepared; give it to `prepare`."
+                )
+            if option.about.stage == SHOWING:
+                raise CommandError(
+                    f"the option '{option.name}' is for the command line; use `save` of the result."
+                )
+        return read_options(given)
 
     def _with_values(self, values: Mapping[str, Value], chosen: Options) -> System:
         """The system with further start values, and what follows from them with the options of a run."""
@@ -449,9 +447,8 @@ class Simulation:
         record = run_record(
             self.name,
             going.origin,
-            going.system,
+            going.definition,
             self._assembly,
-            going.options,
             stepping.times,
             going.every,
             units,
@@ -479,7 +476,7 @@ class Simulation:
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),
             coupling=going.metrics.coupling(),
-            roles=going.options.roles,
+            roles=going.definition.options.roles,
             notes=going.notes,
         )
 
@@ -489,8 +486,7 @@ class _Going:
     """A run that goes on, and what its result needs."""
 
     run: Run
-    system: System
-    options: Options
+    definition: RunDefinition
     origin: Origin
     metrics: MetricsRecorder
     recorders: Sequence[Recorder]
@@ -523,7 +519,9 @@ def _compared(going: _Going, result: Result) -> Result:
     """The result of a whole run with its signals beside those of the one that it is held against."""
     if going.stored is None or result.interrupted:
         return result
-    found = agreement(result.names, result.read, result.units, going.stored, going.options.tolerance)
+    found = agreement(
+        result.names, result.read, result.units, going.stored, going.definition.options.tolerance
+    )
     record = {**result.record, "reference": agreement_record(found, going.stored)}
     return replace(result, comparisons=found, record=record)
 
@@ -547,21 +545,3 @@ def _unmet(going: _Going, result: Result) -> str | None:
 def _freed(stepping: Stepping) -> None:
     stepping.close()
     stepping.algorithm.close()
-
-
-def _stepping(
-    algorithm: Algorithm,
-    options: Options,
-    times: Timing,
-    parameters: Callable[[], Mapping[str, float]],
-    sampled: bool,
-) -> Stepping:
-    """The stepping for an algorithm that is set up; CommandError where times do not fit."""
-    if options.error_tolerance is None:
-        return FixedSteps(algorithm, times, options.compiled, options.threads)
-    events = input_events(options.input, options.fault, parameters(), times.stop)
-    largest = options.largest_step
-    if largest is None:
-        largest = min(default_largest_step(times), row_distance(options.input))
-    tolerance, interval = options.error_tolerance, options.output_interval
-    return ErrorControl(algorithm, times, tolerance, interval, largest, events, sampled)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from .experiments import EXPERIMENTS
 from .joints.library import joint_named
 from .joints.schema import Cells
 from .systems import STUDY
@@ -67,7 +68,7 @@ TABLE_VI = PrintedTable(
 
 TABLE_VIII = PrintedTable(
     "Table VIII",
-    _cells((scenario, "prototype") for scenario in ("experiment-1", "experiment-2")),
+    _cells(EXPERIMENTS.items()),
     {
         "rsba": Cells(1.0, 1.0, 1.0, 1.0),
         "cac": Cells(5.0, 1.71, 1.13, 1.81),

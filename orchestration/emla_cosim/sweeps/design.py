@@ -12,7 +12,6 @@ import psutil
 from ..base.errors import CommandError
 from ..base.progress import Progress
 from ..run.scenarios.scenario import Scenario
-from ..run.simulation import PREPARED
 from ..study.loading import load
 from ..system.model import Value
 from .data import VARIANT
@@ -22,7 +21,7 @@ from .folder import digest
 from .plan import Plan
 from .sampling import count, sample
 from .shipment import Preparation
-from .targets import is_prepared, merged
+from .targets import changed_in_run, is_prepared, merged
 from .worker import Variant
 
 _BYTES_PER_VALUE = 64
@@ -72,7 +71,7 @@ class Design:
 
     def variant(self, number: int) -> Variant:
         """A variant as it is run: with those options that a prepared simulation takes."""
-        return Variant(number, {n: x for n, x in self.options(number).items() if n not in PREPARED})
+        return Variant(number, changed_in_run(self.options(number)))
 
     def work(self, finished: set[int]) -> list[Work]:
         """All variants that are not finished, by group."""

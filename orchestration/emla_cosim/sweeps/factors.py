@@ -13,7 +13,6 @@ from ..base.values import converted
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from ..run.options import table
-from ..run.simulation import OF_THE_COMMAND
 from ..system.model import System, Value
 from ..system.resolution import refuse_driven
 from .distributions import Distribution, distribution
@@ -21,9 +20,6 @@ from .kinds.discrete import Values
 from .reserved import RESERVED
 from .targets import FMU, OPTION, START, Target, assigned
 from .with_units import without_units
-
-_FIXED = (*OF_THE_COMMAND, "set", "mapping", "fault", "isolate", "fmus", "require", "compiled", "signals")
-"""Options that are the same for all variants."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +176,7 @@ class _Varying:
     def _names(self, name: str, distributed: Distribution) -> list[str]:
         """The option, component or start value that a name means, or start values that a pattern does."""
         kind = self._kind(name)
-        if kind == OPTION and (name in _FIXED or not table()[name].about.in_file):
+        if kind == OPTION and not table()[name].can_vary:
             raise CommandError(f"{self.label}: the option {name} is the same for all variants.")
         if kind == START and is_pattern(name) and (found := self._matching(name, distributed)):
             return found

@@ -14,19 +14,17 @@ import cloudpickle
 
 from ..base.errors import CommandError, called_as_in
 from ..base.files import sha256
+from ..base.option import BUILDING, LEFT_OUT, PREPARING, options_of
 from ..base.progress import Progress
 from ..fmu.interface import Interface, read_interfaces
 from ..master.algorithms.registry import ALGORITHMS
+from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
 from ..run.options import Options
 from ..run.preparation import prepared, until_data_end
-from ..run.run_record import plain, system_identity
+from ..run.run_record import RunDefinition
 from ..run.scenarios.scenario import Scenario
-from ..run.simulation import PREPARED
 from ..system.model import System
-
-_OF_ONE_RUN = ("real_time", "checkpoint", "resume", "signals", "output", "plots")
-"""Options of a scenario that mean nothing for many runs."""
 
 
 def _by_name(module: ModuleType) -> tuple[Any, tuple[str]]:
@@ -66,15 +64,15 @@ class Preparation:
             hashes = {path: sha256(path) for path in dict.fromkeys(fmus.values())}
             interfaces = read_interfaces(fmus)
         told.advance(1)
-        usual = Options()
-        fixed = [name for name in (*PREPARED, "set", *_OF_ONE_RUN) if name != "isolate"]
-        if options.follow_models:
-            fixed.remove("set")  # which tells a variant what must not follow from its own values
-        done = {name: getattr(usual, name) for name in fixed}
+        usual, known = Options(), options_of(Options)
+        done = {o.name for o in known if o.about.stage in (BUILDING, PREPARING)}
+        if not options.follow_models:
+            done.add("set")  # else it tells a variant what must not follow from its own values
+        done |= {o.name for o in known if o.about.in_sweep == LEFT_OUT}
         return cls(
             scenario.name,
             system,
-            replace(options, **done),
+            replace(options, **{name: getattr(usual, name) for name in done}),
             {name: hashes[path] for name, path in fmus.items()},
             interfaces,
             {hashes[path]: path for path in hashes},
@@ -86,10 +84,7 @@ class Preparation:
     @property
     def identity(self) -> dict[str, Any]:
         """All that decides what a run gives, as plain data."""
-        times = self.options.start_time, self.options.stop_time, self.options.step_size
-        chosen = {o.name: plain(value) for o, value in self.options.in_effect() if o.about.recorded}
-        algorithm = self.options.algorithm_name
-        return {**system_identity(self.system, self.fmus), "options": chosen, "times": times, "by": algorithm}
+        return RunDefinition(self.system, self.fmus, self.options).variants_identity
 
 
 @dataclass(frozen=True)
@@ -109,18 +104,25 @@ class Shipped:
         )
 
 
+REGISTRIES: Mapping[str, dict[str, Any]] = {
+    "metric": METRICS,
+    "algorithm": ALGORITHMS,
+    "step-size control": STEP_SIZE_CONTROLS,
+}
+"""What users register and workers need, by what messages call it."""
+
+
 @dataclass(frozen=True)
 class Shipment:
     """All that workers need; `files` has name and content of FMU files by their hash.
 
-    Metrics and algorithms go along since users register their own.
+    `registered` has what is in `REGISTRIES`: users register their own.
     """
 
     key: str
     shipped: Sequence[Shipped]
     files: Mapping[str, tuple[str, bytes]]
-    metrics: Mapping[str, Any]
-    algorithms: Mapping[str, Any]
+    registered: Mapping[str, Mapping[str, Any]]
     version: str
 
     @classmethod
@@ -131,8 +133,7 @@ class Shipment:
             key,
             [Shipped(p.name, _without_files(p.system), p.options, p.fmus) for p in preparations],
             {sha: (path.name, path.read_bytes()) for sha, path in paths.items()},
-            dict(METRICS),
-            dict(ALGORITHMS),
+            {kind: dict(known) for kind, known in REGISTRIES.items()},
             version("emla-cosim"),
         )
 

@@ -15,8 +15,6 @@ from ..base.errors import CommandError
 from ..base.files import temporary_folder
 from ..base.progress import Progress
 from ..base.values import converted
-from ..master.algorithms.registry import ALGORITHMS
-from ..recorders.metrics import METRICS
 from ..run.experiment import selected
 from ..sandbox.interruption import interruption
 from .design import Design, designed
@@ -28,7 +26,7 @@ from .plan import Plan, Source, plan_of
 from .reading import read_sweep
 from .result import SweepResult
 from .sensitivity import SALTELLI, all_sobol_indices
-from .shipment import Shipment, check_portable
+from .shipment import REGISTRIES, Shipment, check_portable
 from .targets import as_arguments
 from .worker import Chunk, Description
 
@@ -136,7 +134,7 @@ def _run(
 ) -> None:
     """Run what is not there yet, and write all that is."""
     asked = Asked.of(design.plan.metrics, design.plan.where)
-    for kind, known in (("metric", asked.functions), ("metric", METRICS), ("algorithm", ALGORITHMS)):
+    for kind, known in (("metric", asked.functions), *REGISTRIES.items()):
         check_portable(kind, known)
     identity = design.identity(asked.identity(design.plan.signals))
     folder.check(identity, resume)

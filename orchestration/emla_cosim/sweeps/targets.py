@@ -8,7 +8,6 @@ from typing import Any, get_origin
 from ..base.option import SWEEP, Entered, Option
 from ..inputs.input import Input
 from ..run.options import repeated, table
-from ..run.simulation import PREPARED
 from ..system.model import Replacement, Value
 
 OPTION, FMU, START = "option", "replace", "set"
@@ -26,7 +25,13 @@ class Target:
 
 def is_prepared(target: Target) -> bool:
     """Return whether another value of a target needs another simulation."""
-    return target.kind == FMU or (target.kind == OPTION and target.name in PREPARED)
+    return target.kind == FMU or (target.kind == OPTION and table()[target.name].is_prepared)
+
+
+def changed_in_run(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those options that a run of a prepared simulation takes."""
+    known = table()
+    return {name: value for name, value in options.items() if not known[name].is_prepared}
 
 
 def assigned(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:

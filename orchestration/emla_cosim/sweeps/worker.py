@@ -15,9 +15,8 @@ import polars
 from distributed import WorkerPlugin, get_worker
 
 from ..base.errors import CommandError, CosimError, RunError
-from ..master.algorithms.registry import ALGORITHMS
 from ..master.slaves.slave import StepDiscardedError
-from ..recorders.metrics import METRICS, MetricsRecorder, Shown
+from ..recorders.metrics import MetricsRecorder, Shown
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
 from ..run.requirements import by_name
@@ -26,7 +25,7 @@ from ..run.simulation import Simulation
 from ..study.loading import register
 from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT
 from .measures import MeasureError, Measures, reason_not_held
-from .shipment import Shipment
+from .shipment import REGISTRIES, Shipment
 
 _PREPARED_AT_MOST = 8
 """Simulations that one thread keeps; the one that was not used for longest goes."""
@@ -87,10 +86,9 @@ class SweepPlugin(WorkerPlugin):
                 f"the worker {worker.address} has emla-cosim {here}, not {shipment.version}; install that."
             )
         register()
-        self._new_metrics = shipment.metrics.keys() - METRICS.keys()
-        self._new_algorithms = shipment.algorithms.keys() - ALGORITHMS.keys()
-        METRICS.update(shipment.metrics)
-        ALGORITHMS.update(shipment.algorithms)
+        self._new = {kind: shipment.registered[kind].keys() - known for kind, known in REGISTRIES.items()}
+        for kind, known in REGISTRIES.items():
+            known.update(shipment.registered[kind])
         self._folder = tempfile.TemporaryDirectory(
             prefix="emla-sweep-",
             dir=worker.local_directory,  # which Dask removes if the worker is killed
@@ -112,10 +110,9 @@ class SweepPlugin(WorkerPlugin):
             for simulation in self._simulations.values():
                 simulation.close()
             self._simulations.clear()
-        for name in self._new_metrics:  # the next sweep here may be somebody else's
-            METRICS.pop(name, None)
-        for name in self._new_algorithms:
-            ALGORITHMS.pop(name, None)
+        for kind, names in self._new.items():  # the next sweep here may be somebody else's
+            for name in names:
+                REGISTRIES[kind].pop(name, None)
         self._folder.cleanup()
 
     def simulation(self, group: int) -> Simulation:

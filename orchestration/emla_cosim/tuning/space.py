@@ -10,11 +10,10 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError, listed
 from ..fmu.interface import Interface
 from ..run.options import table
-from ..run.simulation import PREPARED
 from ..sweeps.distributions import Distribution, distribution
 from ..sweeps.factors import Factor, factors, start_number
 from ..sweeps.kinds.continuous import LogUniform, Uniform
-from ..sweeps.targets import OPTION, START, merged
+from ..sweeps.targets import START, is_prepared, merged
 from ..system.model import System, Value
 from .expressions import Expression, expression
 from .plan import TuningPlan
@@ -99,7 +98,7 @@ def check_during_a_run(found: Sequence[Factor], where: str) -> None:
     """Raise CommandError for one that a prepared simulation cannot vary."""
     for factor in found:
         for target in factor.targets:
-            if target.kind != START and (target.kind != OPTION or target.name in PREPARED):
+            if is_prepared(target):
                 raise CommandError(
                     f"'{factor.name}' of {where} needs another preparation; start values and options of "
                     "how a run is stepped do not.",

@@ -13,8 +13,6 @@ import polars
 from ..base.errors import CommandError
 from ..base.progress import Progress
 from ..base.values import converted
-from ..master.algorithms.registry import ALGORITHMS
-from ..recorders.metrics import METRICS
 from ..run.options import repeated
 from ..sandbox.interruption import interruption
 from ..sweeps.farm import Scheduler, farm
@@ -22,7 +20,7 @@ from ..sweeps.folder import digest
 from ..sweeps.measures import Metric
 from ..sweeps.plan import Source
 from ..sweeps.seeds import draw_seeds
-from ..sweeps.shipment import Preparation, Shipment, check_portable
+from ..sweeps.shipment import REGISTRIES, Preparation, Shipment, check_portable
 from ..sweeps.sweeping import check_cluster
 from ..system.model import Value
 from .data import Tuned
@@ -107,7 +105,7 @@ def _trying(
     plan: TuningPlan, preparation: Preparation, cluster: tuple[Scheduler, int | None], told: Progress
 ) -> Iterator[tuple[Task, Evaluation]]:
     """A farm that has what a tuning needs, and what is to be done on it."""
-    for kind, known in (("metric", METRICS), ("algorithm", ALGORITHMS)):
+    for kind, known in REGISTRIES.items():
         check_portable(kind, known)
     conditions = [*plan.require, *preparation.options.require]
     free = replace(preparation, options=replace(preparation.options, require=[]))

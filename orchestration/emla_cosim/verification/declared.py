@@ -82,7 +82,7 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Unit:
+class DeclaredUnit:
     """A Unit: attributes of its BaseUnit, None where it has none, and of its DisplayUnits."""
 
     name: str
@@ -114,7 +114,7 @@ class Declared:
     """All that checks compare, in the order of the model description."""
 
     variables: tuple[Variable, ...]
-    units: tuple[Unit, ...]
+    units: tuple[DeclaredUnit, ...]
     types: tuple[Type, ...]
     outputs: tuple[Unknown, ...]
     derivatives: tuple[Unknown, ...]
@@ -133,12 +133,12 @@ class Declared:
                 found.add(state)
         return found
 
-    def unit_of(self, variable: Variable) -> Unit | None:
+    def unit_of(self, variable: Variable) -> DeclaredUnit | None:
         """The unit of a variable; None where it has none, or one that is not defined."""
         return None if variable.unit is None else self.units_by_name.get(variable.unit)
 
     @cached_property
-    def units_by_name(self) -> dict[str, Unit]:
+    def units_by_name(self) -> dict[str, DeclaredUnit]:
         """Units by name, the first where several have one."""
         return {u.name: u for u in reversed(self.units)}
 
@@ -187,10 +187,10 @@ def _typed(element: Any) -> Any:
     return next(child for child in element.iterchildren(*TYPES))
 
 
-def _unit(element: Any) -> Unit:
+def _unit(element: Any) -> DeclaredUnit:
     base = element.find("BaseUnit")
     display = tuple(dict(e.attrib) for e in element.iterfind("DisplayUnit"))
-    return Unit(element.get("name"), None if base is None else dict(base.attrib), display)
+    return DeclaredUnit(element.get("name"), None if base is None else dict(base.attrib), display)
 
 
 def _type(element: Any) -> Type:

@@ -21,7 +21,7 @@ from ..recorders.coupling.coupling import COUPLING
 from ..recorders.metrics import SIGNALS
 from ..recorders.parquet_file import strange_parts
 from ..recorders.recorder import Outline, Recorder, recording
-from ..recorders.registry import TABLES
+from ..recorders.registry import TABLES, table_names
 from ..recorders.table import Table
 from ..run.result import Result
 from ..sandbox.locking import alone
@@ -75,7 +75,7 @@ class OutputFolder:
             raise CommandError(f"the output folder '{path}' cannot be written: {reason}.") from error
         self._names = [self.results.name, METRICS, RECORD]
         self._names += [REPORT] * report + _pictures() * plots + _animations() * animated
-        known = [*(f"results.{form}" for form in TABLES), METRICS, RECORD, REPORT]
+        known = [*table_names(), METRICS, RECORD, REPORT]
         self._known = [*known, *_pictures(), *_animations()]
         self._files = OutputFiles(self._place, path, RECORD, _is_record, self._known, overwrite)
         self.check()
@@ -113,7 +113,7 @@ class OutputFolder:
 
     def clear(self, keep_results: bool = False) -> None:
         """Remove what an earlier run left, and list what this one writes. May raise OSError."""
-        kept = {f"results.{form}" for form in TABLES} if keep_results else set()
+        kept = table_names() if keep_results else []
         self._files.remove([n for n in self._known if n not in kept], self._names)
         self._files.claim(self._names)
 

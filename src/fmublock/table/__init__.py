@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .content import ENDS, INTERPOLATIONS, Column, DataUnit, Shown, Table
+from .content import ENDS, INTERPOLATIONS, Column, Shown, Table
 
 if TYPE_CHECKING:
     from .building import MODEL, MOST_OUTPUTS, build_table
@@ -14,7 +14,6 @@ __all__ = [
     "MODEL",
     "MOST_OUTPUTS",
     "Column",
-    "DataUnit",
     "Shown",
     "Table",
     "build_table",

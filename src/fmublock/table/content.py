@@ -1,10 +1,12 @@
 """What a table FMU is made of: columns of numbers over time, and the outputs that show them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..units import Unit
 
 INTERPOLATIONS = ("held", "linear", "cubic")
 """What is between two rows: the value of the first one, a straight line, a cubic spline."""
@@ -24,16 +26,6 @@ class Column:
 
 
 @dataclass(frozen=True)
-class DataUnit:
-    """A unit as modelDescription.xml has it; `exponents` by SI base unit, None where nobody knows them."""
-
-    name: str
-    exponents: Mapping[str, int] | None = None
-    factor: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True)
 class Shown:
     """An output: `factor` times a column, or its time derivative of this order (0 to 2), plus `offset`.
 
@@ -45,7 +37,7 @@ class Shown:
     order: int = 0
     factor: float = 1.0
     offset: float = 0.0
-    unit: DataUnit | None = None
+    unit: Unit | None = None
     description: str = ""
 
 

@@ -4,7 +4,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ..description import LOG_CATEGORIES, described
 from ..recipe import Producer
-from .content import DataUnit, Table
+from ..units import Unit
+from .content import Table
 
 
 def table_description(table: Table, model: str, main: str, producer: Producer, guid: str) -> bytes:
@@ -59,11 +60,11 @@ def _add_units(root: Element, table: Table) -> None:
             _add_unit(definitions, units[name])
 
 
-def _add_unit(definitions: Element, unit: DataUnit) -> None:
+def _add_unit(definitions: Element, unit: Unit) -> None:
     element = SubElement(definitions, "Unit", name=unit.name)
     if unit.exponents is None:
         return
-    base = {name: str(exponent) for name, exponent in unit.exponents.items() if exponent}
+    base = {name: str(exponent) for name, exponent in unit.powers.items()}
     if unit.factor != 1.0:
         base["factor"] = repr(unit.factor)
     if unit.offset != 0.0:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
 from emla_cosim.fmu.interface import read_interface
@@ -53,6 +54,30 @@ def test_flat_and_nested_become_each_other(nested: bool, fmu_folder: Path) -> No
     expected = export("study", "one.ssp", fmu_folder, *one)
     export("study", "other.ssp", fmu_folder, *other)
     assert export("other.ssp", "again.ssp", fmu_folder, *one) == expected
+
+
+@pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
+def test_sampled_components_and_bonds(nested: bool, fmu_folder: Path) -> None:
+    bonds = {"axis": "lift.plant.tau_m * lift.plant.v_L"}
+    scenario = load("lift", fmus=fmu_folder, bonds=bonds)
+    file = scenario.export("sampled.ssp", nested)
+    found = load(file).system
+    samples = {c.name for c in scenario.system.components if c.samples}
+    assert samples and samples < {c.name for c in found.components}
+    assert {c.name for c in found.components if c.samples} == samples
+    assert {name: str(bond) for name, bond in found.bonds.items()} == bonds
+    again = load(file, fmus=fmu_folder).export("again.ssp", nested)
+    assert again.read_bytes() == file.read_bytes()
+
+
+def test_bond_without_a_signal_is_refused(fmu_folder: Path) -> None:
+    scenario = load("lift", fmus=fmu_folder, bonds={"axis": "lift.plant.tau_m * lift.plant.v_L"})
+    with zipfile.ZipFile(scenario.export("lift.ssp")) as archive:
+        archive.extractall("unpacked")
+    document = Path("unpacked/SystemStructure.ssd")
+    document.write_text(document.read_text().replace(' flow="lift.plant.v_L"', ""))
+    with pytest.raises(CommandError, match="the Bond lacks 'flow'"):
+        load("unpacked")
 
 
 @pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])

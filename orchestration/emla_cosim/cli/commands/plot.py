@@ -10,6 +10,7 @@ from ...base.files import check_places, writing_to, written_whole
 from ...base.option import PLOT
 from ...base.ownership import check_replaceable
 from ...base.quantities import quantity, unit_named
+from ...recorders.registry import TABLES
 from ...study.registration import register
 from ...views.plots.overlay import overlaid, traces
 from ...views.plots.style import is_picture, save
@@ -24,7 +25,9 @@ OPTIONS = PLOT
 def command(
     runs: Annotated[
         list[Path],
-        typer.Argument(help="Folders of results, or tables (.csv, .parquet).", metavar="RUN"),
+        typer.Argument(
+            help=f"Folders of results, or tables ({', '.join(f'.{name}' for name in TABLES)}).", metavar="RUN"
+        ),
     ],
     signals: Annotated[
         list[str] | None,

@@ -11,7 +11,7 @@ from ...base.option import RUN, Option
 from ...run.options import table
 from ...run.repetition import differences, sentence
 from ...run.result import Result
-from ...run.scenarios.recorded import NOT_REPEATED, recorded_run
+from ...run.scenarios.recorded import recorded_run
 from ...study.loading import load
 from ...views.output_folder import RECORD
 from ...views.terminal import say
@@ -54,8 +54,8 @@ def command(
 
 
 def _same_table(given: Iterable[Option]) -> bool:
-    """Whether the table must be the same with these options: no record has them, or nobody waits."""
-    return all(not one.about.recorded or one.name in NOT_REPEATED for one in given)
+    """Whether the table must be the same with these options: no record has them, or no repetition."""
+    return all(not (one.about.recorded and one.about.repeated) for one in given)
 
 
 def _record(run: Path) -> Path:

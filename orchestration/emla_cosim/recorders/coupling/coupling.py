@@ -26,7 +26,7 @@ class Coupling:
 
     def __init__(self, outline: Outline, memory: Any = None) -> None:
         """Begin, or go on from what `memory` gave; CommandError for bonds that are not there."""
-        self._watched, self._seen = outline.watched, list[Vector]()
+        self._watched, self._halved, self._seen = outline.watched, outline.halved, list[Vector]()
         self._bonds = [BondEnergy(name, bond, outline) for name, bond in outline.bonds.items()]
         self._exchanged = bool(outline.exchanged)
         self._residuals = Residuals(outline.exchanged)
@@ -81,7 +81,7 @@ class Coupling:
         with np.errstate(all="ignore"):
             if self._bond_window.waiting:
                 steps = self._bond_window.take()
-                self._energies.take(steps.halved() if self._watched else steps)
+                self._energies.take(steps.halved() if self._halved else steps)
             if not self._window.waiting:
                 return
             lately = self._window.take()

@@ -12,11 +12,11 @@ from ...base.files import read_text
 from ...base.option import Entered
 from ...ssp.reader.reading import Document, read_ssp
 from ...system.model import System
-from ..options import Options
+from ..options import Options, read_options, table
 from ..origin import Origin, of_file, with_gains
 from .built_in import FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, built_in
 from .recorded import recorded_run
-from .scenario import MADE_OF, Scenario
+from .scenario import Scenario
 from .scenario_file import ScenarioFile, parse_scenario
 from .single_fmu import single_fmu
 
@@ -75,7 +75,8 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Or
     layers = (read,) if described is read else (described, read)
     for layer in layers:
         options = options.updated(with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
-    options = options.updated(with_gains(given))
+    values = read_options(given)
+    options = options.merged(with_gains(values))
     made_of: dict[str, Any] = {}
     if options.trajectory is not None:
         if described.system not in FOLLOWING:
@@ -88,7 +89,7 @@ def _of_file(read: ScenarioFile, name: str, given: Mapping[str, Any], origin: Or
         made_of["actuators"] = options.actuator
     make = described.make or SYSTEMS[described.system]
     system = make(options.controller, options.gains, **made_of)
-    made = Scenario(name, read.description, system, options, origin=origin.updated(given), remarks=_remarks)
+    made = Scenario(name, read.description, system, options, origin=origin.updated(values), remarks=_remarks)
     return replace(made, notes=made.notes_with(options))
 
 
@@ -125,9 +126,11 @@ def _read(option: str, given: Mapping[str, Path | Entered]) -> dict[str, Entered
 
 def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
     """Raise CommandError where an option of built-in systems is given to another system."""
-    for option, has in MADE_OF.items():
-        if option in given or option in read.options:
-            raise CommandError(f"'{read.where}' has its own {has}; --{option} is for built-in systems.")
+    for name, option in table().items():
+        if option.about.makes and (name in given or name in read.options):
+            raise CommandError(
+                f"'{read.where}' has its own {option.about.makes}; {option.flag} is for built-in systems."
+            )
 
 
 def _of_fmu(
@@ -135,7 +138,8 @@ def _of_fmu(
 ) -> Scenario:
     """The scenario of one FMU, with what a scenario file says about it."""
     _refuse_of_built_in(read, given)
-    options = Options().updated(read.options, f"the scenario '{read.where}'", read.folder).updated(given)
+    values = read_options(given)
+    options = Options().updated(read.options, f"the scenario '{read.where}'", read.folder).merged(values)
     alone = single_fmu(path, options)
     return Scenario(
         name or alone.name,
@@ -143,7 +147,7 @@ def _of_fmu(
         alone.system,
         options.updated(alone.times),
         alone.notes,
-        origin=origin.updated(given),
+        origin=origin.updated(values),
     )
 
 
@@ -156,15 +160,16 @@ def _of_ssp(
     document = held.stack.enter_context(read_ssp(path))
     options = Options().updated(_times(document))
     options = options.updated(read.options, f"the scenario '{read.where}'", read.folder)
+    values = read_options(given)
     return Scenario(
         name or document.name,
         read.description or document.description,
         document.system,
-        options.updated(given),
+        options.merged(values),
         tuple(document.notes),
         document.unpacked,
         held,
-        origin.updated(given),
+        origin.updated(values),
     )
 
 

@@ -8,12 +8,9 @@ from typing import Any, get_origin
 
 from ...base.errors import CommandError
 from ...base.files import read_text
-from ..options import Options, table
+from ..options import read_options, repeated, table
 from ..origin import Origin
 from ..run_record import PYTHON
-
-NOT_REPEATED = ("resume", "real_time")
-"""Options of a run that its repetition does without: it begins at the beginning, and nobody waits for it."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +23,7 @@ class RecordedRun:
 
     def with_options(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """What was given then, and over it what is given now; CommandError for what does not fit."""
-        return Origin(changed=self.changed).updated(given).changed
+        return Origin(changed=self.changed).updated(read_options(given)).changed
 
 
 def recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
@@ -56,10 +53,9 @@ def recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
         raise CommandError(f"{where} has the source {source!r}; it must be the name or path of a scenario.")
     if not isinstance(changed, dict):
         raise CommandError(f"{where} has no table 'changed' of the options that were given.")
-    repeated = {n: v for n, v in changed.items() if n not in NOT_REPEATED and not _replaced(n, given)}
-    _check(repeated, where)
-    Options().updated(repeated, where)
-    return RecordedRun(source, repeated, content)
+    kept = {name: value for name, value in changed.items() if not _replaced(name, given)}
+    _check(kept, where)
+    return RecordedRun(source, read_options(repeated(kept), where), content)
 
 
 def _replaced(name: str, given: Mapping[str, Any]) -> bool:

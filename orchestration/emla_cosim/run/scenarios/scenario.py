@@ -8,15 +8,13 @@ from typing import Any
 from ...base.errors import CommandError, called_as_in
 from ...base.progress import Progress
 from ...ssp.writer.writing import Experiment, check_package, write_ssp
+from ...system.bond import Bond
 from ...system.model import System
 from ..experiment import run_times
-from ..options import Options
+from ..options import Options, read_options, table
 from ..origin import Origin
 from ..preparation import prepared, until_data_end
 from ..simulation import Simulation
-
-MADE_OF = {"controller": "gains", "gains": "gains", "trajectory": "reference", "actuator": "actuators"}
-"""Options that decide how a built-in system is made, and what an SSP has of its own instead."""
 
 
 @dataclass(frozen=True)
@@ -46,15 +44,18 @@ class Scenario:
 
         Raises CommandError for options that its system was made of, and for what cannot be run with these.
         """
-        for name in MADE_OF:
-            if name in given:
+        if not given:
+            return self
+        for name, option in table().items():
+            if name in given and option.about.makes:
                 raise CommandError(
                     f"the system of '{self.name}' is made already; give {name} where a scenario is loaded.",
                     option=name,
                 )
-        options = self.options.updated(given)
+        values = read_options(given)
+        options = self.options.merged(values)
         notes = self.notes_with(options)
-        return replace(self, options=options, notes=notes, origin=self.origin.updated(given))
+        return replace(self, options=options, notes=notes, origin=self.origin.updated(values))
 
     def notes_with(self, options: Options) -> Sequence[str]:
         """Return the notes on a run with these options; CommandError for what cannot be run."""
@@ -94,6 +95,8 @@ class Scenario:
         experiment = Experiment(times.start, times.stop, times.step)
         with called_as_in(self.unpacked):
             system, fmus = prepared(self.system, chosen, told)
+            bonds = {name: Bond.read(name, text) for name, text in chosen.bonds.items()}
+            system = replace(system, bonds={**system.bonds, **bonds})
             write_ssp(
                 Path(file), self.name, self.description, system, fmus, experiment, nested, chosen.overwrite
             )

@@ -1,10 +1,11 @@
 """Structure descriptions (SSD) from XML."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ...base.errors import CommandError
 from ...base.units import Unit
+from ...system.bond import Bond
 from .parameters import read_mapping, read_parameter_set
 from .structure import (
     FMU,
@@ -22,6 +23,7 @@ from .xml import (
     ANNOTATION_NAMESPACES,
     CORNERS,
     NAMESPACES,
+    OWN_NAMESPACE,
     RENAMES,
     XmlElement,
     boolean,
@@ -49,7 +51,21 @@ def parse_structure(content: bytes, where: str) -> Structure:
         stop_time=_number(times.get("stopTime")),
         step_size=_step_size(root, where),
         description=root.get("description", ""),
+        samples=tuple(e["component"] for e in _own(root, where, "Samples", ("component",))),
+        bonds={
+            e["name"]: Bond(e["effort"], e["flow"])
+            for e in _own(root, where, "Bond", ("name", "effort", "flow"))
+        },
     )
+
+
+def _own(root: XmlElement, where: str, tag: str, attributes: Iterable[str]) -> Iterator[dict[str, str]]:
+    """Yield the attributes of elements in an annotation of ours; CommandError for one that lacks some."""
+    for element in root.iterfind(f"ssd:DefaultExperiment//emla:{tag}", NAMESPACES | OWN_NAMESPACE):
+        for name in attributes:
+            if not element.get(name):
+                raise CommandError(f"'{where}' line {element.sourceline}: the {tag} lacks '{name}'.")
+        yield dict(element.attrib)
 
 
 def _number(text: str | None) -> float | None:

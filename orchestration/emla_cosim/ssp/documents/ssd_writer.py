@@ -18,11 +18,14 @@ from .structure import (
 from .xml import (
     ANNOTATION_NAMESPACES,
     CORNERS,
+    OWN_NAMESPACE,
     RENAMES,
+    SYSTEM,
     XmlElement,
     add,
     add_transformation,
     add_units,
+    child,
     document,
     number,
     to_bytes,
@@ -36,11 +39,12 @@ def format_structure(structure: Structure) -> bytes:
     """A structure as an SSD file.
 
     The step size is told to OMSimulator, in an annotation of every system, and to libcosim, in one of
-    the experiment.
+    the experiment. Another one there has what the standard has no element for.
     """
-    root = document(
-        "ssd", ANNOTATION_NAMESPACES, name=structure.name, description=structure.description or None
-    )
+    namespaces = ANNOTATION_NAMESPACES
+    if structure.samples or structure.bonds:
+        namespaces = ANNOTATION_NAMESPACES | OWN_NAMESPACE
+    root = document("ssd", namespaces, name=structure.name, description=structure.description or None)
     _add_system(root, structure.system, structure.step_size)
     add_units(root, "ssd", _units(structure.system))
     start, stop = (None if t is None else number(t) for t in (structure.start_time, structure.stop_time))
@@ -48,11 +52,18 @@ def format_structure(structure: Structure) -> bytes:
     if structure.step_size is not None:
         algorithm = add(_annotation(experiment, _OPEN_SIMULATION_PLATFORM), "osp:Algorithm")
         add(algorithm, "osp:FixedStepAlgorithm", baseStepSize=number(structure.step_size))
+    if structure.samples or structure.bonds:
+        own = add(_annotation(experiment, SYSTEM), "emla:System")
+        for component in structure.samples:
+            add(own, "emla:Samples", component=component)
+        for name, bond in structure.bonds.items():
+            add(own, "emla:Bond", name=name, effort=bond.effort, flow=bond.flow)
     return to_bytes(root)
 
 
 def _annotation(parent: XmlElement, type_: str) -> XmlElement:
-    return add(add(parent, "ssd:Annotations"), "ssc:Annotation", type=type_)
+    group = child(parent, "ssd:Annotations")
+    return add(add(parent, "ssd:Annotations") if group is None else group, "ssc:Annotation", type=type_)
 
 
 def _units(element: Element) -> Iterator[Unit | None]:

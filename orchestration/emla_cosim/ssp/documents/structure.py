@@ -3,9 +3,11 @@
 Names and meanings are those of the standard.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from ...base.units import LinearTransformation, Unit
+from ...system.bond import Bond
 
 DEFAULT_SSD = "SystemStructure.ssd"
 """The SSD that a package has at its top; others are variants."""
@@ -142,7 +144,11 @@ class SystemElement(Element):
 
 @dataclass(frozen=True)
 class Structure:
-    """An SSD: its root system, and how to run it if it says so; times in s."""
+    """An SSD: its root system, and how to run it if it says so; times in s.
+
+    An annotation of ours has the full names of components that compute at communication points, `samples`,
+    and power bonds by name.
+    """
 
     name: str
     system: SystemElement
@@ -150,3 +156,5 @@ class Structure:
     stop_time: float | None = None
     step_size: float | None = None
     description: str = ""
+    samples: tuple[str, ...] = ()
+    bonds: Mapping[str, Bond] = field(default_factory=dict)

@@ -26,6 +26,10 @@ ANNOTATION_NAMESPACES = {
 }
 """Namespaces of the annotations in which OMSimulator and libcosim look for the step size."""
 
+OWN_NAMESPACE = {"emla": "urn:emla-cosim:system"}
+SYSTEM = "emla-cosim.system"
+"""The type of the annotation of an experiment with what the standard has no element for."""
+
 RENAMES = "emla-cosim.renames"
 """The type of the annotation of a binding whose mapping holds for results, too."""
 
@@ -204,8 +208,7 @@ def add_units(parent: XmlElement, owner: str, units: Iterable[Unit | None]) -> N
     group = add(parent, f"{owner}:Units")
     for name in sorted(named):
         unit = named[name]
-        exponents = dict(zip(BASE_UNITS, unit.exponents or (), strict=False))
-        base: dict[str, str | None] = {b: str(e) for b, e in exponents.items() if e}
+        base: dict[str, str | None] = {b: str(e) for b, e in unit.powers.items()}
         base |= {"factor": number(unit.factor)} if unit.factor != 1.0 else {}
         base |= {"offset": number(unit.offset)} if unit.offset != 0.0 else {}
         add(add(group, "ssc:Unit", name=name), "ssc:BaseUnit", **base)

@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...base.units import IDENTITY, conversion
@@ -50,13 +50,16 @@ def read_ssp(path: Path) -> Iterator[Document]:
 def _document(structure: Structure, package: Package) -> Document:
     wired = collected(structure.system, package.name)
     values, unused = bound_values(structure.system, wired)
-    names = _names(wired)
-    components = (_component(wired, names[path], fmu, values[path]) for path, fmu in wired.fmus.items())
+    names, samples = _names(wired), set(structure.samples)
+    components = (
+        replace(_component(wired, names[path], fmu, values[path]), samples=names[path] in samples)
+        for path, fmu in wired.fmus.items()
+    )
     connections = (_connection(wired, node, names) for node in wired.drivers if node[0] in wired.fmus)
     return Document(
         name=structure.name,
         description=structure.description,
-        system=System(tuple(components), tuple(x for x in connections if x is not None)),
+        system=System(tuple(components), tuple(x for x in connections if x is not None), structure.bonds),
         start_time=structure.start_time,
         stop_time=structure.stop_time,
         step_size=structure.step_size,

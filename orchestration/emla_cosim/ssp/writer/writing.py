@@ -81,6 +81,8 @@ def write_ssp(
         experiment.stop_time,
         experiment.step_size,
         description,
+        tuple(c.name for c in system.components if c.samples),
+        system.bonds,
     )
     contents = {uri: file.read_bytes() for file, uri in uris.items()}
     contents |= parameters.contents | {DEFAULT_SSD: format_structure(structure)}

@@ -4,6 +4,7 @@ import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -12,7 +13,7 @@ from emla_fmu.disturbance import LEVELS
 from emla_fmu.drive import DriveParameters
 from emla_fmu.observer_gains import ObserverGains
 from emla_fmu.parameters import EmlaParameters
-from emla_fmu.reference import rest_to_rest
+from emla_fmu.reference import MOVES, quintic_duration, rest_to_rest
 from emla_fmu.schedule import NEVER
 
 from ...base.errors import CommandError, listed
@@ -77,6 +78,34 @@ class Move:
 
 
 @dataclass(frozen=True)
+class Cycle:
+    """A motion that repeats: moves with one peak speed from way-point to way-point, and equal dwells."""
+
+    way_points: Annotated[tuple[float, ...], Entry("way-points of a cycle", "m", "[0.05, 0.30, 0.05]")]
+    v_peak: Annotated[float, Entry("peak speed of every move", "m/s", "0.026", positive=True)]
+    period: Annotated[float, Entry("time after which the motion repeats", "s", "40.0", positive=True)]
+
+    @property
+    def durations(self) -> list[float]:
+        """Return the durations of the moves in s."""
+        return [quintic_duration(b - a, self.v_peak) for a, b in pairwise(self.way_points)]
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters of the reference."""
+        durations = self.durations
+        moves = len(durations)
+        dwell = (self.period - sum(durations)) / moves
+        starts = [sum(durations[:i]) + i * dwell for i in range(moves)]
+        rest = MOVES - moves
+        return {
+            "x": [*self.way_points, *[self.way_points[-1]] * rest],
+            "start": [*starts, *[NEVER] * rest],
+            "duration": [*durations, *[1.0] * rest],
+            "period": self.period,
+        }
+
+
+@dataclass(frozen=True)
 class Load:
     """Load force: levels in N, positive against extension, and a ripple.
 
@@ -102,6 +131,14 @@ class Load:
         if self.start is not None:
             found["level_start"] = (NEVER, *self.start, *[NEVER] * (LEVELS - 1 - len(self.start)))
         return found | {name: value for name, value in given.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What the joint does and meets in an experiment of the paper."""
+
+    reference: Cycle
+    load: Load
 
 
 @dataclass(frozen=True)
@@ -137,7 +174,7 @@ class JointFile:
 
     `run` has the options of its scenario. `disturbance` and `plant` are parameters by attribute of their
     blocks. `realistic` is the actuator with the entries of `[drive]`; `is_realistic` says whether the joint
-    runs with it. `printed` are figures of the paper by scenario and controller.
+    runs with it. `experiments` are by scenario, `printed` are figures of the paper by scenario, controller.
     """
 
     name: str
@@ -158,6 +195,7 @@ class JointFile:
     gains: Mapping[str, Mapping[str, GainSet]]
     tuning: Tuning | None
     noisy: Mapping[str, float]
+    experiments: Mapping[str, Experiment]
     printed: Mapping[str, Mapping[str, Cells]]
 
     @property
@@ -178,6 +216,12 @@ class JointFile:
                 gains=name,
             )
         return sets[name]
+
+    def experiment(self, scenario: str) -> Experiment:
+        """Return the motion and the load of a scenario; CommandError if the file has none."""
+        if scenario not in self.experiments:
+            raise CommandError(f"{self.label} lacks the table [experiment.{scenario}].")
+        return self.experiments[scenario]
 
     def printed_in(self, scenario: str) -> Mapping[str, Cells]:
         """Return what the paper prints of a scenario, by controller; CommandError if the file has nothing."""
@@ -234,6 +278,7 @@ _TOP = {
     "observer": "",
     "gains": "",
     "tuning": "",
+    "experiment": "",
     "paper": "",
 }
 """Entries of a joint file; for a required table, what it says."""
@@ -297,6 +342,9 @@ def joint_of(content: Mapping[str, Any], label: str, name: str, folder: Path) ->
         gains=_gains(tables["gains"], observers),
         tuning=read_call(Tuning, tables["tuning"], ["noisy"]) if "tuning" in content else None,
         noisy=_noisy(tables["tuning"].inner("noisy")),
+        experiments={
+            one: _experiment(tables["experiment"].inner(one)) for one in content.get("experiment", {})
+        },
         printed=_printed(tables["paper"]),
     )
 
@@ -390,6 +438,23 @@ def _move(table: Table) -> Move:
     if move.q_S == move.q_E:
         raise CommandError(f"{table.label} has q_S = q_E; they must differ.", table=table.name)
     return move
+
+
+def _experiment(table: Table) -> Experiment:
+    table.check_keys(["reference", "load"])
+    reference = table.inner("reference", "the motion of the joint")
+    cycle = read_call(Cycle, reference)
+    if not 2 <= len(cycle.way_points) <= MOVES + 1 or any(a == b for a, b in pairwise(cycle.way_points)):
+        raise CommandError(
+            f"{reference.label_of('way_points')} must be 2 to {MOVES + 1} positions, each other than the one "
+            "before."
+        )
+    if sum(cycle.durations) > cycle.period:
+        raise CommandError(
+            f"{reference.label_of('period')} is {cycle.period:g} s; the moves take "
+            f"{sum(cycle.durations):g} s in all."
+        )
+    return Experiment(cycle, _load(table.inner("load", "the load force")))
 
 
 def _load(table: Table) -> Load:

@@ -3,10 +3,9 @@
 import math
 from collections.abc import Iterator, Mapping
 
-from ...base.unit_names import counts_turns, meaning
-from ...base.units import BASE_UNITS
+from ...base.units import BASE_UNITS, counts_turns, find_unit
 from ..check import check
-from ..declared import Declared, Unit, Variable, repeated
+from ..declared import Declared, DeclaredUnit, Variable, repeated
 from ..saying import judged, listed
 from ..subject import Subject
 from ..verdict import Clause, Outcome
@@ -79,13 +78,13 @@ def consistent(subject: Subject) -> Outcome:
     units = subject.declared.units
     problems = [p for unit in units for p in (*_finite(unit), *_wrong(unit), *_wrong_display(unit))]
     doubts = [d for unit in units for d in _offset(unit)]
-    known = sum(meaning(u.name) is not None for u in units)
+    known = sum(find_unit(u.name) is not None for u in units)
     return judged(
         problems, f"{known} of {len(units)} units have well-known names, and are what these say.", doubts
     )
 
 
-def _finite(unit: Unit) -> Iterator[str]:
+def _finite(unit: DeclaredUnit) -> Iterator[str]:
     every = [
         (unit.name, unit.base or {}),
         *((f"{d['name']} (display of {unit.name})", d) for d in unit.display),
@@ -96,8 +95,8 @@ def _finite(unit: Unit) -> Iterator[str]:
             yield f"The unit {name} has the factor {factor:g} and the offset {offset:g}."
 
 
-def _wrong(unit: Unit) -> Iterator[str]:
-    known = meaning(unit.name)
+def _wrong(unit: DeclaredUnit) -> Iterator[str]:
+    known = find_unit(unit.name)
     if known is None or unit.base is None:
         return
     exponents = _exponents(unit.base)
@@ -112,10 +111,10 @@ def _wrong(unit: Unit) -> Iterator[str]:
         yield f"The unit {unit.name} has the factor {factor:g}, but is {known.factor:g} {_told(exponents)}."
 
 
-def _wrong_display(unit: Unit) -> Iterator[str]:
-    mine = meaning(unit.name)
+def _wrong_display(unit: DeclaredUnit) -> Iterator[str]:
+    mine = find_unit(unit.name)
     for display in unit.display:
-        theirs = meaning(display["name"])
+        theirs = find_unit(display["name"])
         if mine is None or theirs is None:
             continue
         factor = _number(display, "factor", 1.0)
@@ -128,8 +127,8 @@ def _wrong_display(unit: Unit) -> Iterator[str]:
             yield f"1 {unit.name} is shown as {factor:g} {display['name']}, but is {right:g}."
 
 
-def _offset(unit: Unit) -> Iterator[str]:
-    known = meaning(unit.name)
+def _offset(unit: DeclaredUnit) -> Iterator[str]:
+    known = find_unit(unit.name)
     if known is not None and unit.base is not None:
         offset = _number(unit.base, "offset", 0.0)
         if abs(offset - known.offset) > _CLOSE * abs(known.offset):

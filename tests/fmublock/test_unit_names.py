@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.base.unit_names import _ALONE, _AMBIGUOUS, _COHERENT, _PREFIXES, meaning
-from emla_cosim.base.units import BASE_UNITS
+from fmublock.units import _ALONE, _AMBIGUOUS, _COHERENT, _PREFIXES, BASE_UNITS, find_unit
 
 PINT = pint.UnitRegistry()
 PINT_NAMES = {
@@ -65,7 +64,7 @@ def test_unit_is_what_pint_takes_it_for(symbol: str) -> None:
     ],
 )
 def test_names(name: str, exponents: dict[str, int], factor: float) -> None:
-    found = meaning(name)
+    found = find_unit(name)
     assert found is not None
     assert dict(zip(BASE_UNITS, found.exponents, strict=True)) == {
         **dict.fromkeys(BASE_UNITS, 0),
@@ -81,12 +80,12 @@ SAY_NOTHING += ["kkg", "²", "m²", "٣", "m٣"]
 
 @pytest.mark.parametrize("name", SAY_NOTHING)
 def test_names_that_say_nothing_sure(name: str) -> None:
-    assert meaning(name) is None
+    assert find_unit(name) is None
 
 
 @given(st.text(max_size=60))
 def test_any_text_has_a_meaning_or_none(text: str) -> None:
-    found = meaning(text)
+    found = find_unit(text)
     assert found is None or (math.isfinite(found.factor) and found.factor > 0.0)
 
 
@@ -103,8 +102,8 @@ def test_products_multiply(parts: list[tuple[str, str, int]], below: tuple[str, 
         return f"{prefix}{symbol}{power}"
 
     name = ".".join(written(*part) for part in parts) + f"/{written(*below)}"
-    found = meaning(name)
-    single = [meaning(f"{prefix}{symbol}.s/s") for prefix, symbol, _ in (*parts, below)]
+    found = find_unit(name)
+    single = [find_unit(f"{prefix}{symbol}.s/s") for prefix, symbol, _ in (*parts, below)]
     if any(one is None for one in single):
         assert found is None
         return
@@ -119,7 +118,7 @@ def test_products_multiply(parts: list[tuple[str, str, int]], below: tuple[str, 
 
 
 def test_temperatures_have_offsets() -> None:
-    celsius, fahrenheit = meaning("degC"), meaning("degF")
+    celsius, fahrenheit = find_unit("degC"), find_unit("degF")
     assert celsius is not None
     assert fahrenheit is not None
     assert celsius.factor * 100.0 + celsius.offset == pytest.approx(373.15)

@@ -1,0 +1,106 @@
+"""The interface of step-size controls: which stepping a run gets."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ...base.errors import CommandError
+from ...base.option import option, options_of
+from ..algorithms.algorithm import Algorithm
+from .error_control import ErrorControl, default_largest_step
+from .fixed_steps import FixedSteps
+from .stepping import Stepping
+from .timing import Timing
+
+
+@dataclass(frozen=True)
+class StepRequest:
+    """What a run asks of its steps; times in s.
+
+    `times` says where the run begins and ends, and has the step size. `interval` is the time between rows,
+    where the user set it. `sampled` says whether a component computes at communication points, as a digital
+    controller does. `compiled` and `threads` are the options. `events` computes the times at which inputs
+    jump or bend, `row_distance` the distance of rows in the data of inputs.
+    """
+
+    times: Timing
+    interval: float | None
+    sampled: bool
+    compiled: bool
+    threads: int | None
+    events: Callable[[], Sequence[float]]
+    row_distance: Callable[[], float]
+
+
+class StepSizeControl(ABC):
+    """Decides how long the steps of a run are. The fields of a subclass, a dataclass, are its options."""
+
+    is_regular: ClassVar[bool] = False
+    """Whether all steps have the step size, so that every n-th has a row.
+
+    Otherwise `Stepping.watch` has to get every step, and `Stepping.record` those that have a row.
+    """
+
+    is_halved: ClassVar[bool] = False
+    """Whether each step that is not regular is done in two halves."""
+
+    def check(self) -> None:
+        """Raise CommandError for values of options that do not fit."""
+        for own in options_of(type(self)):
+            own.check(getattr(self, own.name))
+
+    @abstractmethod
+    def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
+        """Return what does the steps of an algorithm that is set up; CommandError where that cannot be."""
+
+
+@dataclass(eq=False)
+class FixedStepSize(StepSizeControl):
+    """Steps of one length."""
+
+    is_regular = True
+
+    def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
+        """Return steps of one length, compiled where that is possible."""
+        return FixedSteps(algorithm, request.times, request.compiled, request.threads)
+
+
+@dataclass(eq=False)
+class ErrorControlledStepSize(StepSizeControl):
+    """Steps as long as the error allows."""
+
+    is_halved = True
+
+    error_tolerance: float | None = option(
+        help="Let the step size follow the error, which may become this much of each signal's size over the "
+        "run. Default: fixed steps.",
+        above=0.0,
+        below=1.0,
+        identity="error tolerance",
+    )
+    largest_step: float | None = option(
+        help="Longest step of --error-tolerance. Default: a fiftieth of the run's time, or the distance of "
+        "rows in data of --input.",
+        unit="s",
+        above=0.0,
+        identity="largest step",
+    )
+
+    def check(self) -> None:
+        """Raise CommandError for values of options that do not fit."""
+        super().check()
+        if self.error_tolerance is None and self.largest_step is not None:
+            raise CommandError("--largest-step bounds the steps of --error-tolerance; set both, or neither.")
+        if self.error_tolerance is None:
+            raise CommandError("the step-size control 'error' needs --error-tolerance.")
+
+    def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
+        """Return steps that the error decides."""
+        assert self.error_tolerance is not None
+        events, largest = request.events(), self.largest_step
+        if largest is None:
+            largest = min(default_largest_step(request.times), request.row_distance())
+        return ErrorControl(
+            algorithm, request.times, self.error_tolerance, request.interval, largest, events, request.sampled
+        )
