@@ -28,7 +28,7 @@ CASES: tuple[tuple[str, Parts, str, str, float, float], ...] = (
 
 def main() -> None:
     """Run all cases, with the bond named and without."""
-    print("| Pair | Algorithm, step | True error | Energy of the bond | Largest residual | Remark |")
+    print("| Pair | Algorithm, step | True error | Energy of the bond | Largest residual | Warning |")
     print("|---|---|---|---|---|---|")
     for label, pair, algorithm, extrapolation, step, stop in CASES:
         ends = SPRINGS if len(pair[1]) == 3 else HEAVY

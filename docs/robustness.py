@@ -1,4 +1,4 @@
-"""Draws images/study-robustness.png and prints the tables of sweeps.md.
+"""Draws images/study-robustness.png and prints the tables of sweeps-results.md.
 
     emla sweep study-robustness --output FOLDER
     python docs/robustness.py FOLDER
