@@ -2,11 +2,11 @@
 
 import gc
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack, chdir, nullcontext
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
@@ -16,6 +16,7 @@ from fmublock.cache import VARIABLE
 from tests.support.deterministic import draw_no_constants_of_modules, heed_ctrl_c, register_profiles
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.handwritten_fmu import build_handwritten_fmu
+from tests.support.long import heed
 from tests.support.memory_disk import use_memory_disk
 from tests.support.paths import FOREIGN_PLANT, ROOT
 from tests.support.sessions import Session, opened
@@ -28,6 +29,9 @@ if TYPE_CHECKING:  # these take a while to load
 
 use_memory_disk()
 
+# of what tests and the processes that they start build and compile: not the user's, and kept for the next run
+os.environ.setdefault(VARIABLE, str(ROOT / ".pytest_cache" / "emla-cosim"))
+
 register_profiles()
 heed_ctrl_c()
 
@@ -36,11 +40,25 @@ for size in ("COLUMNS", "LINES"):
     os.environ.pop(size, None)
 
 
+ON_ONE_CLUSTER = (
+    "test_pages.py",
+    "test_sweeping.py",
+    "test_plans.py",
+    "sweep/test_verdicts.py",
+    "test_sobol_indices.py",
+    "test_compare.py",
+    "test_fair_comparison.py",
+    "test_tune.py",
+    "test_notes.py",
+    "test_ownership.py",
+)
+"""Files that one process of a test run does one after the other, with one cluster: to start it takes long."""
+
 LONGEST = (
+    *ON_ONE_CLUSTER,
     "test_cluster_faults.py",
     "test_broken_fmus.py",
     "test_any_command.py",
-    "test_pages.py",
     "test_ended_processes.py",
     "test_verify_command.py",
     "test_surroundings.py",
@@ -52,10 +70,19 @@ LONGEST = (
     "test_workflow.py",
     "test_flavours.py",
     "test_cli.py",
-    "test_sweeping.py",
     "test_checkpoints.py",
 )
 """Files that begin first, the longest before all others, so that none is left over in the end."""
+
+
+def is_one_of(path: str, files: Collection[str]) -> bool:
+    """Return whether a path ends in one of these names."""
+    return any(path.endswith(f"/{file}") for file in files)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let properties draw as many examples as the selected tests are to have."""
+    heed(config.option.markexpr)
 
 
 def pytest_collection_finish() -> None:
@@ -71,10 +98,26 @@ def pytest_xdist_auto_num_workers() -> int:
     return 1 + (len(os.sched_getaffinity(0)) if known else os.cpu_count() or 1)
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each file to one process, and all that share a cluster to the same."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return "cluster" if is_one_of(file, ON_ONE_CLUSTER) else file
+
+    return Scheduling(config, log) if config.option.dist == "loadfile" else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the longest files first; pytest-xdist keeps the order."""
-    rank = {name: number for number, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: rank.get(item.path.name, len(rank)))
+
+    def rank(item: pytest.Item) -> int:
+        return next((i for i, x in enumerate(LONGEST) if is_one_of(item.path.as_posix(), [x])), len(LONGEST))
+
+    items.sort(key=rank)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -88,21 +131,6 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for what all processes of a test run have in common."""
     base = tmp_path_factory.getbasetemp()
     return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-
-
-@pytest.fixture(scope="session")
-def user_cache(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What has to be in the environment for built FMUs not to go into the user's own cache."""
-    return {VARIABLE: str(shared_folder(tmp_path_factory) / "cache")}
-
-
-@pytest.fixture(scope="module")
-def own_cache(user_cache: dict[str, str]) -> Iterator[None]:
-    """What a file of tests builds in this process does not go into the user's own cache either."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in user_cache.items():
-            patch.setenv(name, value)
-        yield
 
 
 @pytest.fixture(scope="session")
@@ -125,9 +153,9 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
     return fmu_folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def machine() -> "Iterator[Place]":
-    """A local cluster of two workers for a file of tests; one that idles costs a twentieth of a core."""
+    """A local cluster of two workers; one that idles costs a twentieth of a core."""
     from emla_cosim.sweeps.local_cluster import local_cluster
 
     with ExitStack() as stack:

@@ -7,26 +7,31 @@ import pytest
 
 from tests.support.commands import widen_terminal
 from tests.support.few_figures import draw_empty
+from tests.support.long import mostly_long
 from tests.support.pages import PAGES, PageError, Reader, fences, missing
 from tests.support.paths import ROOT
 
 
 @pytest.fixture
-def place(
-    tmp_path: Path, user_cache: dict[str, str], on_one_cluster: None, monkeypatch: pytest.MonkeyPatch
-) -> Path:
+def place(tmp_path: Path, on_one_cluster: None, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder to work in; FMUs are built when they are first needed, as for any user."""
     monkeypatch.chdir(tmp_path)
     widen_terminal(monkeypatch)
     draw_empty(monkeypatch)
-    for name, value in user_cache.items():
-        monkeypatch.setenv(name, value)
     return tmp_path
+
+
+WITH_BLOCKS = [p for p in PAGES if list(fences(p.read_text(encoding="utf-8")))]
+HEAVY = (
+    "blocks.md", "manipulator-pictures.md", "manipulator.md", "recipes.md", "sweeps.md", "trajectory.md",
+    "tune.md", "tutorial.md", "verify.md",
+)  # fmt: skip
+"""Pages whose commands take long; those of the README are of the same kinds."""
 
 
 @pytest.mark.parametrize(
     "page",
-    [p for p in PAGES if list(fences(p.read_text(encoding="utf-8")))],
+    mostly_long(WITH_BLOCKS, [p for p in WITH_BLOCKS if p.name not in HEAVY]),
     ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_a_page_works_as_shown(page: Path, place: Path) -> None:

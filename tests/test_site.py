@@ -23,13 +23,13 @@ LOADED = "//script/@src | //link[@rel!='canonical']/@href | //img/@src | //ifram
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory, user_cache: dict[str, str]) -> Path:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site; its notebooks were executed."""
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", CONFIGURATION, "-d", str(folder)],
         cwd=ROOT,
-        env={**os.environ, **user_cache, "NO_MKDOCS_2_WARNING": "1"},
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
         capture_output=True,
         text=True,
         check=False,

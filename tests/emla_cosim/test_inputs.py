@@ -21,8 +21,6 @@ from emla_cosim.system.model import Alias
 from tests.support.commands import Emla
 from tests.support.faulty_systems import faulty
 
-pytestmark = pytest.mark.usefixtures("own_cache")
-
 STOP = 0.05
 LOAD = "lift.disturbance.F_L"
 T = np.linspace(0.0, 0.04, 41)

@@ -17,9 +17,7 @@ JOINT = "prototype"
 
 
 @pytest.fixture
-def machine(tmp_path: Path, user_cache: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name, value in user_cache.items():
-        monkeypatch.setenv(name, value)
+def machine(tmp_path: Path) -> Path:
     return shutil.copytree(FILES, tmp_path / "machine")
 
 

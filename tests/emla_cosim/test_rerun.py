@@ -203,11 +203,7 @@ def test_no_record_at_all(emla: Emla, fmu_folder: Path) -> None:
     assert "'out/run.json' cannot be read" in sentence(rerun(emla, fmu_folder), 2)
 
 
-def test_data_and_actuators_are_found_again_and_what_became_of_them_is_told(
-    emla: Emla, user_cache: dict[str, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in user_cache.items():
-        monkeypatch.setenv(name, value)
+def test_data_and_actuators_are_found_again_and_what_became_of_them_is_told(emla: Emla) -> None:
     for file in ("actuator.toml", "load.csv"):
         shutil.copy(ROOT / "tests" / "own_machine" / file, file)
     own = ("--actuator", "prototype=actuator.toml", "--input", "load.csv:prototype.disturbance.F_L=Force")

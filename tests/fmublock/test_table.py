@@ -19,8 +19,6 @@ from fmublock.errors import BuildError
 from fmublock.table import ENDS, MOST_OUTPUTS, Column, Shown, Table, build_table
 from fmublock.units import Unit
 
-pytestmark = pytest.mark.usefixtures("own_cache")
-
 Array = NDArray[np.float64]
 
 NEWTON = Unit("kN", (1, 1, -2, 0, 0, 0, 0, 0), 1e3)

@@ -16,7 +16,6 @@ from emla_cosim.sweeps.sampling import sample
 from emla_cosim.sweeps.summary import sobol_table
 from emla_cosim.system.model import Component, System
 from fmublock import Block, Output, Parameter, build
-from tests.support.clusters import shared_cluster
 from tests.support.sweep_results import swept
 from tests.support.toy_fmu import PRODUCER
 
@@ -77,12 +76,6 @@ class Product(Block):
 
     def outputs(self, v: Any) -> dict[str, Any]:
         return {"y": v.x_1 * v.x_1 + 2.0 * v.x_2}
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Any:
-    with shared_cluster(2) as client:
-        yield client
 
 
 @pytest.fixture(scope="module")

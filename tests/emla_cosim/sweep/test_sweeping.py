@@ -6,7 +6,6 @@ import math
 import shlex
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from emla_cosim.sweeps.sensitivity import sobol_indices
 from emla_cosim.sweeps.sweeping import sweep
 from emla_cosim.system.model import Component, Replacement, System
 from fmublock import Block, Output, Parameter, build, sin
-from tests.support.clusters import shared_cluster
 from tests.support.commands import Emla
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault
@@ -46,12 +44,6 @@ class Ishigami(Block):
         return {
             "f": sin(v.x_1) + 7.0 * sin(v.x_2) * sin(v.x_2) + 0.1 * v.x_3 * v.x_3 * v.x_3 * v.x_3 * sin(v.x_1)
         }
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Client]:
-    with shared_cluster(3) as client:
-        yield client
 
 
 @pytest.fixture(scope="module")

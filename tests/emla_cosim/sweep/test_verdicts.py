@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from emla_cosim.sweeps.summary import figures_table, status_line, worst
 from emla_cosim.sweeps.sweeping import sweep
 from emla_cosim.system.model import Component, System
 from fmublock import Block, Output, Parameter, build
-from tests.support.clusters import shared_cluster
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault
 from tests.support.sweep_results import swept
@@ -62,12 +60,6 @@ def limit_metrics(outline: ec.Outline) -> Any:
             self.largest = memory
 
     return Limit()
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Client]:
-    with shared_cluster(2) as client:
-        yield client
 
 
 @pytest.fixture(scope="module")
