@@ -24,6 +24,7 @@ from emla_cosim.sweeps.sweeping import sweep
 from tests.support.clusters import At, family, outside_cluster, shared_cluster
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault
+from tests.support.long import mostly_long
 from tests.support.waiting import wait_for
 
 RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "compiled": False}
@@ -110,7 +111,7 @@ def lift(cluster: Client, fmus: Path, output: Path, **more: Any) -> Any:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows does not have the signals of POSIX.")
-@pytest.mark.parametrize("way", ["Ctrl-C", "caller", "everything"])
+@pytest.mark.parametrize("way", mostly_long(["Ctrl-C", "caller", "everything"], ["Ctrl-C", "everything"]))
 def test_a_sweep_that_is_ended_leaves_nothing_behind_and_goes_on(
     way: str, cluster: Client, fmu_folder: Path, undisturbed: Path, tmp_path: Path
 ) -> None:

@@ -4,8 +4,7 @@ Every check of every FMU: EMLA_ALL_CHECKS=1 pytest tests/emla_cosim/verify/test_
 """
 
 import os
-from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import replace
 
 import pytest
 
@@ -14,11 +13,13 @@ from emla_cosim.verification.catalogue import CHECKS
 from emla_cosim.verification.catalogue import DYNAMIC as DYNAMIC_CHECKS
 from emla_cosim.verification.findings import Examined
 from emla_cosim.verification.verdict import Verdict
+from tests.support.broken.asking import examined_all
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import DYNAMIC, Fault, build_good_fmu
 from tests.support.broken.editing import good_bytes
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN, table
+from tests.support.long import mostly_long
 from tests.support.paths import ROOT
 
 SLOW = ["instance.cycles", "instance.threads", "instance.independent", "instance.reset", "run.deterministic"]
@@ -35,8 +36,11 @@ MAY_BE_SKIPPED = {
 """Checks that say themselves why they cannot be done on an FMU, by its name."""
 
 
+Request, Folders = pytest.FixtureRequest, pytest.TempPathFactory
+
+
 @pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examined]:
+def good(tmp_path_factory: Folders) -> dict[str, Examined]:
     """What is found about the FMUs that were broken, before they were: by the name of the file."""
     folder = tmp_path_factory.mktemp("good")
     (folder / "Toy.fmu").write_bytes(good_bytes())
@@ -45,37 +49,27 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examined]:
 
 
 @pytest.fixture(scope="module")
-def examined(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examined]:
-    """What is found about each broken FMU that a test asks for, by its name."""
-    folder = tmp_path_factory.mktemp("broken")
-    asked = {b.name: b for i in request.session.items if i.path == request.path and (b := _broken(i))}
-    alike: dict[str, list[Broken]] = {}
-    for broken in asked.values():
-        alike.setdefault(repr((broken.settings, _skipped(broken))), []).append(broken)
-    return {one.name: one for group in alike.values() for one in _verified(group, folder)}
+def asked_one(request: Request, tmp_path_factory: Folders) -> dict[str, Examined]:
+    """What its check, and what that needs, find about each broken FMU, by the FMU's name."""
+    asked = [(b, replace(b.settings, only=(b.check,))) for b in _broken(request, "asked_one")]
+    return examined_all(asked, tmp_path_factory.mktemp("one"))
 
 
-def _broken(item: pytest.Item) -> Broken | None:
-    """What a test is asked to look at; None for tests of anything else."""
-    found = getattr(item, "callspec", None)
-    broken = found.params.get("broken") if found is not None else None
-    return broken if isinstance(broken, Broken) else None
+@pytest.fixture(scope="module")
+def asked_all(request: Request, tmp_path_factory: Folders) -> dict[str, Examined]:
+    """What all checks find."""
+    asked = [(b, replace(b.settings, skip=_skipped(b))) for b in _broken(request, "asked_all")]
+    return examined_all(asked, tmp_path_factory.mktemp("all"))
 
 
-def _verified(group: Sequence[Broken], folder: Path) -> Sequence[Examined]:
-    """FMUs that are examined in the same way, all at once."""
-    paths, settings = {}, group[0].settings
-    for broken in group:
-        (folder / broken.name).mkdir()
-        paths[broken.name] = broken.build(folder / broken.name)
-    report = ec.verify(
-        paths,
-        seconds=settings.seconds,
-        memory=settings.memory / 2**20,
-        tolerance=settings.tolerance,
-        skip=_skipped(group[0]),
-    )
-    return report.examined
+def _broken(request: Request, fixture: str) -> list[Broken]:
+    """Broken FMUs that the selected tests of a fixture are to look at."""
+    found = {}
+    for item in request.session.items:
+        if item.path == request.path and fixture in getattr(item, "fixturenames", ()):
+            broken: Broken = item.callspec.params["broken"]  # type: ignore[attr-defined]
+            found[broken.name] = broken
+    return list(found.values())
 
 
 def _skipped(broken: Broken) -> list[str]:
@@ -94,11 +88,31 @@ def test_the_good_ones_pass(good: dict[str, Examined]) -> None:
     assert not any(one.of(Verdict.FAILED) for one in good.values())
 
 
-@pytest.mark.parametrize("broken", BROKEN, ids=lambda broken: broken.name)
-def test_one_fault_is_told_by_one_check(
-    broken: Broken, examined: dict[str, Examined], good: dict[str, Examined]
+FIRST = list({b.check: b for b in reversed(BROKEN)}.values())
+"""One broken FMU for each check."""
+
+
+@pytest.mark.parametrize("broken", mostly_long(BROKEN, FIRST), ids=lambda broken: broken.name)
+def test_a_fault_is_told_by_its_check(broken: Broken, asked_one: dict[str, Examined]) -> None:
+    found = asked_one[broken.name]
+    told = {f.check: f.sentence for f in found.findings if f.verdict in WORSE}
+    assert list(told) == [broken.check], told
+    assert found[broken.check].verdict == broken.verdict
+    assert told[broken.check].endswith(".") and "went wrong" not in told[broken.check]
+
+
+FEW = [
+    next(b for b in BROKEN if b.check.startswith(f"{group}."))
+    for group in ("archive", "binaries", "description", "variables", "run", "state", "derivatives")
+]
+"""One broken FMU for each of the groups of checks that say most."""
+
+
+@pytest.mark.parametrize("broken", mostly_long(BROKEN, FEW), ids=lambda broken: broken.name)
+def test_one_fault_is_told_by_no_other_check(
+    broken: Broken, asked_all: dict[str, Examined], good: dict[str, Examined]
 ) -> None:
-    found = examined[broken.name]
+    found = asked_all[broken.name]
     before = good["Toy" if broken in STATIC else "Good"]
     told = {
         f.check: f.sentence
@@ -106,8 +120,6 @@ def test_one_fault_is_told_by_one_check(
         if f.verdict in WORSE and f.verdict != before[f.check].verdict
     }
     assert list(told) == [broken.check], told
-    assert found[broken.check].verdict == broken.verdict
-    assert told[broken.check].endswith(".")
     for finding in found.findings:
         assert "went wrong" not in finding.sentence
         if finding.verdict == Verdict.SKIPPED and before[finding.check].verdict != Verdict.SKIPPED:
@@ -118,9 +130,9 @@ def test_one_fault_is_told_by_one_check(
 @pytest.mark.parametrize(
     "broken", [b for b in BROKEN if b.name in ("StateSize", "StateEmpty")], ids=lambda broken: broken.name
 )
-def test_a_size_that_no_state_has_is_told(broken: Broken, examined: dict[str, Examined]) -> None:
+def test_a_size_that_no_state_has_is_told(broken: Broken, asked_one: dict[str, Examined]) -> None:
     size = {"StateSize": 2**60, "StateEmpty": 0}[broken.name]
-    sentence = examined[broken.name]["state.serialized"].sentence
+    sentence = asked_one[broken.name]["state.serialized"].sentence
     assert f"says {size} bytes, which is no size of a state" in sentence
 
 

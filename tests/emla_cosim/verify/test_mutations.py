@@ -13,6 +13,7 @@ from emla_cosim.verification.findings import Examined
 from emla_cosim.verification.verdict import Verdict
 from tests.support.broken.editing import Files, good_bytes, with_files, with_tree
 from tests.support.broken.static import LIBRARY
+from tests.support.long import mostly_long
 
 CHECKS = (*(c.name for c in STATIC if c.name != "sources.compile"), "instance.created", "run.completes")
 VALUES = (
@@ -92,23 +93,25 @@ def attribute(chance: random.Random, folder: Path) -> Path:
 KINDS = [archive_byte] * 40 + [library_byte] * 20 + [element] * 50 + [attribute] * 90
 
 
-@pytest.fixture(scope="module")
-def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examined]:
-    """What is found about each mutated FMU, by its seed."""
+PORTIONS = 5
+"""Of the seeds; each has all kinds."""
+
+
+@pytest.fixture(params=mostly_long(range(PORTIONS), [0]), scope="module")
+def reports(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examined]:
+    """What is found about each mutated FMU of a portion, by its seed."""
     folder = tmp_path_factory.mktemp("mutated")
     paths = {}
-    for seed, mutate in enumerate(KINDS):
+    for seed in range(request.param, len(KINDS), PORTIONS):
         place = folder / str(seed)
         place.mkdir()
-        paths[str(seed)] = mutate(random.Random(seed), place)
+        paths[str(seed)] = KINDS[seed](random.Random(seed), place)
     report = ec.verify(paths, only=CHECKS, seconds=5.0)
     return {one.name: one for one in report.examined}
 
 
-@pytest.mark.parametrize("first", range(0, len(KINDS), 20))
-def test_mutated_fmus_get_reports(first: int, reports: dict[str, Examined]) -> None:
-    for seed in range(first, first + 20):
-        report = reports[str(seed)]
+def test_mutated_fmus_get_reports(reports: dict[str, Examined]) -> None:
+    for seed, report in reports.items():
         assert tuple(f.check for f in report.findings) == CHECKS, seed
         for finding in report.findings:
             assert finding.verdict in set(Verdict), seed
@@ -120,4 +123,4 @@ def test_mutated_fmus_get_reports(first: int, reports: dict[str, Examined]) -> N
 
 def test_mutations_are_found(reports: dict[str, Examined]) -> None:
     """Not all of them do harm, but most do."""
-    assert sum(not one.passed for one in reports.values()) > 100
+    assert sum(not one.passed for one in reports.values()) > 0.4 * len(reports)

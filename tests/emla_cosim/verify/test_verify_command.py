@@ -24,8 +24,10 @@ from emla_cosim.verification.catalogue import CHECKS, DYNAMIC, RECORDED
 from emla_cosim.verification.examination import chosen, needed
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.verdict import Verdict
+from fmublock import Block
 from tests.support.broken.dynamic import Fault, build_good_fmu
 from tests.support.commands import Emla, sentence
+from tests.support.long import mostly_long
 
 
 @pytest.fixture
@@ -147,23 +149,28 @@ def test_ctrl_c_ends_it(tmp_path: Path, plant: str) -> None:
 CALLING = ("run.deterministic", *(sorted({c.group for c in DYNAMIC} - {"run"})))
 """Checks that call an FMU in many ways: they take most of the time."""
 
-PYTHON_CALLED = ("EmlaPlant", "SignalFault")
-"""Models whose PythonFMU FMUs are called in many ways too: with continuous states, and without.
-
-The code that answers is the same in all of them, and what comes out agrees to the bit with the native ones.
-"""
+FEW = {"EmlaPlant": MODELS["EmlaPlant"], "SignalFault": MODELS["SignalFault"]}
+"""With continuous states, and without."""
 
 
+@pytest.mark.parametrize(
+    "models", [FEW, pytest.param(MODELS, marks=pytest.mark.long)], ids=["few models", "all models"]
+)
 def test_our_fmus_pass_what_is_asked_of_a_file_and_a_run(
-    emla: Emla, tmp_path: Path, python_fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
+    models: dict[str, type[Block]],
+    emla: Emla,
+    tmp_path: Path,
+    python_fmu_folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """All models, both flavours, each output against its reference."""
+    """In both flavours, each output against its reference."""
+    monkeypatch.setattr(commands_verify, "MODELS", models)
     monkeypatch.setattr(commands_verify, "build", lambda *of: build(*of, folder=python_fmu_folder))
     skipped = [word for name in CALLING for word in ("--skip", name)]
     found = emla("verify", "--all", "--json", "report.json", *skipped)
     assert found.exit_code == 0, found.output
     report = json.loads((tmp_path / "report.json").read_text())
-    assert {one["name"] for one in report["examined"]} == {f"{m} ({f})" for m in MODELS for f in FLAVOURS}
+    assert {one["name"] for one in report["examined"]} == {f"{m} ({f})" for m in models for f in FLAVOURS}
     for one in report["examined"]:
         agrees = next(f for f in one["findings"] if f["check"] == "reference.agrees")
         assert agrees["verdict"] == "passed", one["name"]
@@ -175,11 +182,16 @@ def test_our_fmus_pass_what_is_asked_of_a_file_and_a_run(
         assert {f["check"] for f in one["findings"]} == asked
 
 
-def test_our_fmus_pass_whatever_calls_them(python_fmu_folder: Path) -> None:
-    """All native ones, and one PythonFMU FMU of each kind."""
-    called = {f"{m} (native)": fmu_path(m, "native", python_fmu_folder) for m in MODELS}
-    called |= {f"{m} (python)": fmu_path(m, "python", python_fmu_folder) for m in PYTHON_CALLED}
-    report = ec.verify(called, only=CALLING)
+@pytest.mark.parametrize(
+    ("model", "flavour"),
+    mostly_long(
+        [*((m, "native") for m in MODELS), *((m, "python") for m in FEW)],
+        [("SignalFault", "native"), ("EmlaPlant", "native"), ("SignalFault", "python")],
+    ),
+)
+def test_our_fmus_pass_whatever_calls_them(model: str, flavour: str, python_fmu_folder: Path) -> None:
+    """Of PythonFMU FMUs few: the code that answers is the same in all; bits agree with the native ones."""
+    report = ec.verify(fmu_path(model, flavour, python_fmu_folder), only=CALLING)
     assert report.passed, [f for one in report.examined for f in one.of(Verdict.FAILED)]
     asked = {c.name for c in CHECKS if c.name in CALLING or c.group in CALLING}
     assert all({f.check for f in one.findings} == asked for one in report.examined)

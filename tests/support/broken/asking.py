@@ -1,0 +1,21 @@
+"""Broken FMUs that examiners look at, each asked what its settings say."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from emla_cosim.verification import verifying
+from emla_cosim.verification.examiner import Job
+from emla_cosim.verification.findings import Examined
+from emla_cosim.verification.settings import Settings
+from tests.support.broken.broken import Broken
+
+
+def examined_all(broken: Iterable[tuple[Broken, Settings]], folder: Path) -> dict[str, Examined]:
+    """Build broken FMUs in a folder and return what is found about each, by its name."""
+    jobs = []
+    for one, settings in broken:
+        (folder / one.name).mkdir()
+        path = one.build(folder / one.name)
+        jobs.append(Job(path, settings, one.name, path))
+    found = verifying._Examiners(folder, lambda: None).examined(jobs) if jobs else ()
+    return {one.name: one for one in found}
