@@ -18,6 +18,7 @@ from emla_cosim.run.scenarios.scenario import Scenario
 from emla_cosim.views.plots.overlay import plotted
 from tests.support.commands import Emla, sentence
 from tests.support.few_figures import DRAWN, draw_few
+from tests.support.long import mostly_long
 
 NAMES = (
     'a","b',
@@ -57,31 +58,47 @@ def scenario(name: str, fmus: Path) -> Scenario:
     return ec.load(renamed(name), stop_time=0.01, step_size=1e-4, fmus=fmus)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_tables_and_records(name: str, fmu_folder: Path, tmp_path: Path) -> None:
-    given = {f"{name}.plant.motor.R_s": 0.15}
-    with scenario(name, fmu_folder).prepare() as simulation:
-        result = simulation.run(set=given)
-        simulation.run(recorders=[ParquetFile(tmp_path / "r.parquet")], signals=[f"{name}.plant.x_L"])
+def joined(fmus: Path) -> Scenario:
+    """A lift of each name, all in one system."""
+    parts = [renamed(name) for name in NAMES]
+    system = ec.System(
+        tuple(c for part in parts for c in part.components),
+        tuple(x for part in parts for x in part.connections),
+    )
+    return ec.load(system, stop_time=0.01, step_size=1e-4, fmus=fmus)
+
+
+SET = {f"{name}.plant.motor.R_s": 0.15 for name in NAMES}
+POSITIONS = [f"{name}.plant.x_L" for name in NAMES]
+
+
+def test_tables_and_records(fmu_folder: Path, tmp_path: Path) -> None:
+    with joined(fmu_folder).prepare() as simulation:
+        result = simulation.run(set=SET)
+        simulation.run(recorders=[ParquetFile(tmp_path / "r.parquet")], signals=POSITIONS)
     expected = ["time", *result.names]
-    assert len(expected) == len(set(expected)) > 30
-    result.save(tmp_path)
+    assert len(expected) == len(set(expected)) > 30 * len(NAMES)
+    result.save(tmp_path, plots=False)
     with (tmp_path / "results.csv").open(newline="", encoding="utf-8") as stream:
         header, *rows = csv.reader(stream)
     assert header == expected
     assert {len(row) for row in rows} == {len(expected)}
     for most in (None, 3):
         assert list(read_csv(tmp_path / "results.csv", expected, most)) == expected
-    assert polars.read_parquet(tmp_path / "r.parquet").columns == ["time", f"{name}.plant.x_L"]
+    assert polars.read_parquet(tmp_path / "r.parquet").columns == ["time", *POSITIONS]
     units = json.loads(polars.read_parquet_metadata(tmp_path / "r.parquet")["units"])
-    assert units == {"time": "s", f"{name}.plant.x_L": "m"}
-    assert list(json.loads((tmp_path / "metrics.json").read_text())["joints"]) == [name]
+    assert units == {"time": "s", **dict.fromkeys(POSITIONS, "m")}
+    assert list(json.loads((tmp_path / "metrics.json").read_text())["joints"]) == list(NAMES)
     record = json.loads((tmp_path / "run.json").read_text())
-    assert list(record["components"]) == [c.name for c in renamed(name).components]
-    assert record["settings"]["set"] == given
+    assert list(record["components"]) == [c.name for name in NAMES for c in renamed(name).components]
+    assert record["settings"]["set"] == SET
 
 
-@pytest.mark.parametrize("name", NAMES)
+MATHS = ["$x^2$ and \\frac{", "_hidden", "ünïcödé 电 😀"]
+"""Names that pictures may take for formulas, for what is to be hidden, and that a font may lack."""
+
+
+@pytest.mark.parametrize("name", mostly_long(NAMES, MATHS))
 @pytest.mark.filterwarnings("error")
 def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     draw_few(monkeypatch)
@@ -103,19 +120,22 @@ def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("nested", [False, True], ids=["flat", "nested"])
-@pytest.mark.parametrize("name", NAMES)
-def test_packages(name: str, nested: bool, fmu_folder: Path, tmp_path: Path) -> None:
-    original = scenario(name, fmu_folder)
-    given = {f"{name}.plant.motor.R_s": 0.15}
-    back = ec.load(original.export(tmp_path / "x.ssp", nested=nested, set=given))
+def test_packages(nested: bool, fmu_folder: Path, tmp_path: Path) -> None:
+    original = joined(fmu_folder)
+    back = ec.load(original.export(tmp_path / "x.ssp", nested=nested, set=SET))
     assert [c.name for c in back.system.components] == [c.name for c in original.system.components]
     assert set(map(str, back.system.connections)) == set(map(str, original.system.connections))
-    assert back.system.component(f"{name}.plant").parameters["motor.R_s"] == 0.15
-    found, expected = back.prepare().run(stop_time=0.002), original.prepare().run(set=given, stop_time=0.002)
-    assert np.array_equal(found[f"{name}.plant.x_L"], expected[f"{name}.plant.x_L"])
+    assert [back.system.component(f"{n}.plant").parameters["motor.R_s"] for n in NAMES] == [0.15] * len(NAMES)
+    found, expected = back.prepare().run(stop_time=0.002), original.prepare().run(set=SET, stop_time=0.002)
+    for position in POSITIONS:
+        assert np.array_equal(found[position], expected[position]), position
 
 
-@pytest.mark.parametrize("name", NAMES)
+PATTERNS = ["it's [red]x[/red]", "[/", "back\\n{0}%s\\", "*?[x]#", "--option"]
+"""Names that a terminal, a command or a search may take for something else."""
+
+
+@pytest.mark.parametrize("name", mostly_long(NAMES, PATTERNS))
 def test_scenario_files_and_the_terminal(name: str, emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
     scenario(name, fmu_folder).export(tmp_path / "x.ssp")
     key = json.dumps(f"{name}.plant.motor.R_s", ensure_ascii=False)  # as TOML quotes it too
