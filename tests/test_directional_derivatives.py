@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Model, FMU2Slave
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from emla_cosim.fmu.models import MODELS
 from fmublock import Block
+from tests.support.long import examples
 from tests.support.points import POINTS, Point
 from tests.support.sessions import Session, continuous_states, refused, set_continuous_states
 from tests.support.toy import Toy
@@ -131,7 +132,7 @@ def check(at: At, data: st.DataObject) -> None:
 
 @pytest.mark.parametrize("model", POINTS)
 @given(data=st.data())
-@settings(max_examples=25)
+@examples(8, 25)
 def test_in_initialization_they_are_the_slopes_of_what_is_computed(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
@@ -142,7 +143,7 @@ def test_in_initialization_they_are_the_slopes_of_what_is_computed(
 
 @pytest.mark.parametrize("model", WITH_STATES)
 @given(data=st.data())
-@settings(max_examples=25)
+@examples(8, 25)
 def test_in_continuous_time_they_are_the_slopes_of_what_is_computed(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
@@ -154,7 +155,7 @@ def test_in_continuous_time_they_are_the_slopes_of_what_is_computed(
 @pytest.mark.parametrize("model", WITH_STATES)
 @pytest.mark.parametrize("kind", [FMU2Slave, FMU2Model])
 @given(data=st.data())
-@settings(max_examples=10)
+@examples(4, 10)
 def test_parameters_count_alike_in_every_phase(
     sessions: dict[str, Session], model: str, kind: Any, data: st.DataObject
 ) -> None:
@@ -172,7 +173,7 @@ def test_parameters_count_alike_in_every_phase(
 
 @pytest.mark.parametrize("model", POINTS)
 @given(data=st.data())
-@settings(max_examples=10, suppress_health_check=[HealthCheck.large_base_example])  # blocks have large arrays
+@examples(4, 10, suppress_health_check=[HealthCheck.large_base_example])  # blocks have large arrays
 def test_a_sum_of_directions_gives_the_sum(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.fmu.models import FLAVOURS, MODELS, fmu_path
+from tests.support.long import examples
 from tests.support.runs import Elsewhere, Job, Run, Step
 from tests.support.sessions import ERROR, FATAL, OK, Session, refused, status
 
@@ -106,7 +107,7 @@ def steps(draw: Any, session: Session, moving: bool) -> Step:
 @pytest.mark.parametrize("flavour", FLAVOURS)
 @pytest.mark.parametrize("model", MODELS)
 @given(data=st.data())
-@settings(max_examples=20)
+@examples(3, 20)
 def test_a_run_goes_on_from_a_saved_state_bit_for_bit(
     sessions: dict[tuple[str, str], Session],
     elsewhere: Elsewhere,
@@ -202,7 +203,7 @@ def refuse(session: Session, slave: Any, state: bytes, flavour: str) -> str:
 @pytest.mark.parametrize("flavour", FLAVOURS)
 @pytest.mark.parametrize("model", MODELS)
 @given(data=st.data())
-@settings(max_examples=15)
+@examples(4, 15)
 def test_a_damaged_state_is_refused_and_the_run_goes_on(
     sessions: dict[tuple[str, str], Session], model: str, flavour: str, data: st.DataObject
 ) -> None:

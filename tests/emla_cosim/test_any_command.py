@@ -2,7 +2,7 @@
 
 A failure shows its command and how to make its surroundings. To try more than CI does:
 
-    EMLA_COMMAND_EXAMPLES=5000 pytest -s tests/emla_cosim/test_any_command.py
+    EMLA_COMMAND_EXAMPLES=5000 pytest -m long -s tests/emla_cosim/test_any_command.py
 """
 
 import os
@@ -12,13 +12,15 @@ import stat
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import HealthCheck, example, given
 from typer.testing import CliRunner
 
 from emla_cosim.cli.app import app
 from tests.support.command_lines import FMUS, FOLDER, Surroundings, commands, place, surroundings
+from tests.support.long import examples
 from tests.support.odd_files import Materials
 from tests.support.whole_files import assert_whole
 
@@ -28,8 +30,10 @@ from tests.support.command_server import CLOSED, FULL, USABLE, Call, CommandServ
 EXAMPLES = int(os.environ.get("EMLA_COMMAND_EXAMPLES", "100"))
 COLD = max(EXAMPLES // 25, 1)
 """Examples in processes that import everything themselves."""
+FEW = 15
+"""Examples that every run of the suite tries."""
 
-ANY = {"suppress_health_check": [HealthCheck.function_scoped_fixture], "print_blob": False}
+ANY: dict[str, Any] = {"suppress_health_check": [HealthCheck.function_scoped_fixture], "print_blob": False}
 SHORT = ("run", "lift", "--fmus", FMUS, "--no-plots", "--stop-time", "0.002", "--output", "out")
 
 CONTROL = re.compile(r"\x1b\[[?0-9;]*[A-Za-z]")
@@ -56,9 +60,7 @@ def materials(python_fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory)
 
 
 @pytest.fixture(scope="module")
-def attempt(
-    materials: Materials, user_cache: dict[str, str], tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Attempt]:
+def attempt(materials: Materials, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attempt]:
     """Make a call in a new folder, and look at what came of it."""
     counts = Counter[str]()
     with CommandServer(materials.fmus) as server:
@@ -84,7 +86,7 @@ def attempt(
                     given,
                     str(here),
                     around.streams,
-                    {"TMPDIR": str(temporary), **user_cache, **own},
+                    {"TMPDIR": str(temporary), **own},
                     around.encoding,
                     around.largest,
                     cold=cold,
@@ -133,7 +135,7 @@ def check_files(folder: Path, inputs: dict[Path, tuple[int, bytes]], arguments: 
     assert_whole(folder)
 
 
-@settings(max_examples=EXAMPLES - COLD, **ANY)
+@examples(FEW, EXAMPLES - COLD, **ANY)
 @example(arguments=SHORT, around=Surroundings(largest=0))
 @example(arguments=SHORT, around=Surroundings(largest=1))
 @example(arguments=("run", "ok.ssp", *SHORT[2:]), around=Surroundings(largest=0))
@@ -144,7 +146,7 @@ def test_any_command(arguments: tuple[str, ...], around: Surroundings, attempt: 
     attempt(arguments, around, False)
 
 
-@settings(max_examples=COLD, **ANY)
+@examples(1, COLD, **ANY)
 @given(arguments=commands, around=surroundings)
 def test_any_command_that_imports_everything(
     arguments: tuple[str, ...], around: Surroundings, attempt: Attempt

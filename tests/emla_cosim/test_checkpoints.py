@@ -19,7 +19,7 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from typer.testing import CliRunner, Result
 
 import emla_cosim.recorders.checkpoints
@@ -30,6 +30,7 @@ from emla_cosim.master.stepping.stepping import Stepping
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault, run_system, wired
 from tests.support.full_disk import files_of_at_most
+from tests.support.long import examples, mostly_long
 from tests.support.whole_files import names
 
 Emla = Callable[..., Result]
@@ -83,23 +84,26 @@ FIXED = ("0.0355", "0.07")
 BACKWARDS = ",".join(f"lift.{c}" for c in ("controller", "plant", "observer", "disturbance", "reference"))
 
 
+CONTINUED: list[tuple[list[str], tuple[str, str]]] = [
+    (["--algorithm", "jacobi"], FIXED),
+    (["--algorithm", "gauss-seidel", "--extrapolation", "fmu"], FIXED),
+    (["--algorithm", "jacobi", "--extrapolation", "master", "--no-kernel"], FIXED),
+    (["--step-multiple", "lift.controller=10", "--extrapolation", "fmu"], FIXED),  # waits at 0.0355 s
+    (["--step-multiple", "lift.plant=3", "--no-kernel"], FIXED),
+    (["--order", BACKWARDS], FIXED),
+    (["--algorithm", "strong"], ("0.0125", "0.02")),
+    (["--algorithm", "strong", "--extrapolation", "fmu"], ("0.0125", "0.02")),
+    (
+        ["--error-tolerance", "1e-2", "--extrapolation", "fmu", "--output-interval", "1e-3"],
+        ("0.011", "0.02"),
+    ),
+    (["--flavour", "python"], ("0.0055", "0.01")),
+]
+
+
 @pytest.mark.parametrize(
     ("options", "stops"),
-    [
-        (["--algorithm", "jacobi"], FIXED),
-        (["--algorithm", "gauss-seidel", "--extrapolation", "fmu"], FIXED),
-        (["--algorithm", "jacobi", "--extrapolation", "master", "--no-kernel"], FIXED),
-        (["--step-multiple", "lift.controller=10", "--extrapolation", "fmu"], FIXED),  # waits at 0.0355 s
-        (["--step-multiple", "lift.plant=3", "--no-kernel"], FIXED),
-        (["--order", BACKWARDS], FIXED),
-        (["--algorithm", "strong"], ("0.0125", "0.02")),
-        (["--algorithm", "strong", "--extrapolation", "fmu"], ("0.0125", "0.02")),
-        (
-            ["--error-tolerance", "1e-2", "--extrapolation", "fmu", "--output-interval", "1e-3"],
-            ("0.011", "0.02"),
-        ),
-        (["--flavour", "python"], ("0.0055", "0.01")),
-    ],
+    mostly_long(CONTINUED, [x for i, x in enumerate(CONTINUED) if i not in (0, 4, 5, 6)]),
     ids=lambda x: " ".join(x)[:60] if isinstance(x, list) else "",
 )
 def test_a_continued_run_leaves_the_same_bytes(
@@ -338,7 +342,7 @@ def test_a_damaged_checkpoint_is_one_sentence_of_the_command(made: Path, emla: E
     assert text.startswith("'c' is not a checkpoint, or is damaged: ")
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(20, 100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(part=st.floats(0.0, 1.0, exclude_max=True))
 def test_a_checkpoint_cut_anywhere_is_refused(part: float, made: Path, tmp_path: Path) -> None:
     content = (made / "c").read_bytes()
@@ -347,7 +351,7 @@ def test_a_checkpoint_cut_anywhere_is_refused(part: float, made: Path, tmp_path:
         load_checkpoint(tmp_path / "c")
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(50, 300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(part=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(1, 255))
 def test_a_byte_that_changed_is_noticed_or_does_not_matter(
     part: float, change: int, made: Path, tmp_path: Path
@@ -445,7 +449,7 @@ def places(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]
         yield from places(value, (*path, key))
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(15, 60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_checkpoint_made_by_hand_is_one_sentence_at_the_most(
     data: st.DataObject, made: Path, emla: Emla, tmp_path: Path

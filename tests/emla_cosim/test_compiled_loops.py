@@ -25,6 +25,7 @@ from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import counts_of, faulty, loop_with_a_fault, open_system, wired
 from tests.support.lanes import in_lanes
 from tests.support.linear import LinearSlave, connected
+from tests.support.long import mostly_long
 from tests.support.simulated import Table, begun, recorded
 from tests.support.slaves import FakeSlave, compilable, fmu_slave
 from tests.support.two_masses import elastic_load, rigid_load
@@ -155,7 +156,8 @@ NETWORKS: dict[str, Build] = {
 }
 
 
-THREADS = pytest.mark.parametrize("shared", [None, 1, 2], ids=["alone", "threads", "other threads"])
+THREADS = pytest.mark.parametrize("shared", mostly_long([None, 1, 2], [None, 1]))
+"""The seeds by which threads share the steps; None is one thread alone."""
 
 
 @THREADS

@@ -28,6 +28,7 @@ from emla_cosim.system.model import Alias, System
 from tests.support.command_server import Call, CommandServer
 from tests.support.faulty_fmu import MARK, Fault, build_faulty_fmu
 from tests.support.faulty_systems import line_with_a_fault
+from tests.support.long import mostly_long
 from tests.support.waiting import has_rows, wait_for
 from tests.support.whole_files import names
 
@@ -143,9 +144,20 @@ def whole(package: Path, **options: Any) -> polars.DataFrame:
         return simulation.run().to_polars()
 
 
-@pytest.mark.parametrize("isolated", [False, True], ids=["guarded", "isolated"])
-@pytest.mark.parametrize("stepped", STEPPED)
-@pytest.mark.parametrize("fault", DEADLY, ids=lambda f: f.name)
+WAYS = [(fault, stepped, isolated) for fault in DEADLY for stepped in STEPPED for isolated in (False, True)]
+FEW_WAYS = [
+    (Fault.EXIT, "compiled", False),
+    (Fault.SEGFAULT, "compiled", True),
+    (Fault.SEGFAULT, "interpreted", False),
+    (Fault.ABORT, "strong", False),
+    (Fault.EXIT, "strong", True),
+    (Fault.SEGFAULT_GET_REAL, "error control", False),
+    (Fault.SEGFAULT_GET_REAL, "compiled", True),
+]
+"""All faults, ways of stepping and kinds of processes, but not each with each."""
+
+
+@pytest.mark.parametrize(("fault", "stepped", "isolated"), mostly_long(WAYS, FEW_WAYS))
 def test_an_fmu_that_ends_the_process_is_named_and_every_row_is_kept(
     fault: Fault, stepped: str, isolated: bool, package: Path, server: CommandServer, tmp_path: Path
 ) -> None:
@@ -180,8 +192,10 @@ def test_an_fmu_that_ends_the_process_before_the_first_step(package: Path, tmp_p
 
 
 @pytest.mark.parametrize("fault", LATE, ids=lambda f: f.name)
-def test_results_are_complete_before_fmus_are_ended(fault: Fault, package: Path, tmp_path: Path) -> None:
-    sentence = failed(running(tmp_path, package, fault, "--algorithm", "strong"), tmp_path)
+def test_results_are_complete_before_fmus_are_ended(
+    fault: Fault, package: Path, server: CommandServer, tmp_path: Path
+) -> None:
+    sentence = failed_soon(server, tmp_path, *of_the_line(package, fault), "--algorithm", "strong")
     assert f"j.bad ended the process in {LATE[fault]} (SIGSEGV), when the results were complete." in sentence
     assert record(tmp_path)["status"] in sentence
     assert record(tmp_path)["components"]["j.bad"]["parameters"]["fault"] == str(fault.value)
@@ -189,9 +203,11 @@ def test_results_are_complete_before_fmus_are_ended(fault: Fault, package: Path,
     assert json.loads((tmp_path / "out/metrics.json").read_text())["run"]["steps"] == 10
 
 
-def test_an_end_when_fmus_are_freed_hides_no_earlier_problem(package: Path, tmp_path: Path) -> None:
+def test_an_end_when_fmus_are_freed_hides_no_earlier_problem(
+    package: Path, server: CommandServer, tmp_path: Path
+) -> None:
     more = ("--set", f"j.sink.fault={Fault.SEGFAULT_FREE.value}")
-    sentence = failed(running(tmp_path, package, Fault.ERROR, *more), tmp_path)
+    sentence = failed_soon(server, tmp_path, *of_the_line(package, Fault.ERROR), *more)
     assert "j.bad answered doStep at t = 0.3 s with fmi2Error" in sentence
     assert "Then j.sink ended the process in freeInstance (SIGSEGV)" in sentence
     assert record(tmp_path)["status"] in sentence
@@ -224,16 +240,19 @@ def test_a_run_that_is_killed_between_its_last_row_and_its_files_gets_them(
     assert "killed" in record(tmp_path)["status"]
 
 
-@pytest.mark.parametrize("fault", LATE, ids=lambda f: f.name)
-def test_an_isolated_fmu_may_end_as_it_likes(fault: Fault, package: Path, tmp_path: Path) -> None:
-    process = running(tmp_path, package, fault, "--algorithm", "strong", "--isolate")
-    process.communicate(timeout=60.0)
-    assert process.returncode == 0
+@pytest.mark.parametrize("fault", mostly_long(LATE, [Fault.SEGFAULT_FREE]), ids=lambda f: f.name)
+def test_an_isolated_fmu_may_end_as_it_likes(
+    fault: Fault, package: Path, server: CommandServer, tmp_path: Path
+) -> None:
+    isolated = (*of_the_line(package, fault), "--algorithm", "strong", "--isolate", "j.bad")
+    assert server.call(Call(list(isolated), str(tmp_path), patience=60.0)).code == 0
     assert record(tmp_path)["status"] == "completed"
 
 
-def test_parquet_keeps_what_was_written_in_parts(package: Path, tmp_path: Path) -> None:
-    failed(running(tmp_path, package, Fault.SEGFAULT, "--output-format", "parquet"), tmp_path)
+def test_parquet_keeps_what_was_written_in_parts(
+    package: Path, server: CommandServer, tmp_path: Path
+) -> None:
+    failed_soon(server, tmp_path, *of_the_line(package, Fault.SEGFAULT), "--output-format", "parquet")
     rows = polars.read_parquet(tmp_path / "out/results.parquet")
     assert rows["time"].to_list() == pytest.approx([0.0, 0.1, 0.2, 0.3])
     assert names(tmp_path / "out") == {"results.parquet", "metrics.json", "run.json"}
@@ -284,12 +303,22 @@ def test_nobody_survives_a_parent_that_is_killed(isolated: bool, package: Path, 
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"algorithm": "jacobi", "extrapolation": "fmu"}, {"algorithm": "strong"}]
+    ("options", "isolated"),
+    [
+        ({}, True),
+        ({"algorithm": "jacobi", "extrapolation": "fmu"}, ["lift.plant"]),
+        ({"algorithm": "strong"}, ["lift.plant"]),
+        pytest.param({}, ["lift.plant"], marks=pytest.mark.long),
+        pytest.param({"algorithm": "jacobi", "extrapolation": "fmu"}, True, marks=pytest.mark.long),
+        pytest.param({"algorithm": "strong"}, True, marks=pytest.mark.long),
+    ],
 )
-def test_isolation_changes_no_bit(options: dict[str, Any], fmu_folder: Path) -> None:
+def test_isolation_changes_no_bit(
+    options: dict[str, Any], isolated: bool | list[str], fmu_folder: Path
+) -> None:
     scenario = ec.load("lift", stop_time=0.02, fmus=fmu_folder, **options)
     results = []
-    for isolate in (False, ["lift.plant"], True):
+    for isolate in (False, isolated):
         with scenario.prepare(isolate=isolate) as simulation:
             results += [simulation.run().to_polars(), simulation.run(fresh=True).to_polars()]
     assert all(results[0].equals(other) for other in results[1:])
@@ -324,7 +353,7 @@ def test_a_simulation_goes_on_with_a_new_process(package: Path) -> None:
 
 def test_what_an_isolated_fmu_refuses_is_told_as_ever(package: Path) -> None:
     found = []
-    for isolate in (False, True):
+    for isolate in (False, ["j.bad"]):
         with load(package).prepare(isolate=isolate) as simulation:
             for fault in (Fault.ERROR, Fault.GET_REAL, Fault.DISCARD, Fault.TERMINATE, Fault.SET_REAL):
                 with pytest.raises(ec.RunError) as error:
@@ -333,16 +362,16 @@ def test_what_an_isolated_fmu_refuses_is_told_as_ever(package: Path) -> None:
     assert found[:5] == found[5:]
 
 
-def test_isolate_takes_names_patterns_and_all(package: Path, tmp_path: Path) -> None:
+def test_isolate_takes_names_patterns_and_all(package: Path, server: CommandServer, tmp_path: Path) -> None:
     with pytest.raises(ec.CommandError, match=r"no component is called 'j\.bat'; did you mean j\.bad"):
         load(package).prepare(isolate=["j.bat"])
     file = tmp_path / "isolated.toml"
     file.write_text(f'system = "{package}"\nisolate = true\n')
     assert load(file).options.isolated == ["*"]
     for options in (["--isolate"], ["--isolate", "j.s*", "--no-plots"], ["--isolate=j.bad"]):
-        process = running(tmp_path, package, Fault.NONE, *options)
-        _, errors = process.communicate(timeout=60.0)
-        assert process.returncode == 0, errors
+        arguments = [*of_the_line(package, Fault.NONE), *options]
+        ended = server.call(Call(arguments, str(tmp_path), patience=60.0))
+        assert ended.code == 0, ended.stderr
         assert len(record(tmp_path)["settings"]["isolate"]) == 1
 
 
@@ -439,7 +468,7 @@ def test_what_asks_for_the_end_after_the_last_step_waits_for_the_files(package: 
     assert {p.name for p in (tmp_path / "out").iterdir()} >= {"metrics.json", "run.json", "results.csv"}
 
 
-@pytest.mark.parametrize("after", [0.2, 0.3, 0.5, 0.8, 1.1])
+@pytest.mark.parametrize("after", mostly_long([0.2, 0.3, 0.5, 0.8, 1.1], [0.3, 0.8]))
 def test_a_run_that_is_ended_while_it_starts_says_so(after: float, package: Path, tmp_path: Path) -> None:
     process = running(tmp_path, package, Fault.NONE)
     wait_for(lambda: any((tmp_path / "temporary").iterdir()) or process.poll() is not None)

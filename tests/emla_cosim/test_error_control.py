@@ -22,6 +22,7 @@ from emla_cosim.master.stepping.timing import clock, timing
 from emla_cosim.master.stretches import simulate
 from emla_cosim.run.options import Options
 from tests.support.linear import LinearSlave, Whole, connected
+from tests.support.long import mostly_long
 from tests.support.simulated import Table, begun, recorded, simulated
 from tests.support.slaves import FakeSlave
 from tests.support.two_masses import MASS, STIFFNESS, Part, rigid_load
@@ -143,7 +144,7 @@ def oscillators() -> Part:
 
 @all_algorithms
 @all_extrapolations
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+@pytest.mark.parametrize("tolerance", mostly_long([1e-3, 1e-5], [1e-3]))
 def test_local_errors_are_near_the_tolerance(name: str, extrapolation: str, tolerance: float) -> None:
     """Against the closed form, begun anew at every accepted point; per unit step with order 2."""
     slaves, wires = oscillators()

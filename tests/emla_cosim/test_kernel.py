@@ -12,7 +12,7 @@ from pathlib import Path
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.explicit import Explicit
@@ -34,6 +34,7 @@ from emla_cosim.system.model import Component, System
 from tests.support.faulty_fmu import build_faulty_fmu
 from tests.support.faulty_systems import faulty, open_system, wired
 from tests.support.lanes import in_lanes
+from tests.support.long import examples, mostly_long
 from tests.support.simulated import Table, begun, recorded
 from tests.support.slaves import FakeSlave, compilable
 
@@ -86,9 +87,11 @@ def study_rows(
         return rows(assembly.network, make, times, compiled=compiled, every=every, shared=shared)
 
 
-@pytest.mark.parametrize("multiples", [{}, {"lift.controller": 2, "tilt.observer": 3, "tilt.reference": 6}])
-@pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
-@pytest.mark.parametrize("kind", KINDS)
+SLOWER = {"lift.controller": 2, "tilt.observer": 3, "tilt.reference": 6}
+WAYS = [(kind, way, multiples) for multiples in ({}, SLOWER) for way in EXTRAPOLATIONS for kind in KINDS]
+
+
+@pytest.mark.parametrize(("kind", "extrapolation", "multiples"), mostly_long(WAYS, WAYS[::2]))
 def test_the_study_has_the_same_bits(
     kind: type[Sampling], extrapolation: str, multiples: Mapping[str, int], fmu_folder: Path
 ) -> None:
@@ -152,7 +155,7 @@ def systems(fmus: tuple[Path, Path], halved: bool) -> st.SearchStrategy[System]:
     return st.integers(2, 6).flatmap(of)
 
 
-@settings(max_examples=100)
+@examples(30, 100)
 @given(data=st.data())
 def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Path]) -> None:
     kind = data.draw(st.sampled_from(KINDS), label="algorithm")

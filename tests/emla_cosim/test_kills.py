@@ -2,7 +2,7 @@
 
 To end more runs than CI does:
 
-    EMLA_KILLS=60 pytest -s tests/emla_cosim/test_kills.py
+    EMLA_KILLS=60 pytest -m "" -s tests/emla_cosim/test_kills.py
 """
 
 import os
@@ -21,6 +21,7 @@ from typer.testing import CliRunner, Result
 
 from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint
+from tests.support.long import mostly_long
 from tests.support.whole_files import assert_whole
 
 pytestmark = pytest.mark.skipif(
@@ -125,7 +126,7 @@ def instant(number: int) -> tuple[str, float]:
     return wanted, (number // 5 * 0.618 + 0.1 * (number % 5)) % 1.0
 
 
-@pytest.mark.parametrize("number", range(KILLS))
+@pytest.mark.parametrize("number", mostly_long(range(KILLS), range(min(KILLS, 5))))
 def test_a_run_that_is_ended_at_any_instant(
     number: int, undisturbed: Undisturbed, fmu_folder: Path, counts: Counter[str], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

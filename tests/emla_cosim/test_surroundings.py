@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.long import mostly_long
 from tests.support.waiting import has_rows, wait_for
 from tests.support.whole_files import names
 
@@ -36,7 +37,10 @@ def ended(
     )
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "gbk", "shift_jis", "cp949", "latin-1", "utf-16"])
+ENCODINGS = ["ascii", "gbk", "shift_jis", "cp949", "latin-1", "utf-16"]
+
+
+@pytest.mark.parametrize("encoding", mostly_long(ENCODINGS, ["ascii", "utf-16"]))
 def test_any_encoding_shows_the_table(encoding: str, fmu_folder: Path, tmp_path: Path) -> None:
     done = ended(
         fmu_folder, tmp_path, *RUN, "--stop-time", "0.35", environment={"PYTHONIOENCODING": encoding}
@@ -66,10 +70,12 @@ def test_a_full_standard_output_is_told_and_the_files_are_there(fmu_folder: Path
 @pytest.mark.skipif(
     not FULL.exists(), reason="There is no `/dev/full`, the device without space, on this machine."
 )
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["list"], ["--version"]], ids=" ".join)
-def test_help_that_cannot_be_put_out_is_one_sentence(arguments: list[str]) -> None:
+@pytest.mark.parametrize(
+    "arguments", mostly_long(["--help", "run --help", "list", "--version"], ["run --help", "list"])
+)
+def test_help_that_cannot_be_put_out_is_one_sentence(arguments: str) -> None:
     with FULL.open("wb") as full:
-        done = subprocess.run([*EMLA, *arguments], stdout=full, stderr=subprocess.PIPE, check=False)
+        done = subprocess.run([*EMLA, *arguments.split()], stdout=full, stderr=subprocess.PIPE, check=False)
     assert done.returncode == 1
     assert done.stderr == b"Error: the standard output cannot be written: No space left on device.\n"
 
@@ -82,14 +88,20 @@ def test_ctrl_c_while_a_command_is_imported_is_told() -> None:
     assert (done.returncode, done.stderr) == (1, b"Interrupted.\n")
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+SIGNALS = ["SIGTERM", "SIGHUP", "SIGINT"]
+
+
+@pytest.mark.parametrize("name", mostly_long(SIGNALS, ["SIGTERM"]))
 def test_what_is_done_cannot_be_ended_early(name: str) -> None:
     code = f"import atexit, signal; atexit.register(signal.raise_signal, signal.{name})\n{EMLA[2]}"
     done = subprocess.run([sys.executable, "-c", code, "list"], capture_output=True, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-@pytest.mark.parametrize("closed", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"])
+CLOSED = ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"]
+
+
+@pytest.mark.parametrize("closed", mostly_long(CLOSED, ["1>&-", "0<&- 1>&- 2>&-"]))
 def test_closed_streams_harm_nobody(closed: str, fmu_folder: Path, tmp_path: Path) -> None:
     command = " ".join([f"exec '{sys.executable}' -c '{EMLA[2]}'", *RUN, "--stop-time 0.002", "--fmus", "$F"])
     environment = surroundings(fmu_folder, tmp_path, F=str(fmu_folder))
@@ -112,7 +124,7 @@ def test_what_happens_while_importing_is_one_line(error: str, fmu_folder: Path, 
     assert done.stdout == b""
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+@pytest.mark.parametrize("name", mostly_long(SIGNALS, ["SIGHUP"]))
 @pytest.mark.parametrize("phase", ["preparing", "simulating"])
 def test_a_polite_end_keeps_what_was_computed_and_tidies_up(
     name: str, phase: str, fmu_folder: Path, tmp_path: Path
@@ -150,7 +162,7 @@ def test_a_polite_end_keeps_what_was_computed_and_tidies_up(
         assert b"Interrupted." in errors
 
 
-@pytest.mark.parametrize("place", ["read-only", "a file", "missing"])
+@pytest.mark.parametrize("place", mostly_long(["read-only", "a file", "missing"], ["a file"]))
 def test_a_loop_that_cannot_be_kept_is_compiled_and_that_is_said_once(
     place: str, fmu_folder: Path, tmp_path: Path
 ) -> None:
@@ -173,7 +185,7 @@ def test_a_loop_that_cannot_be_kept_is_compiled_and_that_is_said_once(
         subprocess.run(["umount", cache / "code"], check=False, stderr=subprocess.DEVNULL)
 
 
-@pytest.mark.parametrize("megabytes", [100, 300, 500, 700, 900, 1100])
+@pytest.mark.parametrize("megabytes", mostly_long([100, 300, 500, 700, 900, 1100], [300, 700]))
 def test_too_little_memory_is_one_sentence(megabytes: int, fmu_folder: Path, tmp_path: Path) -> None:
     limit = f"--as={megabytes * 2**20}"
     command = ["prlimit", limit, *EMLA, *RUN, "--no-plots", "--fmus", str(fmu_folder)]

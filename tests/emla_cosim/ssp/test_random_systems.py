@@ -18,6 +18,7 @@ from emla_cosim.ssp.reader.reading import read_ssp
 from emla_cosim.ssp.writer.writing import Experiment, write_ssp
 from emla_cosim.system.model import Alias, Component, Connection, System
 from emla_cosim.system.resolution import resolved
+from tests.support import long
 from tests.support.ssp_documents import ITEMS, UNITS, fake_fmu
 
 LENGTHS = {"m": UNITS["m"], "mm": UNITS["mm"], "inch": 'm="1" factor="0.0254"', "odd": 'm="1" offset="0.5"'}
@@ -177,7 +178,7 @@ def written(path: Path, system: System, fmus: dict[str, Path], nested: bool) -> 
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.too_slow])
+@long.examples(30, 100, suppress_health_check=[HealthCheck.too_slow])
 @given(examples())
 def test_there_and_back(fmus: dict[str, Path], example: Example) -> None:
     files = {name: fmus[model] for name, model in example.models.items()}
