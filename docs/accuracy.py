@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from emla_cosim.master.algorithms.registry import ALGORITHMS
-from emla_cosim.master.slaves.fmu_slave import FmuSlave
+from emla_cosim.master.instances.in_process_instance import InProcessInstance
 from emla_cosim.study.loading import load
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
 
@@ -68,13 +68,13 @@ class Joint:
 @contextmanager
 def counted() -> Iterator[list[int]]:
     """Counts the steps that slaves are asked for, in Python: compiled code calls past it."""
-    calls, do_step = [0], FmuSlave.do_step
+    calls, do_step = [0], InProcessInstance.do_step
 
-    def counting(slave: FmuSlave, time: float, step: float) -> None:
+    def counting(slave: InProcessInstance, time: float, step: float) -> None:
         calls[0] += 1
         do_step(slave, time, step)
 
-    with patch.object(FmuSlave, "do_step", counting):
+    with patch.object(InProcessInstance, "do_step", counting):
         yield calls
 
 

@@ -9,9 +9,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
+from emla_cosim.ssp.documents.ssd_data import Connector, Element, SsdConnection, SystemElement
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
-from emla_cosim.ssp.documents.structure import Connection, Connector, Element, SystemElement
-from emla_cosim.ssp.reader.package import opened
+from emla_cosim.ssp.reader.package import open_package
 from emla_cosim.study.loading import load
 
 HERE = Path(__file__).parent
@@ -33,7 +33,7 @@ def exported(scenario: str) -> SystemElement:
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / f"{scenario}.ssp"
         load(scenario).export(package, fmus=Path(folder))
-        with opened(package) as content:
+        with open_package(package) as content:
             return parse_structure(content.ssd.read_bytes(), package.name).system
 
 
@@ -51,14 +51,14 @@ def end(system: SystemElement, element: str | None, connector: str) -> Point:
     return place(owner, next(c for c in owner.connectors if c.name == connector))
 
 
-def line(system: SystemElement, connection: Connection) -> list[Point]:
+def line(system: SystemElement, connection: SsdConnection) -> list[Point]:
     """The corners of a connection from its source to its target."""
     start = end(system, connection.start_element, connection.start_connector)
     target = end(system, connection.end_element, connection.end_connector)
     return [start, *connection.waypoints, target]
 
 
-def leaving(system: SystemElement, element: Element) -> list[Connection]:
+def leaving(system: SystemElement, element: Element) -> list[SsdConnection]:
     """Connections that begin at an element."""
     return [c for c in system.connections if c.start_element == element.name]
 

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import emla_cosim as ec
-from emla_cosim.study.roles import JOINTS, variable
+from emla_cosim.study.roles import JOINTS, find_variable
 
 HERE = Path(__file__).parent
 
@@ -34,7 +34,7 @@ def run(fault: str, folder: Path) -> ec.Result:
 
 def signal(result: ec.Result, joint: str, role: str) -> np.ndarray:
     """The signal of a role."""
-    return np.asarray(result[str(variable(joint, role, result.names))])
+    return np.asarray(result[str(find_variable(joint, role, result.names))])
 
 
 def envelope(result: ec.Result, joint: str) -> tuple[np.ndarray, np.ndarray]:

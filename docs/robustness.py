@@ -20,9 +20,9 @@ import emla_cosim as ec
 from emla_cosim.base.arrays import Vector
 from emla_cosim.study.registration import register
 from emla_cosim.study.systems import STUDY
-from emla_cosim.sweeps.columns import factor, figure_values, influence
-from emla_cosim.sweeps.plan import plan_of
-from emla_cosim.views.plots.style import BLUE, GREY, ORANGE, RED, save, tidied
+from emla_cosim.sweeps.columns import figure_values, influence, read_factor
+from emla_cosim.sweeps.plan import load_plan
+from emla_cosim.views.plots.style import BLUE, GREY, ORANGE, RED, save, tidy_axes
 
 HERE = Path(__file__).parent
 
@@ -47,7 +47,7 @@ class Joint:
         self.outcomes = np.where(self.figure("held") == 1.0, HELD, ended)
         study = STUDY[name]
         away = np.sign(study.start.x_L - study.reference.q_S)
-        self.start_mm = 1e3 * away * (factor(result, f"{name}.start").values - study.reference.q_S)
+        self.start_mm = 1e3 * away * (read_factor(result, f"{name}.start").values - study.reference.q_S)
         self.speed = self.figure("speed_peak_m_s") / study.emla.v_max
 
     def figure(self, name: str) -> Vector:
@@ -61,7 +61,7 @@ class Joint:
     def followed(self, values: Vector, count: int) -> list[tuple[str, float]]:
         """The factors with the largest rank correlation with values."""
         names = [n for n in self._result.factors if n.startswith(f"{self.name}.")]
-        found = [(n.partition(".")[2], influence(factor(self._result, n), values)) for n in names]
+        found = [(n.partition(".")[2], influence(read_factor(self._result, n), values)) for n in names]
         return sorted(found, key=lambda one: -one[1])[:count]
 
 
@@ -91,7 +91,7 @@ def draw_approach(joint: Joint, axes: Axes) -> None:
     axes.axhline(1.0, color=GREY, linewidth=0.8)
     axes.set_title(f"{joint.name}: {(joint.outcomes == HELD).mean():.1%} held", fontsize=10)
     axes.set_xlabel("start behind the reference / mm", fontsize=9)
-    tidied(axes)
+    tidy_axes(axes)
     axes.set_ylim(bottom=0.0)
 
 
@@ -100,7 +100,7 @@ def draw_followed(joint: Joint, axes: Axes) -> None:
     found = joint.followed(joint.of_held("position_error_m"), 6)[::-1]
     axes.barh([name for name, _ in found], [value for _, value in found], color=BLUE)
     axes.set_xlim(0.0, 1.0)
-    tidied(axes)
+    tidy_axes(axes)
 
 
 def told(joints: Sequence[Joint]) -> Iterable[str]:
@@ -124,7 +124,7 @@ def told(joints: Sequence[Joint]) -> Iterable[str]:
 def sweep_tilt(folder: Path) -> None:
     """Run the factors of tilt alone as a Saltelli sample."""
     register()
-    plan = plan_of("study-robustness")
+    plan = load_plan("study-robustness")
     vary = {n: d for n, d in plan.vary.items() if n.startswith(("*.", "tilt."))}
     set_ = {n: v for n, v in plan.options.get("set", {}).items() if n.startswith("tilt.")}
     alone = replace(

@@ -25,7 +25,7 @@ from tests.support.toy_fmu import build_toy
 if TYPE_CHECKING:  # these take a while to load
     from distributed import Client
 
-    from emla_cosim.sweeps.local_cluster import Place
+    from emla_cosim.sweeps.local_cluster import ClusterAddress
 
 use_memory_disk()
 
@@ -154,7 +154,7 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def machine() -> "Iterator[Place]":
+def machine() -> "Iterator[ClusterAddress]":
     """A local cluster of two workers; one that idles costs a twentieth of a core."""
     from emla_cosim.sweeps.local_cluster import local_cluster
 
@@ -165,7 +165,7 @@ def machine() -> "Iterator[Place]":
 
 
 @pytest.fixture(scope="module")
-def cluster(machine: "Place") -> "Iterator[Client]":
+def cluster(machine: "ClusterAddress") -> "Iterator[Client]":
     """A client of that cluster, for sweeps that end none of its workers."""
     from distributed import Client
 
@@ -176,7 +176,7 @@ def cluster(machine: "Place") -> "Iterator[Client]":
 @pytest.fixture
 def on_one_cluster(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sweeps that would start a cluster go to that one: it takes 3 s, and sweep/ tests it often enough."""
-    farm = import_module("emla_cosim.sweeps.farm")
+    farm = import_module("emla_cosim.sweeps.executor")
     monkeypatch.setattr(farm, "local_cluster", lambda _: nullcontext(request.getfixturevalue("machine")))
 
 

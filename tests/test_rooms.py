@@ -21,18 +21,18 @@ LATE = {
         START,
         {
             "cli.completion",
-            "cli.commands.failing",
+            "cli.commands.error_exit",
             "cli.commands.options",
-            "cli.commands.wanted",
+            "cli.commands.verbosity",
             "run.options",
         },
     ),
-    "cli.commands.failing": (START, {"views.terminal"}),
-    "cli.commands.wanted": (START, {"views.terminal"}),
+    "cli.commands.error_exit": (START, {"views.terminal"}),
+    "cli.commands.verbosity": (START, {"views.terminal"}),
     "cli.completion": (START, {"study.controllers", "fmu.models", "run.options"}),
     "cli.program": (
         START,
-        {"cli.app", "cli.completion", "cli.commands.rescue", "sandbox.black_box", "sandbox.guard"},
+        {"cli.app", "cli.completion", "cli.commands.crash_rescue", "sandbox.black_box", "sandbox.guard"},
     ),
     "master.stepping.compilation": (ON_DEMAND, {"master.stepping.kernel"}),
     "run.result": (
@@ -40,7 +40,7 @@ LATE = {
         {"recorders.stored", "views.animation", "views.output_folder", "views.plots.overlay"},
     ),
     "study.joint": (ON_DEMAND, {"fmu.interface"}),
-    "verification.asking": (ON_DEMAND, {"verification.host.instance"}),
+    "verification.check_runner": (ON_DEMAND, {"verification.host.hosted_instance"}),
     "verification.checks.systems": (ON_DEMAND, {"study.loading"}),
     "verification.pytest_plugin": (
         NOTHING,
@@ -48,16 +48,16 @@ LATE = {
             "base.errors",
             "recorders.tubes.tolerance",
             "verification.examination",
-            "verification.once",
+            "verification.compute_once",
             "verification.settings",
             "verification.verdict",
-            "verification.verifying",
+            "verification.runner",
         },
     ),
-    "verification.references.files": (ON_DEMAND, {"recorders.csv_file"}),
+    "verification.references.reference_files": (ON_DEMAND, {"recorders.csv_file"}),
     "verification.report": (ON_DEMAND, {"verification.junit", "verification.page"}),
     "views.output_folder": (ON_DEMAND, {"views.run_page.page"}),
-    "views.terminal": (START, {"recorders.tubes.comparing"}),
+    "views.terminal": (START, {"recorders.tubes.signal_check"}),
 }
 """Modules that import others of ours inside functions, why, and which."""
 

@@ -10,7 +10,7 @@ import pytest
 from lxml import html
 
 import fmublock
-from emla_cosim.run.options import table
+from emla_cosim.run.options import list_options
 from tests.support.paths import ROOT
 
 pytest.importorskip("mkdocs", reason="The extra 'docs' is not installed.")
@@ -69,7 +69,7 @@ def test_every_public_name_is_in_the_reference(site: Path, module: str, names: s
 def test_every_option_is_in_the_table(site: Path) -> None:
     words = page(site, "command-line.html").xpath("//td[1]/code/text()")
     flags = {word.split()[0].rstrip(",") for word in words}
-    assert {option.flag for option in table().values()} <= flags
+    assert {option.flag for option in list_options().values()} <= flags
 
 
 def test_pages_need_nothing_from_elsewhere(site: Path) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from emla_cosim.base.option import OUTPUT, RUN, STEPPING, SYSTEM, Option
-from emla_cosim.run.options import table
+from emla_cosim.run.options import list_options
 
 _VALUES = {"Path": "PATH", "float": "NUMBER", "str": "NAME"}
 
@@ -18,7 +18,7 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 def _lines() -> Iterator[str]:
     for group in (SYSTEM, STEPPING, OUTPUT):
         yield f"### {group}\n\n| Command line | Name elsewhere | Meaning |\n|---|---|---|"
-        yield from (_row(option) for option in table().values() if option.about.group == group)
+        yield from (_row(option) for option in list_options().values() if option.about.group == group)
         yield ""
 
 

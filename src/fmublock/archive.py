@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import BuildError
-from .files import real_place, written_whole
+from .files import real_place, write_atomically
 
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 _KEY = "fmublock key "  # a zip's comment is no part of the FMU; repacking leaves it out
@@ -39,25 +39,25 @@ def key_comment(key: str) -> bytes:
 
 
 @dataclass(frozen=True)
-class Built:
+class BuiltFmu:
     """An FMU file as it was built: its key, and the platforms that it has binaries for."""
 
     key: str | None = None
     platforms: frozenset[str] = frozenset()
 
 
-def read_built(path: Path) -> Built:
+def read_built(path: Path) -> BuiltFmu:
     """What a file tells without being unpacked; nothing if it is missing, cut off, or no zip."""
     if not os.path.isfile(path):  # noqa: PTH113 (it raises nothing); a pipe would have to be waited for
-        return Built()
+        return BuiltFmu()
     try:
         with zipfile.ZipFile(path) as archive:
             comment = archive.comment.decode(errors="replace")
             names = archive.namelist()
     except (OSError, zipfile.BadZipFile):
-        return Built()
+        return BuiltFmu()
     platforms = frozenset(name.split("/")[1] for name in names if name.startswith("binaries/"))
-    return Built(comment.removeprefix(_KEY) if comment.startswith(_KEY) else None, platforms)
+    return BuiltFmu(comment.removeprefix(_KEY) if comment.startswith(_KEY) else None, platforms)
 
 
 def check_replaceable(path: Path, overwrite: bool = False) -> None:
@@ -84,7 +84,7 @@ def write_archive(
     Raises OSError.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    with written_whole(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+    with write_atomically(path) as stream, zipfile.ZipFile(stream, "w") as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(name, _ZIP_EPOCH)
             entry.compress_type = zipfile.ZIP_STORED if name in stored else zipfile.ZIP_DEFLATED

@@ -52,7 +52,7 @@ _TEXTS = {
 }
 """What every operation is in C; comparisons give 0 or 1."""
 
-_DEAR = {
+_EXPENSIVE = {
     getattr(casadi, f"OP_{name}")
     for name in (
         *("DIV", "FMOD", "SQRT", "POW", "CONSTPOW", "EXP", "LOG", "SINH", "COSH", "TANH"),
@@ -155,7 +155,7 @@ class _Equations:
         saved = dict.fromkeys((c for inside in found.values() for c in inside), 0)
         for number in numbers:
             for condition in found[number]:
-                saved[condition] += _BRANCH if self._graph.operations[number].code in _DEAR else 1
+                saved[condition] += _BRANCH if self._graph.operations[number].code in _EXPENSIVE else 1
         return {n: tuple(sorted(c for c in found[n] if saved[c] >= _BRANCH)) for n in numbers}
 
     def _blocks(

@@ -25,7 +25,7 @@ def sources(folder: str) -> dict[str, bytes]:
     return {f"sources/{f.name}": f.read_bytes() for f in inside.iterdir() if f.name.endswith((".c", ".h"))}
 
 
-def compiled(
+def compile_libraries(
     name: str,
     main: str,
     content: Mapping[str, bytes],

@@ -26,7 +26,7 @@ _DERIVATIVE_CAPABILITIES = {"canInterpolateInputs": "true", "maxOutputDerivative
 
 
 @dataclass(frozen=True)
-class Offers:
+class FmuFeatures:
     """What an FMU offers beyond plain co-simulation.
 
     `derivatives` are those in a direction, of inputs and of outputs, and of the states as
@@ -44,7 +44,7 @@ def offers_model_exchange(block: Block) -> bool:
     return bool(layout.states) or not layout.discrete_states
 
 
-def described(model: str, description: str, producer: Producer, guid: str) -> Element:
+def describe_model(model: str, description: str, producer: Producer, guid: str) -> Element:
     """The element that all else stands in."""
     told = {"version": producer.version, "license": producer.license}
     return Element(
@@ -62,13 +62,13 @@ def described(model: str, description: str, producer: Producer, guid: str) -> El
 
 
 def model_description(
-    block: Block, symbolic: SymbolicBlock, producer: Producer, guid: str, offers: Offers
+    block: Block, symbolic: SymbolicBlock, producer: Producer, guid: str, offers: FmuFeatures
 ) -> bytes:
     """The model description as UTF-8 XML."""
     layout = block.layout()
     scalars = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
     name = type(block).__name__
-    root = described(name, (block.__doc__ or name).strip().splitlines()[0], producer, guid)
+    root = describe_model(name, (block.__doc__ or name).strip().splitlines()[0], producer, guid)
     if offers.model_exchange:
         root.set("numberOfEventIndicators", "0")
         _add_interface(root, "ModelExchange", name, offers, completedIntegratorStepNotNeeded="true")
@@ -105,7 +105,7 @@ def model_description(
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
 
 
-def _add_interface(root: Element, kind: str, name: str, offers: Offers, **capabilities: str) -> None:
+def _add_interface(root: Element, kind: str, name: str, offers: FmuFeatures, **capabilities: str) -> None:
     element = SubElement(
         root,
         kind,
@@ -217,7 +217,7 @@ def _number(fmi_type: str, value: float) -> str:
     return str(int(value))
 
 
-def _add_structure(root: Element, block: Block, symbolic: SymbolicBlock, offers: Offers) -> None:
+def _add_structure(root: Element, block: Block, symbolic: SymbolicBlock, offers: FmuFeatures) -> None:
     """Outputs and derivatives with what they depend on, and what initialization computes from what.
 
     Of an FMU without derivatives the states are no knowns: its outputs depend on inputs only.

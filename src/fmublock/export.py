@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .archive import content_guid, key_comment, write_archive
 from .block import Block
-from .description import Offers, model_description
+from .description import FmuFeatures, model_description
 from .documentation import docstring_page, html_page, icon, with_variables
 from .recipe import Documents, Producer
 from .symbolic import SymbolicBlock
@@ -43,7 +43,7 @@ def draft(
     producer: Producer,
     documents: Documents,
     content: Mapping[str, bytes],
-    offers: Offers,
+    offers: FmuFeatures,
 ) -> Draft:
     """Describe and document a block whose flavour adds `content`.
 

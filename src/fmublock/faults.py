@@ -17,7 +17,7 @@ from .symbol import RefusedError
 _OWN = str(Path(__file__).parent)
 
 
-class _Place(NamedTuple):
+class _SourcePlace(NamedTuple):
     """A part of a line that was being executed."""
 
     file: str
@@ -61,7 +61,7 @@ def _told(error: BaseException) -> str:
     return f"{type(error).__name__}: {text[0].rstrip('.')}" if text else type(error).__name__
 
 
-def _places(block: Block, function: Any, traceback: TracebackType | None) -> Iterator[_Place]:
+def _places(block: Block, function: Any, traceback: TracebackType | None) -> Iterator[_SourcePlace]:
     """Where the block's own text was, from the method inwards to the last place that is the user's."""
     files = {base.origin.file for base in type(block).__mro__ if issubclass(base, Block)}
     folders = {str(Path(file).parent) for file in files if file is not None} - {_OWN}
@@ -76,7 +76,7 @@ def _places(block: Block, function: Any, traceback: TracebackType | None) -> Ite
         traceback = traceback.tb_next
 
 
-def _place(code: CodeType, traceback: TracebackType) -> _Place:
+def _place(code: CodeType, traceback: TracebackType) -> _SourcePlace:
     position = next(islice(code.co_positions(), traceback.tb_lasti // 2, None))
     line, end_line, column, end_column = position
     if line is None:
@@ -84,7 +84,7 @@ def _place(code: CodeType, traceback: TracebackType) -> _Place:
     text = linecache.getline(code.co_filename, line)
     if line == end_line and column is not None:
         text = text.encode()[column:end_column].decode()
-    return _Place(code.co_filename, line, column or 0, text.strip() or "...")
+    return _SourcePlace(code.co_filename, line, column or 0, text.strip() or "...")
 
 
 def _definition(function: Callable[..., Any]) -> ast.FunctionDef | None:
@@ -104,7 +104,7 @@ def _definition(function: Callable[..., Any]) -> ast.FunctionDef | None:
     return None
 
 
-def _results_at(function: Callable[..., Any], place: _Place) -> list[str]:
+def _results_at(function: Callable[..., Any], place: _SourcePlace) -> list[str]:
     """The keys of the returned dict whose values come from this place, as far as names tell."""
     definition = _definition(function)
     names: set[str] = set()
@@ -122,9 +122,9 @@ def _results_at(function: Callable[..., Any], place: _Place) -> list[str]:
     for statement in sorted(statements, key=lambda s: s.lineno):
         match statement:
             case ast.Assign(targets=targets, value=value) if concerned(value):
-                names |= _stored(targets)
+                names |= _assigned_names(targets)
             case ast.AugAssign(target=target, value=value) if concerned(value):
-                names |= _stored([target])
+                names |= _assigned_names([target])
             case ast.If(test=value) | ast.While(test=value) | ast.For(iter=value) if (
                 concerned(value) or (statement.lineno, statement.col_offset) == place[1:3]
             ):
@@ -135,12 +135,12 @@ def _results_at(function: Callable[..., Any], place: _Place) -> list[str]:
     return results
 
 
-def _stored(targets: list[ast.expr]) -> set[str]:
+def _assigned_names(targets: list[ast.expr]) -> set[str]:
     """Names that an assignment changes."""
     return {n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)}
 
 
-def _covers(node: ast.AST, place: _Place) -> bool:
+def _covers(node: ast.AST, place: _SourcePlace) -> bool:
     start = getattr(node, "lineno", sys.maxsize), getattr(node, "col_offset", 0)
     end = getattr(node, "end_lineno", 0), getattr(node, "end_col_offset", 0)
     return start <= (place.line, place.column) < end

@@ -21,14 +21,14 @@ _KINDS = {
 }
 
 
-class NoFileError(OSError):
+class NotAFileError(OSError):
     """What is at a path is no file, so nothing may be written there."""
 
 
 def real_place(path: Path) -> Path:
     """Return where a file of this name is, or would be: absolute, in the real folder.
 
-    Links to folders are followed, a link in the place of the file is not. Raises NoFileError where a
+    Links to folders are followed, a link in the place of the file is not. Raises NotAFileError where a
     link, a folder, a device or the like is in the way, OSError for a name that no file can have.
     """
     try:
@@ -36,24 +36,24 @@ def real_place(path: Path) -> Path:
         place = Path(os.path.realpath(path) if is_folder else os.path.realpath(path.parent))
         place = place if is_folder else place / path.name
     except ValueError as error:  # a NUL in the name of a folder
-        raise NoFileError(0, str(error)) from error
+        raise NotAFileError(0, str(error)) from error
     try:
         kind = stat.S_IFMT(place.lstat().st_mode)
     except ValueError as error:  # a NUL in the name of the file
-        raise NoFileError(0, str(error)) from error
+        raise NotAFileError(0, str(error)) from error
     except FileNotFoundError:
         return place
     if kind != stat.S_IFREG:
-        raise NoFileError(0, f"it is {_KINDS.get(kind, 'no file')}")
+        raise NotAFileError(0, f"it is {_KINDS.get(kind, 'no file')}")
     return place
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[IO[bytes]]:
+def write_atomically(path: Path) -> Iterator[IO[bytes]]:
     """A stream for the content of a file, which appears at the end of the block, complete and on disk.
 
     Until then, and where the block fails, an earlier file stays as it is. A link is not followed, and not
-    replaced. Raises NoFileError and OSError.
+    replaced. Raises NotAFileError and OSError.
     """
     place = real_place(path)
     handle, name = tempfile.mkstemp(dir=place.parent, prefix=UNFINISHED)

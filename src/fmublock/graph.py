@@ -23,7 +23,7 @@ class Rank(IntEnum):
     """Time and continuous states: whenever it is asked for."""
 
 
-class Operation(NamedTuple):
+class GraphOperation(NamedTuple):
     """A function of values that came before, by their numbers.
 
     An input's operands are the argument and the position in it; a constant has its `value`.
@@ -43,7 +43,7 @@ class Graph:
 
     leaf_ranks: Sequence[Sequence[Rank]]
     """Of the elements of every argument."""
-    operations: list[Operation] = field(default_factory=list)
+    operations: list[GraphOperation] = field(default_factory=list)
     ranks: list[Rank] = field(default_factory=list)
     _known: dict[tuple, int] = field(default_factory=dict, repr=False)
 
@@ -66,7 +66,7 @@ class Graph:
             elif code == INPUT:
                 element = operands[0], operands[1]
                 known = None if instead is None else instead.get(element)
-                places[target[0]] = self._number(Operation(code, element)) if known is None else known
+                places[target[0]] = self._number(GraphOperation(code, element)) if known is None else known
             else:
                 places[target[0]] = self._number(self._plain(code, [places[i] for i in operands]))
         zero = self._constant(0.0)
@@ -75,20 +75,20 @@ class Graph:
             dense[place] = number
         return dense
 
-    def _plain(self, code: int, operands: Sequence[int]) -> Operation:
+    def _plain(self, code: int, operands: Sequence[int]) -> GraphOperation:
         """An operation without CasADi's abbreviations, which compute the same bits as what they stand for."""
         if code == casadi.OP_SQ:
-            return Operation(casadi.OP_MUL, (operands[0], operands[0]))
+            return GraphOperation(casadi.OP_MUL, (operands[0], operands[0]))
         if code == casadi.OP_TWICE:
-            return Operation(casadi.OP_MUL, (self._constant(2.0), operands[0]))
+            return GraphOperation(casadi.OP_MUL, (self._constant(2.0), operands[0]))
         if code == casadi.OP_INV:
-            return Operation(casadi.OP_DIV, (self._constant(1.0), operands[0]))
-        return Operation(code, tuple(operands))
+            return GraphOperation(casadi.OP_DIV, (self._constant(1.0), operands[0]))
+        return GraphOperation(code, tuple(operands))
 
     def _constant(self, value: float) -> int:
-        return self._number(Operation(CONST, (), value))
+        return self._number(GraphOperation(CONST, (), value))
 
-    def _number(self, operation: Operation) -> int:
+    def _number(self, operation: GraphOperation) -> int:
         key = (operation.code, operation.operands, operation.value.hex())  # 0.0 and -0.0 are two
         if key not in self._known:
             self._known[key] = len(self.operations)
@@ -96,7 +96,7 @@ class Graph:
             self.ranks.append(self._rank(operation))
         return self._known[key]
 
-    def _rank(self, operation: Operation) -> Rank:
+    def _rank(self, operation: GraphOperation) -> Rank:
         if operation.code == CONST:
             return Rank.FIXED
         if operation.code == INPUT:

@@ -53,7 +53,7 @@ def _run(file: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, file, loader=SourceFileLoader(name, str(file)))
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    with _importing_from(root):
+    with _import_from(root):
         try:
             if len(parts) > 1:
                 importlib.import_module(name.rpartition(".")[0])
@@ -69,7 +69,7 @@ def _run(file: Path) -> ModuleType:
     return module
 
 
-class _Beside(MetaPathFinder):
+class _FolderFinder(MetaPathFinder):
     """Finds modules in one folder."""
 
     def __init__(self, folder: Path) -> None:
@@ -83,7 +83,7 @@ class _Beside(MetaPathFinder):
 
 
 @contextmanager
-def _importing_from(folder: Path) -> Iterator[None]:
+def _import_from(folder: Path) -> Iterator[None]:
     """Import from this folder first, and leave no module of its behind."""
 
     def lies_here(module: str) -> bool:
@@ -94,7 +94,7 @@ def _importing_from(folder: Path) -> Iterator[None]:
     before = {name: module for name, module in sys.modules.items() if lies_here(name)}
     for name in before:
         del sys.modules[name]
-    finder = _Beside(folder)
+    finder = _FolderFinder(folder)
     sys.meta_path.insert(0, finder)
     importlib.invalidate_caches()
     try:

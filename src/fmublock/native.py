@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from .block import Block
 from .c_equations import c_equations
-from .compiling import c_number, compiled, constants, sources
-from .description import Offers, offers_model_exchange
+from .compiling import c_number, compile_libraries, constants, sources
+from .description import FmuFeatures, offers_model_exchange
 from .export import Draft, draft
 from .recipe import Documents, Producer
 from .symbolic import evaluate_symbolically
@@ -26,7 +26,7 @@ def native_draft(block: Block, producer: Producer, documents: Documents) -> Draf
         "sources/model.h": _model_header(block, symbolic.demands).encode(),
         **sources("shim"),
     }
-    offers = Offers(derivatives=True, model_exchange=offers_model_exchange(block), source_files=(_SHIM,))
+    offers = FmuFeatures(derivatives=True, model_exchange=offers_model_exchange(block), source_files=(_SHIM,))
     anonymous = draft(block, symbolic, producer, documents, content, offers)
     guid_header = {"sources/guid.h": f'#define MODEL_GUID "{anonymous.guid}"\n'.encode()}
     return replace(anonymous, files={**anonymous.files, **guid_header})
@@ -39,7 +39,7 @@ def native_binaries(
 
     Raises BuildError where the compiler fails or does not know a platform.
     """
-    return compiled(type(draft.block).__name__, _SHIM, draft.files, platforms, advance)
+    return compile_libraries(type(draft.block).__name__, _SHIM, draft.files, platforms, advance)
 
 
 def _model_header(block: Block, demands: Sequence[str]) -> str:

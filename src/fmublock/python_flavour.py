@@ -9,7 +9,7 @@ from pathlib import Path
 
 from .archive import content_hash
 from .block import Block
-from .description import Offers
+from .description import FmuFeatures
 from .errors import BuildError
 from .export import Draft, draft
 from .recipe import Documents, Producer
@@ -71,7 +71,7 @@ def python_draft(block: Block, producer: Producer, documents: Documents) -> Draf
         documents,
         {f"resources/{path}": text.encode() for path, text in resources.items()}
         | {"documentation/externalDependencies.txt": host.encode()},
-        Offers(),
+        FmuFeatures(),
     )
 
 

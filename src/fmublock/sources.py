@@ -68,7 +68,7 @@ def gather_sources(block: type[Block], *more: str) -> Sources:
             continue
         gathered.texts[path] = _read(file, None if module.split(".")[0] == _OWN else block.origin)
         package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-        for name in _imported(gathered.texts[path], package, file):
+        for name in _list_imports(gathered.texts[path], package, file):
             if search.find(name) is not None:
                 waiting.append(name)
             elif search.is_foreign(name):
@@ -82,7 +82,7 @@ def move_into_package(sources: Mapping[str, str], package: str) -> dict[str, str
     Two FMUs in one process then never run each other's modules, nor the installed ones.
     """
     roots = {path.split("/")[0].removesuffix(".py") for path in sources}
-    moved = {f"{package}/{path}": _rewritten(text, package, roots) for path, text in sources.items()}
+    moved = {f"{package}/{path}": _rewrite_imports(text, package, roots) for path, text in sources.items()}
     return {f"{package}/__init__.py": "", **moved}
 
 
@@ -144,7 +144,7 @@ def _read(file: Path, origin: Origin | None) -> str:
         raise BuildError(f"'{file}' is not encoded in UTF-8.") from None
 
 
-def _imported(text: str, package: str, file: Path) -> Iterator[str]:
+def _list_imports(text: str, package: str, file: Path) -> Iterator[str]:
     """Names of modules that a text imports; of `from a import b` both a and a.b."""
     try:
         statements = _import_statements(text)
@@ -193,7 +193,7 @@ def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
             yield from _nodes(child)
 
 
-def _rewritten(text: str, package: str, roots: set[str]) -> str:
+def _rewrite_imports(text: str, package: str, roots: set[str]) -> str:
     """A text whose absolute imports of `roots` are imports from inside `package`."""
     lines = text.encode().splitlines(keepends=True)
     nodes = [n for n in ast.walk(ast.parse(text)) if isinstance(n, (ast.Import, ast.ImportFrom))]

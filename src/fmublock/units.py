@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass, replace
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-"""SI base units in the order of `Unit.exponents`; the radian counts as one, as in FMI and SSP."""
+"""SI base units in the order of `SiUnit.exponents`; the radian counts as one, as in FMI and SSP."""
 
 _LONGEST = 100
 _TOKEN = re.compile(r"([./()*]|\^?[+-]?[0-9]{1,2}(?![0-9])|[^\W\d_]+|[°%])")
@@ -17,7 +17,7 @@ _EXPONENT = re.compile(r"\^?([+-]?[0-9]{1,2})")
 
 
 @dataclass(frozen=True)
-class Unit:
+class SiUnit:
     """A unit by its name; a value in SI base units is factor value + offset.
 
     `exponents` are those of `BASE_UNITS`, None where nobody says what the unit is made of.
@@ -32,7 +32,7 @@ class Unit:
         return self.name
 
     @property
-    def si(self) -> "Unit":
+    def si(self) -> "SiUnit":
         """The unit made of SI base units that measures the same."""
         return replace(self, name="", factor=1.0, offset=0.0)
 
@@ -42,13 +42,13 @@ class Unit:
         pairs = zip(BASE_UNITS, self.exponents or (), strict=False)
         return {base: exponent for base, exponent in pairs if exponent}
 
-    def measures_as(self, other: "Unit") -> bool:
+    def measures_as(self, other: "SiUnit") -> bool:
         """Whether both are the same but for their names."""
         return replace(self, name="") == replace(other, name="")
 
 
-def _unit(factor: float = 1.0, offset: float = 0.0, **exponents: int) -> Unit:
-    return Unit("", tuple(exponents.get(base, 0) for base in BASE_UNITS), factor, offset)
+def _unit(factor: float = 1.0, offset: float = 0.0, **exponents: int) -> SiUnit:
+    return SiUnit("", tuple(exponents.get(base, 0) for base in BASE_UNITS), factor, offset)
 
 
 _COHERENT = {
@@ -120,12 +120,12 @@ _AMBIGUOUS = {"C", "F", "g", "dT", "cd"}
 _TURNS = ("Hz", "kHz", "MHz", "rpm", "krpm", "rev")
 
 
-def find_unit(name: str) -> Unit | None:
+def find_unit(name: str) -> SiUnit | None:
     """Return the unit of this name; None where the name does not say it, or may say two things."""
     return None if name in _AMBIGUOUS else _read(name)
 
 
-def parse_unit(name: str) -> Unit:
+def parse_unit(name: str) -> SiUnit:
     """Return the coherent SI unit of this name, with one "/" at most: "m/s2", "N.m.s/rad", "1/s".
 
     Raises ValueError for any other name.
@@ -141,7 +141,7 @@ def counts_turns(name: str) -> bool:
     return any(word in _TURNS for word in re.findall(r"[^\W\d_]+", name))
 
 
-def _read(name: str) -> Unit | None:
+def _read(name: str) -> SiUnit | None:
     if name in _ALONE:
         return replace(_ALONE[name], name=name)
     if len(name) > _LONGEST:
@@ -167,7 +167,7 @@ def _tokens(name: str) -> list[str]:
     return parts[::-1]
 
 
-def _expression(tokens: list[str]) -> Unit:
+def _expression(tokens: list[str]) -> SiUnit:
     """Numerator, and at most one denominator."""
     if tokens and tokens[-1] == "1":
         tokens.pop()
@@ -183,7 +183,7 @@ def _expression(tokens: list[str]) -> Unit:
     return found
 
 
-def _factor(tokens: list[str]) -> Unit:
+def _factor(tokens: list[str]) -> SiUnit:
     if not tokens:
         raise _UnknownNameError
     token = tokens.pop()
@@ -199,14 +199,14 @@ def _factor(tokens: list[str]) -> Unit:
     return found
 
 
-def _times(one: Unit, other: Unit, power: int = 1) -> Unit:
+def _times(one: SiUnit, other: SiUnit, power: int = 1) -> SiUnit:
     """The product of a unit and a power of another; it has no offset, as it measures differences."""
     pairs = zip(one.exponents or (), other.exponents or (), strict=True)
     exponents = tuple(mine + power * theirs for mine, theirs in pairs)
-    return Unit("", exponents, one.factor * other.factor**power)
+    return SiUnit("", exponents, one.factor * other.factor**power)
 
 
-def _symbol(symbol: str) -> Unit:
+def _symbol(symbol: str) -> SiUnit:
     """A symbol with or without a prefix; an offset is lost, as a part of a unit measures differences."""
     if symbol in _COHERENT:
         return _COHERENT[symbol]

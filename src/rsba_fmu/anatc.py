@@ -5,7 +5,7 @@ from typing import Any
 from fmublock import Output, Parameter, State, dot, exp, maximum, sqrt, tanh, where
 
 from . import drive_laws
-from .drive import DriveController
+from .drive_controller import DriveController
 
 NODES = 5
 """Neurons of the network."""

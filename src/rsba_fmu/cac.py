@@ -5,7 +5,7 @@ from typing import Any
 from fmublock import Output, Parameter, State, clamp, maximum, tanh, where
 
 from . import drive_laws
-from .drive import DriveController
+from .drive_controller import DriveController
 
 
 class CacController(DriveController):

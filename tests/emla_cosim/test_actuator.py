@@ -18,11 +18,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import emla_cosim as ec
-from emla_cosim.run.run_record import plain
+from emla_cosim.run.run_record import to_plain
 from emla_cosim.run.scenarios.scenario import Scenario
 from emla_cosim.study.actuator.entries import TABLES
-from emla_cosim.sweeps.shipment import Preparation
-from emla_cosim.sweeps.targets import as_arguments
+from emla_cosim.sweeps.targets import format_arguments
+from emla_cosim.sweeps.worker_payload import Preparation
 from tests.support.commands import Emla
 from tests.support.paths import ROOT
 from tests.support.scenario_runs import run_scenario
@@ -560,11 +560,11 @@ def test_what_is_sent_to_workers_has_the_values_and_needs_no_file(fmu_folder: Pa
     assert made.identity["values set"]["prototype.controller.model.A_eq"] == str(
         ec.Actuator.read(FILE).emla.A_eq
     )
-    assert as_arguments({"actuator": {"prototype": FILE}}) == ["--actuator", f"prototype={FILE}"]
+    assert format_arguments({"actuator": {"prototype": FILE}}) == ["--actuator", f"prototype={FILE}"]
     read: dict[str, Any] = {"prototype": ec.Actuator.read(FILE)}
-    assert as_arguments({"actuator": read}) == ["--actuator", f"prototype={FILE}"]
-    assert as_arguments({"actuator": {"prototype": ec.Actuator(**sheet(MV43))}}) is None
-    assert plain(read)["prototype"]["sha256"] is not None
+    assert format_arguments({"actuator": read}) == ["--actuator", f"prototype={FILE}"]
+    assert format_arguments({"actuator": {"prototype": ec.Actuator(**sheet(MV43))}}) is None
+    assert to_plain(read)["prototype"]["sha256"] is not None
 
 
 def test_the_page_shows_the_file_and_every_entry() -> None:

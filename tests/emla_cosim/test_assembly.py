@@ -7,7 +7,7 @@ import pytest
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.slaves.slave import SlaveError
+from emla_cosim.master.instances.fmu_instance import InstanceError
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, Connection, System
 
@@ -37,13 +37,13 @@ def test_signals_are_all_outputs_by_their_full_names(fmu_folder: Path) -> None:
         names = assembly.network.names
         assert len(names) == len(set(names)) == len(assembly.network.signals)
         assert {"lift.plant.x_L", "tilt.controller.theta[3]", "telescope.plant.inverter.u_q"} <= set(names)
-        assert [s.name for s in assembly.network.slaves] == [c.name for c in system.components]
+        assert [s.name for s in assembly.network.instances] == [c.name for c in system.components]
 
 
 def test_a_joint_is_stepped_plant_before_controller(fmu_folder: Path) -> None:
     system = load("lift").system
     with Assembly(system, files(system, fmu_folder)) as assembly:
-        order = [assembly.network.slaves[i].name.split(".")[1] for i in assembly.network.order]
+        order = [assembly.network.instances[i].name.split(".")[1] for i in assembly.network.order]
     assert order == ["reference", "plant", "disturbance", "observer", "controller"]
 
 
@@ -71,11 +71,11 @@ def test_a_value_that_the_fmu_itself_refuses_is_reported_with_its_words(fmu_fold
     """The plant says so when initialization ends; the master asks it to before it runs anything."""
     system, paths = pair([], fmu_folder)
     with Assembly(system, paths) as assembly:
-        plant = assembly.network.slaves[0]
+        plant = assembly.network.instances[0]
         plant.enter_initialization(0.0, 1.0)
         plant.fmu.setReal([assembly.files["j.plant"].variables["motor.R_s"].valueReference], [-1.0])
         with pytest.raises(
-            SlaveError, match=r"exitInitializationMode with fmi2Error.*motor.R_s = -1 is outside"
+            InstanceError, match=r"exitInitializationMode with fmi2Error.*motor.R_s = -1 is outside"
         ):
             plant.exit_initialization()
 
@@ -84,8 +84,8 @@ def test_logs_are_kept_per_instance(fmu_folder: Path) -> None:
     """fmpy knows one logger for the whole process; lines must still reach their own instance."""
     system, paths = pair([], fmu_folder)
     with Assembly(system, paths) as assembly:
-        plant, observer, _ = assembly.network.slaves
+        plant, observer, _ = assembly.network.instances
         for slave in (plant, observer):
-            with pytest.raises(SlaveError) as failure:
+            with pytest.raises(InstanceError) as failure:
                 slave.do_step(0.0, 1.0)
             assert failure.value.fields["log"] == [f"{slave.name}: cannot do a step in phase instantiated."]

@@ -8,10 +8,10 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
-from emla_cosim.study.certificate import (
+from emla_cosim.study.joint_certificates import (
     JointCertificate,
     _unknown_acceleration,
-    certificate_rows,
+    build_certificate_rows,
     certify,
 )
 from fmublock import Block, Output, Parameter
@@ -64,7 +64,7 @@ def test_without_adaptation_it_says_that_nothing_is_proved(fmu_folder: Path) -> 
     with ec.load("lift", gains="compensated", fmus=fmu_folder, stop_time=0.5).prepare() as simulation:
         (found,) = certify(simulation)
     assert found.remarks[0].startswith("zeta_i is 0 for i = 1, 2, 3, 4")
-    rows = {label: values for label, _, values in certificate_rows([found])}
+    rows = {label: values for label, _, values in build_certificate_rows([found])}
     assert rows["|P|: bound of the proof"] == [float("inf")]
     assert rows["position error: simulated"][0] < rows["position error: bound"][0]
 

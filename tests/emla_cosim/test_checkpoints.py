@@ -26,7 +26,7 @@ import emla_cosim.recorders.checkpoints
 from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
-from emla_cosim.master.stepping.stepping import Stepping
+from emla_cosim.master.stepping.stepping_base import Stepping
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault, run_system, wired
 from tests.support.full_disk import files_of_at_most

@@ -11,13 +11,13 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.comparison.cases import Case, robustness_cases, stability_maps
-from emla_cosim.comparison.contest import Contest, Heat
-from emla_cosim.comparison.entrants import Entrant, entrants
-from emla_cosim.comparison.parts import parts
+from emla_cosim.comparison.cases import ComparisonCase, robustness_cases, stability_maps
+from emla_cosim.comparison.controller_variants import ControllerVariant, select_variants
+from emla_cosim.comparison.plan import ComparisonPlan, ComparisonRun
+from emla_cosim.comparison.subsystems import find_independent_subsystems
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
-from emla_cosim.sweeps.shipment import Preparation
+from emla_cosim.sweeps.worker_payload import Preparation
 from tests.support.commands import Emla, sentence
 from tests.support.whole_files import names as names_in
 
@@ -27,7 +27,7 @@ SHORT = ("--stop-time", "0.4", "--workers", "1", "--no-plots")
 
 
 def names(controllers: list[str] | None, *gains: str) -> list[str]:
-    return [str(one) for one in entrants(controllers, gains or None)]
+    return [str(one) for one in select_variants(controllers, gains or None)]
 
 
 def test_who_is_compared() -> None:
@@ -174,8 +174,10 @@ def test_the_command_of_a_run_has_the_values_of_its_case_before_those_of_all_run
     """As the run itself has: a case is for a value that `--set` gives to all."""
     options = {"set": {"a.b": 1.0, "a.c": 2.0}, "stop_time": 0.4, "step_size": 1e-3, "gains": "soft"}
     own = {"set": {"a.b": 3.0}, "step_size": 1e-4}
-    heat = Heat("lift", Entrant("rsba", "robust"), Case("heavy"), ["lift"], own, 0)
-    words = Contest([heat], [], options, []).command(0)
+    heat = ComparisonRun(
+        "lift", ControllerVariant("rsba", "robust"), ComparisonCase("heavy"), ["lift"], own, 0
+    )
+    words = ComparisonPlan([heat], [], options, []).command(0)
     assert words is not None
     scenario, found = load_command(words)
     assert scenario == "lift"
@@ -196,11 +198,11 @@ def load_command(words: list[str]) -> tuple[str, dict[str, list[str]]]:
 
 @pytest.fixture(scope="module")
 def prepared(fmu_folder: Path) -> Preparation:
-    return parts(Preparation.of(load("study", fmus=fmu_folder)))[1]  # tilt
+    return find_independent_subsystems(Preparation.of(load("study", fmus=fmu_folder)))[1]  # tilt
 
 
 def test_cases_change_the_plant_by_what_they_say(prepared: Preparation) -> None:
-    cases = {case.name: case.applied(prepared) or {} for case in robustness_cases()}
+    cases = {case.name: case.resolve_start_values(prepared) or {} for case in robustness_cases()}
     plant = prepared.system.component("tilt.plant").parameters
     assert cases["nominal"] == {}
     assert cases["inductance +50 %"] == {
@@ -217,8 +219,8 @@ def test_cases_change_the_plant_by_what_they_say(prepared: Preparation) -> None:
 
 
 def test_a_case_for_what_is_not_there_is_left_out(prepared: Preparation) -> None:
-    assert Case("rain", set={"*.weather.rain": 1.0}).applied(prepared) is None
-    assert Case("rain", scale={"*.weather.rain": 1.0}).applied(prepared) is None
+    assert ComparisonCase("rain", set={"*.weather.rain": 1.0}).resolve_start_values(prepared) is None
+    assert ComparisonCase("rain", scale={"*.weather.rain": 1.0}).resolve_start_values(prepared) is None
 
 
 def test_faults_are_those_of_each_joint() -> None:

@@ -15,11 +15,11 @@ from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.group import loop_derivatives
 from emla_cosim.master.algorithms.quasi_newton import QuasiNewton
 from emla_cosim.master.algorithms.strong import HALVINGS, Strong
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError, InstanceError
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.slaves.slave import SlaveError, StepDiscardedError
+from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.timing import timing
-from emla_cosim.master.stretches import simulate
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import counts_of, faulty, loop_with_a_fault, open_system, wired
@@ -31,7 +31,7 @@ from tests.support.slaves import FakeSlave, compilable, fmu_slave
 from tests.support.two_masses import elastic_load, rigid_load
 
 Build = Callable[[], Network]
-TIMES = timing(1.0, 1.0 / 32.0)
+TIMES = make_communication_points(1.0, 1.0 / 32.0)
 WAYS = pytest.mark.parametrize("extrapolation", ["none", "master", "fmu"])
 
 
@@ -42,7 +42,7 @@ class Doubtful(LinearSlave):
 
     def do_step(self, time: float, step: float) -> None:
         if step > self.longest and self.begin < time + step < self.end:
-            raise StepDiscardedError(self.name, f"doStep at t = {time:g} s", "fmi2Discard", [])
+            raise DiscardedStepError(self.name, f"doStep at t = {time:g} s", "fmi2Discard", [])
         super().do_step(time, step)
 
 
@@ -106,7 +106,7 @@ def late_refusal() -> Network:
     def answer(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
         off = u - 10.0 * (time + step) ** 2
         if step > 0.02 and 0.3 < time + step < 0.6 and abs(off[0]) < 1e-6:
-            raise StepDiscardedError("a", f"doStep at t = {time:g} s", "fmi2Discard", [])
+            raise DiscardedStepError("a", f"doStep at t = {time:g} s", "fmi2Discard", [])
         return u - 3.0 * off - 5.0 * off * off
 
     a = FakeSlave("a", 1, [0.0], answer)
@@ -128,11 +128,11 @@ def stepped(
     """
     network = build()
     stepping = FixedSteps(begun(network, algorithm, TIMES), TIMES, compiled)
-    assert stepping.compiled == compiled
+    assert stepping.is_compiled == compiled
     if shared is not None:
         in_lanes(stepping, shared)
     rows = recorded(stepping, interrupted=interrupted)
-    return rows, stepping.memory(), sum(len(getattr(s, "states", ())) for s in network.slaves)
+    return rows, stepping.memory(), sum(len(getattr(s, "states", ())) for s in network.instances)
 
 
 MACHINE = ["lift.plant", "tilt.plant", "telescope.plant"]
@@ -233,7 +233,7 @@ def sentence(build: Build, compiled: bool, shared: int | None = None) -> tuple[s
     """What ends a run, and after how many rows."""
     algorithm, table = begun(build(), Strong(), TIMES), None
     stepping = FixedSteps(algorithm, TIMES, compiled)
-    assert stepping.compiled == compiled
+    assert stepping.is_compiled == compiled
     if shared is not None:
         in_lanes(stepping, shared)
     table = Table(1 + len(algorithm.network.signals))
@@ -241,7 +241,7 @@ def sentence(build: Build, compiled: bool, shared: int | None = None) -> tuple[s
         simulate(stepping, table)
     stepping.close()
     algorithm.close()
-    assert all(not getattr(s, "states", ()) for s in algorithm.network.slaves)
+    assert all(not getattr(s, "states", ()) for s in algorithm.network.instances)
     assert stepping.steps == len(table.rows)
     return str(caught.value), len(table.rows)
 
@@ -257,7 +257,7 @@ def pair(answer: Callable[[np.ndarray, float], Any]) -> Build:
     return build
 
 
-def refusing(error: type[SlaveError], status: str, rolls_back: bool = True) -> Build:
+def refusing(error: type[InstanceError], status: str, rolls_back: bool = True) -> Build:
     """A slave that refuses every step from 0.5 s on, in front of a loop."""
 
     def moved(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
@@ -271,7 +271,7 @@ def refusing(error: type[SlaveError], status: str, rolls_back: bool = True) -> B
         slave.error = lambda call, answer: error("s", call, status, [])
         rest = pair(lambda u, t: 1.0 - 0.5 * u)()
         links = [replace(link, source=link.source + 1, target=link.target + 1) for link in rest.links]
-        return Network([compilable(slave), *rest.slaves], links)
+        return Network([compilable(slave), *rest.instances], links)
 
     return build
 
@@ -288,9 +288,9 @@ def refusing(error: type[SlaveError], status: str, rolls_back: bool = True) -> B
             pair(lambda u, t: u * np.nan if t >= 0.5 else 0.5 * u),
             "gives no finite b[0] on the step from t = 0.5",
         ),
-        (refusing(StepDiscardedError, "fmi2Discard"), "s answered doStep at t = 0.5 s with fmi2Discard."),
-        (refusing(StepDiscardedError, "fmi2Discard", False), "s answered doStep at t = 0.5 s with fmi2Disc"),
-        (refusing(SlaveError, "fmi2Error"), "s answered doStep at t = 0.5 s with fmi2Error."),
+        (refusing(DiscardedStepError, "fmi2Discard"), "s answered doStep at t = 0.5 s with fmi2Discard."),
+        (refusing(DiscardedStepError, "fmi2Discard", False), "s answered doStep at t = 0.5 s with fmi2Disc"),
+        (refusing(InstanceError, "fmi2Error"), "s answered doStep at t = 0.5 s with fmi2Error."),
     ],
     ids=["no agreement", "later", "no number", "discarded", "discarded, no way back", "refused"],
 )
@@ -316,7 +316,7 @@ def test_what_ends_a_run_is_the_same_sentence(build: Build, words: str) -> None:
 def test_a_function_that_fails_in_a_loop_is_named(function: str, call: str) -> None:
     """It fails after the first step."""
     network = linear(lambda: rigid_load(1.5))()
-    algorithm, slave = begun(network, Strong("fmu"), TIMES), network.slaves[1]
+    algorithm, slave = begun(network, Strong("fmu"), TIMES), network.instances[1]
     points, original = slave.entry_points(), slave.entry_points
     assert points is not None
     prototype = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 3, ctypes.c_void_p)
@@ -332,7 +332,7 @@ def test_a_function_that_fails_in_a_loop_is_named(function: str, call: str) -> N
     slave.entry_points = lambda alive=(answer, original): changed
     stepping, table = FixedSteps(algorithm, TIMES), Table(1 + len(network.signals))
     stepping.advance(table, 1)
-    with pytest.raises(SlaveError) as caught:
+    with pytest.raises(InstanceError) as caught:
         stepping.advance(table, 5)
     assert str(caught.value) == f"load answered {call} with status 4."
     assert stepping.steps == len(table.rows) == 1
@@ -370,11 +370,11 @@ def test_saved_states_are_freed_and_only_kept_where_they_serve(faulty_fmu: Path)
             (counts,) = counts_of(assembly)
             algorithm = begun(assembly.network, Strong(step_multiples={"j.sampled": 2}), TIMES)
             stepping = FixedSteps(algorithm, TIMES, compiled)
-            assert stepping.compiled == compiled
+            assert stepping.is_compiled == compiled
             table = Table(1 + len(assembly.network.signals))
             stepping.advance(table, 5)
             assert counts.states == 3
-            with pytest.raises(StepDiscardedError, match=r"j.bad .* t = 0.75 s"):
+            with pytest.raises(DiscardedStepError, match=r"j.bad .* t = 0.75 s"):
                 simulate(stepping, table)
             assert stepping.steps == 24
             stepping.close()
@@ -418,7 +418,7 @@ def test_what_slaves_tell_of_their_derivatives_spares_sweeps(extrapolation: str)
     for kind in (Telling, LinearSlave):
         slaves, wires = two_loops()
         slaves = [kind(s.name, s.A, s.B, s.C, s.D, s.x_0) for s in slaves]
-        short = timing(1e-12, 1e-12)
+        short = make_communication_points(1e-12, 1e-12)
         algorithm = begun(connected(slaves, wires), Strong(extrapolation), short)
         algorithm.network.signals[:] += 1.0  # so that there is something to agree on
         algorithm.step(0.0, 1e-12)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.base.option import RUN
-from emla_cosim.run.options import table
+from emla_cosim.run.options import list_options
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.registration import register
 
@@ -49,7 +49,7 @@ def test_commands_and_scenarios_complete() -> None:
 
 def test_options_and_their_choices_complete() -> None:
     flags = set(completed("emla run lift --"))
-    assert {o.flag for o in table(RUN).values()} <= flags and "--quiet" in flags
+    assert {o.flag for o in list_options(RUN).values()} <= flags and "--quiet" in flags
     assert completed("emla run lift --algorithm gauss") == ["gauss-seidel"]
     assert completed("emla run lift --output ") == [""], "the shell offers files"
 

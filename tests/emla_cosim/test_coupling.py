@@ -13,9 +13,9 @@ from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.quasi_newton import NoAgreementError, QuasiNewton
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.algorithms.strong import HALVINGS, SWEEPS, Strong
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError, InstanceError
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.slaves.slave import SlaveError, StepDiscardedError
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.linear import LinearSlave, Whole, connected
 from tests.support.long import mostly_long
 from tests.support.simulated import begun, simulated
@@ -40,7 +40,7 @@ def spectral_radius(mass: float, step: float) -> float:
 
 def largest_error(part: Part, algorithm: Algorithm, steps: int) -> float:
     """Of the first slave's displacement within 0.5 s, relative to its amplitude of 0.1 m."""
-    rows = simulated(connected(*part), algorithm, timing(0.5, 0.5 / steps))
+    rows = simulated(connected(*part), algorithm, make_communication_points(0.5, 0.5 / steps))
     whole = Whole(*part)
     exact = [whole.outputs(t)[0] for t in rows[:, 0]]
     return float(np.abs(rows[:, 1] - exact).max()) / 0.1
@@ -50,7 +50,9 @@ def largest_acceleration(mass: float, algorithm: Algorithm, steps: int) -> float
     """Within 0.5 s; infinite where it is too large for a number."""
     try:
         with np.errstate(all="ignore"):
-            rows = simulated(connected(*rigid_load(mass)), algorithm, timing(0.5, 0.5 / steps))
+            rows = simulated(
+                connected(*rigid_load(mass)), algorithm, make_communication_points(0.5, 0.5 / steps)
+            )
     except RunError as overflow:
         assert "became" in str(overflow)
         return np.inf
@@ -98,7 +100,7 @@ def test_strong_coupling_solves_the_rigid_load(mass: float, extrapolation: str, 
     errors, last = [], np.empty(0)
     for steps in (1600, 3200):
         algorithm = Strong(extrapolation)
-        rows = simulated(connected(*rigid_load(mass)), algorithm, timing(0.5, 0.5 / steps))
+        rows = simulated(connected(*rigid_load(mass)), algorithm, make_communication_points(0.5, 0.5 / steps))
         errors.append(np.abs(rows[:, 1] - rigid_solution(mass, rows[:, 0])).max())
         last = rows[-1]
         # one force to agree on: three sweeps for the first step, then two
@@ -192,7 +194,9 @@ def test_strong_coupling_is_the_implicit_step_of_the_whole(part: Part) -> None:
     step, steps, tolerance = 0.1, 4, 1e-9
     whole = Whole(*part)
     assume(well_posed(whole, step))
-    algorithm = begun(connected(*part), Strong(coupling_tolerance=tolerance), timing(steps * step, step))
+    algorithm = begun(
+        connected(*part), Strong(coupling_tolerance=tolerance), make_communication_points(steps * step, step)
+    )
     x, signals = whole.x_0.copy(), algorithm.network.signals
     size = np.abs(signals) + 0.01
     for k in range(steps):
@@ -209,7 +213,7 @@ def test_loops_are_found_and_only_loops_repeat() -> None:
     slaves = [sink, a, b, source, c, d]
     # d -> sink, a <-> b, b -> c, c <-> d; nobody reads the source
     wires = [(5, 0, 0, 0), (2, 0, 1, 0), (1, 0, 2, 0), (5, 0, 4, 0), (2, 0, 4, 1), (4, 0, 5, 0)]
-    algorithm = begun(connected(slaves, wires), Strong(), timing(1.0, 0.1))
+    algorithm = begun(connected(slaves, wires), Strong(), make_communication_points(1.0, 0.1))
     algorithm.step(0.0, 0.1)
     assert [[slaves[i].name for i in loop] for loop in algorithm.loops] == [["a", "b"], ["c", "d"]]
     assert (sink.steps, source.steps) == (1, 1)
@@ -222,7 +226,7 @@ def test_after_a_step_slaves_are_where_the_last_sweep_left_them() -> None:
     slaves, wires = TWO_SIGNALS
     for slave in slaves:
         slave.state[:] = slave.x_0
-    algorithm = begun(connected(slaves, wires), Strong("fmu"), timing(1.0, 0.1))
+    algorithm = begun(connected(slaves, wires), Strong("fmu"), make_communication_points(1.0, 0.1))
     for k in range(3):
         before = [slave.save() for slave in slaves]
         algorithm.step(0.1 * k, 0.1)
@@ -378,7 +382,7 @@ def limited(limit: float, spans: list[tuple[float, float]]) -> Network:
 
     def advance(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
         if h > limit:
-            raise StepDiscardedError("limited", f"doStep at t = {t:g} s", "fmi2Discard", ["Too long."])
+            raise DiscardedStepError("limited", f"doStep at t = {t:g} s", "fmi2Discard", ["Too long."])
         spans.append((t, h))
         return x + h * u
 
@@ -389,7 +393,7 @@ def limited(limit: float, spans: list[tuple[float, float]]) -> Network:
 
 def test_a_discarded_step_is_done_in_halves() -> None:
     spans: list[tuple[float, float]] = []
-    algorithm = begun(limited(0.25, spans), Strong(), timing(2.0, 1.0))
+    algorithm = begun(limited(0.25, spans), Strong(), make_communication_points(2.0, 1.0))
     algorithm.step(1.0, 1.0)
     done = list(dict.fromkeys(spans))
     assert done == [(1.0, 0.25), (1.25, 0.25), (1.5, 0.25), (1.75, 0.25)]
@@ -408,7 +412,7 @@ class Impatient(LinearSlave):
 
     def do_step(self, time: float, step: float) -> None:
         if step > self.longest:
-            raise StepDiscardedError(self.name, f"doStep at t = {time:g} s", "fmi2Discard", [])
+            raise DiscardedStepError(self.name, f"doStep at t = {time:g} s", "fmi2Discard", [])
         super().do_step(time, step)
 
 
@@ -422,7 +426,7 @@ def test_halves_begin_where_the_step_began(extrapolation: str) -> None:
         last.longest = longest
         network = connected([a, last], wires)
         assert network.order == [0, 1]  # the first has done the step when the last refuses it
-        return simulated(network, Strong(extrapolation), timing(0.5, step))
+        return simulated(network, Strong(extrapolation), make_communication_points(0.5, step))
 
     halves, steps = rows(2.0**-5, 2.0**-6), rows(2.0**-6, np.inf)
     assert len(halves) == 17
@@ -431,9 +435,11 @@ def test_halves_begin_where_the_step_began(extrapolation: str) -> None:
 
 def test_a_slave_outside_of_loops_is_halved_alone() -> None:
     spans: list[tuple[float, float]] = []
-    slave = limited(0.5, spans).slaves[0]
+    slave = limited(0.5, spans).instances[0]
     source = FakeSlave("source", 0, [2.0], lambda u, x, t, h: x + h)
-    algorithm = begun(Network([source, slave], [Link(0, 0, 1, 0, False)]), Strong(), timing(1.0, 1.0))
+    algorithm = begun(
+        Network([source, slave], [Link(0, 0, 1, 0, False)]), Strong(), make_communication_points(1.0, 1.0)
+    )
     algorithm.step(0.0, 1.0)
     assert spans == [(0.0, 0.5), (0.5, 0.5)]
     assert source.calls.count("source.step") == 1
@@ -443,19 +449,21 @@ def test_a_slave_outside_of_loops_is_halved_alone() -> None:
 def test_halving_ends_with_the_error_of_the_slave() -> None:
     spans: list[tuple[float, float]] = []
     shortest = 2.0**-HALVINGS
-    begun(limited(shortest, spans), Strong(), timing(1.0, 1.0)).step(0.0, 1.0)
+    begun(limited(shortest, spans), Strong(), make_communication_points(1.0, 1.0)).step(0.0, 1.0)
     assert min(h for _, h in spans) == shortest
-    with pytest.raises(StepDiscardedError, match=r"limited answered doStep at t = 0 s .* Too long\."):
-        begun(limited(0.99 * shortest, spans), Strong(), timing(1.0, 1.0)).step(0.0, 1.0)
+    with pytest.raises(DiscardedStepError, match=r"limited answered doStep at t = 0 s .* Too long\."):
+        begun(limited(0.99 * shortest, spans), Strong(), make_communication_points(1.0, 1.0)).step(0.0, 1.0)
 
 
 def test_other_errors_are_not_halved() -> None:
     def fail(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
-        raise SlaveError("bad", "doStep", "fmi2Error", [])
+        raise InstanceError("bad", "doStep", "fmi2Error", [])
 
     bad = FakeSlave("bad", 1, [0.0], fail)
-    algorithm = begun(Network([bad], [Link(0, 0, 0, 0, False)]), Strong(), timing(1.0, 1.0))
-    with pytest.raises(SlaveError, match="fmi2Error"):
+    algorithm = begun(
+        Network([bad], [Link(0, 0, 0, 0, False)]), Strong(), make_communication_points(1.0, 1.0)
+    )
+    with pytest.raises(InstanceError, match="fmi2Error"):
         algorithm.step(0.0, 1.0)
 
 
@@ -467,7 +475,7 @@ def pair(answer: Callable[[np.ndarray, float], np.ndarray]) -> Network:
 
 
 def test_a_loop_without_agreement_names_itself_and_the_signal() -> None:
-    algorithm = begun(pair(lambda u, h: u + 1.0), Strong(), timing(1.0, 1.0))
+    algorithm = begun(pair(lambda u, h: u + 1.0), Strong(), make_communication_points(1.0, 1.0))
     message = (
         r"^the loop a -> b -> a finds no agreement on the step from t = 0 s of 0.000977 s in "  # 2^-10 s
         r"30 sweeps: b\[0\] still changes by .* of its size\.$"
@@ -477,7 +485,7 @@ def test_a_loop_without_agreement_names_itself_and_the_signal() -> None:
 
 
 def test_a_loop_that_gives_nan_says_so() -> None:
-    algorithm = begun(pair(lambda u, h: u * np.nan), Strong(), timing(1.0, 1.0))
+    algorithm = begun(pair(lambda u, h: u * np.nan), Strong(), make_communication_points(1.0, 1.0))
     with pytest.raises(
         RunError, match=r"^the loop a -> b -> a gives no finite b\[0\] on the step from t = 0 s"
     ):
@@ -486,7 +494,11 @@ def test_a_loop_that_gives_nan_says_so() -> None:
 
 def test_a_step_without_agreement_is_halved_until_there_is_one() -> None:
     """x = x + 1 for steps longer than 0.3 s, x = 1 - x/2 for shorter ones."""
-    algorithm = begun(pair(lambda u, h: u + 1.0 if h > 0.3 else 1.0 - 0.5 * u), Strong(), timing(1.0, 1.0))
+    algorithm = begun(
+        pair(lambda u, h: u + 1.0 if h > 0.3 else 1.0 - 0.5 * u),
+        Strong(),
+        make_communication_points(1.0, 1.0),
+    )
     algorithm.step(0.0, 1.0)
     assert algorithm.network.signals == pytest.approx([2.0 / 3.0] * 2, rel=1e-7)
 
@@ -496,7 +508,7 @@ def test_a_loop_that_moves_along_a_line_needs_no_second_sweep() -> None:
     a = FakeSlave("a", 1, [0.0], lambda u, x, t, h: [3.0 * (t + h) - 1.0])
     b = FakeSlave("b", 1, [0.0], lambda u, x, t, h: u)
     links = [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)]
-    algorithm, sweeps = begun(Network([a, b], links), Strong(), timing(2.0, 0.25)), []
+    algorithm, sweeps = begun(Network([a, b], links), Strong(), make_communication_points(2.0, 0.25)), []
     for k in range(8):
         algorithm.step(0.25 * k, 0.25)
         sweeps.append(algorithm.sweeps)
@@ -505,7 +517,7 @@ def test_a_loop_that_moves_along_a_line_needs_no_second_sweep() -> None:
 
 def test_slaves_of_a_loop_must_be_able_to_go_back() -> None:
     network = pair(lambda u, h: u)
-    network.slaves[1].rolls_back = False
+    network.instances[1].rolls_back = False
     with pytest.raises(CommandError, match="a loop needs FMUs with canGetAndSetFMUstate; b cannot do it"):
         Strong().setup(network)
 
@@ -513,5 +525,5 @@ def test_slaves_of_a_loop_must_be_able_to_go_back() -> None:
 def test_a_slave_outside_of_loops_need_not_be_able_to_go_back() -> None:
     slave = FakeSlave("s", 0, [0.0], lambda u, x, t, h: x + h)
     slave.rolls_back = False
-    rows = simulated(Network([slave], []), Strong(), timing(1.0, 0.5))
+    rows = simulated(Network([slave], []), Strong(), make_communication_points(1.0, 0.5))
     assert rows[:, 1].tolist() == [0.0, 0.5, 1.0]

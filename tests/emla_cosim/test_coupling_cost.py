@@ -8,11 +8,11 @@ import pytest
 from scipy.integrate import quad
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.units import Unit
-from emla_cosim.master.algorithms.exchanged import Exchanged
+from emla_cosim.base.units import SiUnit
+from emla_cosim.master.algorithms.continuous_connections import ContinuousConnection
 from emla_cosim.master.algorithms.extrapolation import Mode
-from emla_cosim.master.stepping.timing import timing
-from emla_cosim.recorders.coupling.coupling import Coupling
+from emla_cosim.master.stepping.timing import make_communication_points
+from emla_cosim.recorders.coupling.coupling_cost import Coupling
 from emla_cosim.recorders.coupling.window import EVERY_STEP
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.system.bond import Bond
@@ -22,15 +22,22 @@ EFFORT, FLOW = "b.F", "a.v"
 
 
 def outline(
-    mode: Mode, late: tuple[bool, bool], bond: bool = True, units: Sequence[Unit | None] = (None, None)
+    mode: Mode, late: tuple[bool, bool], bond: bool = True, units: Sequence[SiUnit | None] = (None, None)
 ) -> Outline:
     """A force and a speed that two components exchange."""
     exchanged = [
-        Exchanged("b.F -> a.F", 0, "b", "a", late[0], mode, True),
-        Exchanged("a.v -> b.v", 1, "a", "b", late[1], mode, True),
+        ContinuousConnection("b.F -> a.F", 0, "b", "a", late[0], mode, True),
+        ContinuousConnection("a.v -> b.v", 1, "a", "b", late[1], mode, True),
     ]
     bonds = {"rod": Bond(EFFORT, FLOW)} if bond else {}
-    return Outline([EFFORT, FLOW], units, timing(1.0, 0.01), range(2), exchanged=exchanged, bonds=bonds)
+    return Outline(
+        [EFFORT, FLOW],
+        units,
+        make_communication_points(1.0, 0.01),
+        range(2),
+        exchanged=exchanged,
+        bonds=bonds,
+    )
 
 
 def effort(t: float) -> float:
@@ -96,7 +103,7 @@ def test_energies_are_in_joules_whatever_the_units() -> None:
     rows = np.array([[t, effort(t), flow(t)] for t in 0.01 * np.arange(50)])
     plain = Coupling(outline(Mode.HOLD, (True, True)))
     plain.write(rows)
-    units = (Unit("kN", (1, 1, -2, 0, 0, 0, 0, 0), 1e3), Unit("mm/s", (0, 1, -1, 0, 0, 0, 0, 0), 1e-3))
+    units = (SiUnit("kN", (1, 1, -2, 0, 0, 0, 0, 0), 1e3), SiUnit("mm/s", (0, 1, -1, 0, 0, 0, 0, 0), 1e-3))
     scaled = Coupling(outline(Mode.HOLD, (True, True), units=units))
     scaled.write(rows * [1.0, 1e-3, 1e3])
     assert scaled.figures()["rod"] == pytest.approx(plain.figures()["rod"], rel=1e-12)

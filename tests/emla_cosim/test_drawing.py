@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from emla_cosim.views.formatting import format_headline
 from emla_cosim.views.panels import Limit, Line, Plot
-from emla_cosim.views.plots.drawing import changing, drawn_panels
-from emla_cosim.views.plots.plotting import Bound, Curve, Panel, Picture
-from emla_cosim.views.telling import headline
+from emla_cosim.views.plots.panel_drawing import draw_panels, has_changes
+from emla_cosim.views.plots.pictures import Curve, PanelSpec, Picture, RangeLimit
 
 TIME = np.linspace(0.0, 10.0, 2001)
 MOVE = np.minimum(TIME, 1.0)
@@ -37,10 +37,10 @@ class Known:
         return list(self.data)
 
 
-def resolved(curve: Curve, bound: Bound | None = None, **known: Any) -> Plot:
+def resolved(curve: Curve, bound: RangeLimit | None = None, **known: Any) -> Plot:
     power = {"j.F": 2.0 + TIME, "j.v": np.cos(TIME), "j.other": TIME**2}
     result = Known({"joints": {"j": {}}}, power, **known)
-    picture = Picture("p", (Panel("l", (curve,), bound=bound),), "joints")
+    picture = Picture("p", (PanelSpec("l", (curve,), bound=bound),), "joints")
     (found,) = picture.resolved(result, {"time": TIME, **power})  # pyright: ignore[reportArgumentType]
     return found
 
@@ -63,15 +63,15 @@ def test_curves_are_what_they_say(curve: Curve, expected: np.ndarray) -> None:
 
 def test_limits_are_products_of_parameters() -> None:
     parameters = {"j.N": 4.0, "j.Phi": 0.5, "j.low": -1.0}
-    torque = resolved(Curve("", "F"), Bound("torque", ("N", "Phi"), scale=1.5), parameters=parameters)
+    torque = resolved(Curve("", "F"), RangeLimit("torque", ("N", "Phi"), scale=1.5), parameters=parameters)
     assert torque.limits == (Limit("torque", -3.0, 3.0),)
-    stroke = resolved(Curve("", "F"), Bound("stroke", ("N",), ("low",)), parameters=parameters)
+    stroke = resolved(Curve("", "F"), RangeLimit("stroke", ("N",), ("low",)), parameters=parameters)
     assert stroke.limits == (Limit("stroke", -1.0, 4.0),)
-    assert resolved(Curve("", "F"), Bound("unknown", ("gone",)), parameters=parameters).limits == ()
+    assert resolved(Curve("", "F"), RangeLimit("unknown", ("gone",)), parameters=parameters).limits == ()
 
 
 def test_motion_is_drawn_wider_than_the_rest() -> None:
-    figure = drawn_panels([panel(MOVE)], "Tracking", "study", rest=1.0)
+    figure = draw_panels([panel(MOVE)], "Tracking", "study", rest=1.0)
     (axes,) = figure.axes
     figure.canvas.draw()
     said = {float(label.get_text()): label.get_position()[0] for label in axes.get_xticklabels()}
@@ -82,7 +82,7 @@ def test_motion_is_drawn_wider_than_the_rest() -> None:
     assert np.interp(said[1.0] / 2.0, x, y) == pytest.approx(0.5, abs=1e-3)
     assert axes.get_xlabel() == "time / s, wider until 1.1 s"
     for late in (None, 6.0, 0.0, np.nan):
-        (axes,) = drawn_panels([panel(MOVE)], "Tracking", "study", rest=late).axes
+        (axes,) = draw_panels([panel(MOVE)], "Tracking", "study", rest=late).axes
         assert axes.get_xlabel() == "time / s"
         assert axes.get_xlim()[1] > 9.0
 
@@ -92,7 +92,7 @@ def test_every_extreme_of_both_parts_is_drawn() -> None:
     values[1_234], values[150_000] = 1.0, -1.0
     time = np.linspace(0.0, 10.0, len(values))
     shown = Plot("x", (Line("", time, values),), column="lift")
-    (axes,) = drawn_panels([shown], "t", "r", rest=1.0).axes
+    (axes,) = draw_panels([shown], "t", "r", rest=1.0).axes
     drawn = axes.lines[0].get_ydata()
     assert (np.min(drawn), np.max(drawn)) == (-1.0, 1.0)
     assert len(drawn) < 5_000
@@ -101,17 +101,17 @@ def test_every_extreme_of_both_parts_is_drawn() -> None:
 @pytest.mark.parametrize(("high", "shaded"), [(1.1, 1), (0.9, 1), (5.0, 0)])
 def test_a_limit_is_shaded_where_a_curve_comes_near(high: float, shaded: int) -> None:
     shown = panel(MOVE, limits=(Limit("largest", None, high),))
-    (axes,) = drawn_panels([shown], "t", "r").axes
+    (axes,) = draw_panels([shown], "t", "r").axes
     assert len(axes.patches) == shaded
     assert axes.get_ylim()[1] < 1.3  # a limit far away must not flatten the curve
 
 
 def test_what_does_not_change_takes_no_row() -> None:
     rows = [[panel(MOVE, column=c), panel(np.full(2001, 57.0), "load force / kN", c)] for c in ("a", "b")]
-    figure = drawn_panels([row[i] for i in range(2) for row in rows], "t", "r")
+    figure = draw_panels([row[i] for i in range(2) for row in rows], "t", "r")
     assert len(figure.axes) == 2
     assert [axes.get_title() for axes in figure.axes] == ["a   load force 57 kN", "b   load force 57 kN"]
-    assert not changing([rows[0][1]])
+    assert not has_changes([rows[0][1]])
 
 
 @pytest.mark.parametrize(
@@ -119,11 +119,11 @@ def test_what_does_not_change_takes_no_row() -> None:
 )
 def test_odd_values_are_borne(values: np.ndarray) -> None:
     shown = [panel(values, limits=(Limit("largest", -1.0, 1.0),))]
-    assert drawn_panels(shown, "t", "r", rest=1.0).axes
+    assert draw_panels(shown, "t", "r", rest=1.0).axes
 
 
 def test_a_headline_names_files_and_not_where_they_lie(tmp_path: Path) -> None:
     data = [{"file": str(tmp_path / name), "signals": {}} for name in ("load.csv", "way.csv")]
     changed = {"set": {"a.b": "30 kN"}, "actuator": {"lift": str(tmp_path / "sheet.toml")}, "input": data}
-    said = headline(Known({}, {}, record={"changed": changed}))  # pyright: ignore[reportArgumentType]
+    said = format_headline(Known({}, {}, record={"changed": changed}))  # pyright: ignore[reportArgumentType]
     assert said == "study \u00b7 a.b 30 kN, actuator lift sheet.toml, input load.csv and way.csv"

@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 
 import emla_cosim as ec
 from emla_cosim.base.units import LinearTransformation
-from emla_cosim.master.slaves.calls import CALLS, code_of, decoded
-from emla_cosim.master.stepping.layout import PRESENT
+from emla_cosim.master.instances.call_codes import CALLS, code_of, decode_call
+from emla_cosim.master.stepping.record_layout import PRESENT
 from emla_cosim.sandbox import black_box
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Alias, System
@@ -377,14 +377,14 @@ def test_isolate_takes_names_patterns_and_all(package: Path, server: CommandServ
 
 @given(st.integers(0, 10_000), st.sampled_from(CALLS[1:]))
 def test_a_code_says_which_slave_and_which_call(slave: int, call: str) -> None:
-    present = black_box.Present(code=code_of(slave, call), time=0.5)
-    assert decoded(present) == (slave, f"{call} at t = 0.5 s" if call == "doStep" else call)
+    present = black_box.Activity(code=code_of(slave, call), time=0.5)
+    assert decode_call(present) == (slave, f"{call} at t = 0.5 s" if call == "doStep" else call)
 
 
 def test_compiled_code_has_the_same_memory() -> None:
-    fields = {name: getattr(black_box.Present, name).offset for name, _ in black_box.Present._fields_}
+    fields = {name: getattr(black_box.Activity, name).offset for name, _ in black_box.Activity._fields_}
     assert {n: PRESENT.fields[n][1] for n in fields} == fields
-    assert decoded(black_box.Present())[0] is None
+    assert decode_call(black_box.Activity())[0] is None
 
 
 def test_results_are_kept_although_a_copy_of_the_run_holds_the_lock(package: Path, tmp_path: Path) -> None:
@@ -415,7 +415,7 @@ def test_what_an_fmu_writes_to_the_streams_of_its_process_is_no_answer(package: 
 
 
 def test_an_isolated_fmu_has_so_long_to_terminate(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("emla_cosim.master.slaves.isolated_slave._PATIENCE", 0.5)
+    monkeypatch.setattr("emla_cosim.master.instances.isolated_instance._TIMEOUT", 0.5)
     with load(package).prepare(
         isolate=["j.bad"], set={"j.bad.fault": Fault.HANG_TERMINATE.value}
     ) as simulation:

@@ -14,12 +14,12 @@ from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.slaves.slave import StepDiscardedError
+from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping.error_control import SMALLEST, ErrorControl
 from emla_cosim.master.stepping.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, StepControl
-from emla_cosim.master.stepping.timing import clock, timing
-from emla_cosim.master.stretches import simulate
+from emla_cosim.master.stepping.timing import make_clock, make_communication_points
 from emla_cosim.run.options import Options
 from tests.support.linear import LinearSlave, Whole, connected
 from tests.support.long import mostly_long
@@ -40,7 +40,7 @@ def controlled(
     tolerance: float,
     interval: float | None = None,
 ) -> ErrorControl:
-    times = timing(stop, first)
+    times = make_communication_points(stop, first)
     return ErrorControl(begun(network, algorithm, times), times, tolerance, interval)
 
 
@@ -203,7 +203,9 @@ def test_ten_times_fewer_steps_than_fixed_ones(name: str, extrapolation: str, to
     # the fixed ones make their error in the burst
     part, fixed = burst(), stop / (10 * steps)
     rows = simulated(
-        connected(*part), ALGORITHMS[name](extrapolation), timing(round(0.1 / fixed) * fixed, fixed)
+        connected(*part),
+        ALGORITHMS[name](extrapolation),
+        make_communication_points(round(0.1 / fixed) * fixed, fixed),
     )
     assert error_of(rows, part) > 5.0 * error
 
@@ -280,7 +282,7 @@ def test_a_discarded_step_is_tried_shorter() -> None:
 
     def advance(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
         if h > 0.02:
-            raise StepDiscardedError("short", "doStep", "fmi2Discard", ["Too long."])
+            raise DiscardedStepError("short", "doStep", "fmi2Discard", ["Too long."])
         spans.append(h)
         return x + h
 
@@ -295,11 +297,11 @@ def test_a_discarded_step_is_tried_shorter() -> None:
 
 def test_a_slave_that_discards_every_step_has_the_last_word() -> None:
     def never(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
-        raise StepDiscardedError("stubborn", "doStep", "fmi2Discard", ["No."])
+        raise DiscardedStepError("stubborn", "doStep", "fmi2Discard", ["No."])
 
     slave = FakeSlave("stubborn", 0, [0.0], never)
     stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-3)
-    with pytest.raises(StepDiscardedError, match=r"stubborn answered doStep with fmi2Discard. It said: No\."):
+    with pytest.raises(DiscardedStepError, match=r"stubborn answered doStep with fmi2Discard. It said: No\."):
         recorded(stepping)
     assert 2.0**-stepping.control.rejected < 2.0 * SMALLEST
 
@@ -397,7 +399,7 @@ def test_multiples_of_the_interval_are_met_and_only_they_recorded(
     stepping = controlled(connected(*part), Strong("fmu"), stop, first, 1e-4, interval)
     rows = recorded(stepping)
     count = round(stop / interval)
-    assert rows[:, 0].tolist() == [clock(0.0, interval).point(k) for k in range(count + 1)]
+    assert rows[:, 0].tolist() == [make_clock(0.0, interval).point(k) for k in range(count + 1)]
     assert error_of(rows, part) < 1e-2
 
 
@@ -435,7 +437,7 @@ def test_tolerances_that_make_no_sense_are_refused(tolerance: float) -> None:
 )
 def test_slaves_must_be_able_to_go_back_and_vary_the_step(name: str, ability: str, message: str) -> None:
     network = ending(0.0, True)
-    setattr(network.slaves[0], ability, False)
+    setattr(network.instances[0], ability, False)
     with pytest.raises(CommandError, match=message):
         controlled(network, ALGORITHMS[name](), 1.0, 0.1, 1e-3)
 

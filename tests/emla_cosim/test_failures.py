@@ -22,17 +22,17 @@ from typer.testing import Result as Finished
 
 import emla_cosim.cli.commands.run
 import emla_cosim.recorders.checkpoints
-import emla_cosim.run.running
+import emla_cosim.run.execution
 import emla_cosim.run.simulation
 from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.app import app
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.checkpoint import save_checkpoint
-from emla_cosim.master.stepping.stepping import Rows, Stepping
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.csv_file import CsvFile
 from emla_cosim.recorders.recorder import Outline, Recorder, RecordingError, RowBuffer
 from emla_cosim.run.result import Result
@@ -301,13 +301,13 @@ def test_a_loop_with_a_step_too_long_for_one_of_it_is_done_in_parts() -> None:
     def ending(longest: float, step: float) -> np.ndarray:
         def advance(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
             if h > longest:
-                raise StepDiscardedError("position", "doStep", "fmi2Discard", [])
+                raise DiscardedStepError("position", "doStep", "fmi2Discard", [])
             return x + h * u
 
         position = FakeSlave("position", 1, [1.0], advance)
         speed = FakeSlave("speed", 1, [0.0], lambda u, x, t, h: x - h * u)
         network = Network([position, speed], [Link(1, 0, 0, 0, False), Link(0, 0, 1, 0, False)])
-        return simulated(network, Strong(coupling_tolerance=1e-13), timing(1.0, step))[-1]
+        return simulated(network, Strong(coupling_tolerance=1e-13), make_communication_points(1.0, step))[-1]
 
     assert ending(0.3 * 0.125, 0.125) == pytest.approx(ending(1.0, 0.25 * 0.125), abs=1e-11)
 
@@ -412,7 +412,7 @@ def test_checkpoints_leave_no_states_behind(
 ) -> None:
     """As many are freed as are made, while the FMUs still are."""
     monkeypatch.setattr(emla_cosim.recorders.checkpoints, "INTERVAL", 0.0)
-    monkeypatch.setattr(emla_cosim.run.running, "FLUSH_INTERVAL", 0.0)
+    monkeypatch.setattr(emla_cosim.run.execution, "FLUSH_INTERVAL", 0.0)
     saved: list[int] = []
 
     def saving(*arguments: Any) -> None:
@@ -495,7 +495,7 @@ def test_rows_that_fit_on_the_disk_are_whole(tmp_path: Path) -> None:
     """No part of a row is left, nor one out of order."""
     path = tmp_path / "results.csv"
     file = CsvFile(path)
-    file.begin(Outline(["a", "b"], [None, None], timing(50.0, 1.0), range(2), every=3))
+    file.begin(Outline(["a", "b"], [None, None], make_communication_points(50.0, 1.0), range(2), every=3))
     rows = np.random.default_rng(1).normal(size=(50, 3))
     with files_of_at_most(1000):
         file.write(rows[:2])
@@ -545,7 +545,7 @@ def test_a_second_ctrl_c_ends_at_once_and_keeps_whole_rows(
     before = signal.getsignal(signal.SIGINT)  # a job in the background begins with it ignored
 
     def interrupted_twice(
-        stepping: Stepping, rows: Rows, interrupted: Callable[[], bool], *_: object
+        stepping: Stepping, rows: RowSink, interrupted: Callable[[], bool], *_: object
     ) -> None:
         stepping.advance(rows, 5)
         signal.raise_signal(signal.SIGINT)
@@ -554,7 +554,7 @@ def test_a_second_ctrl_c_ends_at_once_and_keeps_whole_rows(
         time.sleep(ONE_REQUEST)
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(emla_cosim.run.running, "simulate", interrupted_twice)
+    monkeypatch.setattr(emla_cosim.run.execution, "simulate", interrupted_twice)
     result = invoked(line_with_a_fault(faulty_fmu, Fault.NONE, 0.0), tmp_path / "out", monkeypatch)
     assert result.exit_code == 1
     assert result.stderr.splitlines()[-1] == "Interrupted."

@@ -12,19 +12,26 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.comparison.comparing import compare
-from emla_cosim.comparison.reserves import Reserves, reserve_values, stated
-from emla_cosim.comparison.rows import COLUMNS, verdict
-from emla_cosim.comparison.seeds import HeldOut, random_seeds, tuned_on
-from emla_cosim.comparison.summary import Summary, lost_text, marked, summaries, text_of, winner
-from emla_cosim.comparison.tables import lost_lines
+from emla_cosim.comparison.held_out_seeds import HeldOutSeeds, list_tuning_seeds, random_seeds
+from emla_cosim.comparison.reserves import Reserves, describe_reserves, reserve_values
+from emla_cosim.comparison.rows import COLUMNS, read_verdict
+from emla_cosim.comparison.runner import compare
+from emla_cosim.comparison.statistics import (
+    SeedStatistics,
+    find_winner,
+    format_lost,
+    format_mean_and_spread,
+    group_by_variant,
+    mark_winner,
+)
+from emla_cosim.comparison.tables import describe_lost_joints
 from emla_cosim.fmu.models import build
 from emla_cosim.recorders.metrics import Shown
 from emla_cosim.run.scenarios.built_in import TUNINGS
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.loading import load
-from emla_cosim.sweeps.shipment import Preparation
-from emla_cosim.sweeps.worker import Outcome
+from emla_cosim.sweeps.worker import VariantOutcome
+from emla_cosim.sweeps.worker_payload import Preparation
 from fmublock import Block, Input, Output, clamp
 from rsba_fmu import FocController
 from tests.support.commands import Emla, sentence
@@ -44,11 +51,11 @@ def rows(controller: str, *errors: float, held: bool = True) -> list[dict[str, A
 
 def test_mean_and_spread_are_those_of_numpy() -> None:
     errors = np.random.default_rng(3).uniform(1.0, 2.0, 7)
-    one = Summary(rows("a", *errors))
+    one = SeedStatistics(rows("a", *errors))
     assert one.mean("position_error_m") == pytest.approx(1e-6 * np.mean(errors), rel=1e-12)
     assert one.spread("position_error_m") == pytest.approx(1e-6 * np.std(errors, ddof=1), rel=1e-12)
-    assert text_of(one, ERROR) == f"{np.mean(errors):.3g} ± {np.std(errors, ddof=1):.2g}"
-    assert text_of(Summary(rows("a", 1.25)), ERROR) == "1.25"
+    assert format_mean_and_spread(one, ERROR) == f"{np.mean(errors):.3g} ± {np.std(errors, ddof=1):.2g}"
+    assert format_mean_and_spread(SeedStatistics(rows("a", 1.25)), ERROR) == "1.25"
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -56,33 +63,35 @@ def test_a_winner_is_marked_only_beyond_the_spread(seed: int) -> None:
     """Beside a computation of its own, on three controllers that are near one another."""
     random = np.random.default_rng(seed)
     errors = random.uniform(1.0, 1.6, (3, 1)) + random.normal(0.0, 0.05, (3, 5))
-    found = summaries([row for name, e in zip("abc", errors, strict=True) for row in rows(name, *e)])
+    found = group_by_variant([row for name, e in zip("abc", errors, strict=True) for row in rows(name, *e)])
     mean, deviation = errors.mean(axis=1), errors.std(axis=1, ddof=1)
     best = int(mean.argmin())
     clear = all(mean[i] - mean[best] > deviation[i] + deviation[best] for i in range(3) if i != best)
     expected = f"{'abc'[best]}/own" if clear else None
-    assert winner(found, ERROR) == expected
-    assert [name for name, cell in marked(found, ERROR).items() if cell.best] == (
+    assert find_winner(found, ERROR) == expected
+    assert [name for name, cell in mark_winner(found, ERROR).items() if cell.best] == (
         [expected] if expected else []
     )
 
 
 def test_a_neighbour_decides_whether_there_is_a_winner() -> None:
     ahead, near, far = rows("a", 1.0, 1.1), rows("b", 1.1, 1.2), rows("c", 2.0, 2.1)
-    assert winner(summaries([*ahead, *far]), ERROR) == "a/own"
-    assert winner(summaries([*ahead, *far, *near]), ERROR) is None
-    assert winner(summaries([*rows("a", 7.061), *rows("b", 7.0612)]), ERROR) is None  # 7.06 and 7.06
-    assert winner(summaries([*rows("a", 7.0), *rows("b", 7.1)]), ERROR) == "a/own"
-    assert winner(summaries(ahead), ERROR) is None
+    assert find_winner(group_by_variant([*ahead, *far]), ERROR) == "a/own"
+    assert find_winner(group_by_variant([*ahead, *far, *near]), ERROR) is None
+    assert (
+        find_winner(group_by_variant([*rows("a", 7.061), *rows("b", 7.0612)]), ERROR) is None
+    )  # 7.06 and 7.06
+    assert find_winner(group_by_variant([*rows("a", 7.0), *rows("b", 7.1)]), ERROR) == "a/own"
+    assert find_winner(group_by_variant(ahead), ERROR) is None
 
 
 def test_a_joint_that_is_not_held_wins_nothing_and_its_figure_does_not_stand_alone() -> None:
     lost = [*rows("a", 0.1, 0.2), *rows("a", 6040.0, held=False)]
-    found = summaries([*lost, *rows("b", 1.0, 1.1, 1.2), *rows("c", 3.0, 3.1, 3.2)])
-    assert winner(found, ERROR) == "b/own"
-    assert marked(found, ERROR)["a/own"] == ("not held in 1 of 3 (6040)", False, True)
-    assert lost_text(Summary(rows("a", 6040.0, held=False)), ERROR) == "not held (6040)"
-    assert lost_text(Summary(rows("a", float("nan"), held=False)), ERROR) == "not held"
+    found = group_by_variant([*lost, *rows("b", 1.0, 1.1, 1.2), *rows("c", 3.0, 3.1, 3.2)])
+    assert find_winner(found, ERROR) == "b/own"
+    assert mark_winner(found, ERROR)["a/own"] == ("not held in 1 of 3 (6040)", False, True)
+    assert format_lost(SeedStatistics(rows("a", 6040.0, held=False)), ERROR) == "not held (6040)"
+    assert format_lost(SeedStatistics(rows("a", float("nan"), held=False)), ERROR) == "not held"
 
 
 def robustness() -> ec.CompareResult:
@@ -117,7 +126,7 @@ def test_the_table_of_robustness_has_means_and_counts_what_holds() -> None:
     assert [cell.best for cell in cases.rows[0]] == [False, True, False]
     assert not any(cell.best for cell in cases.rows[1])  # nobody is there to compare with
     assert [[cell.text for cell in row] for row in held.rows] == [["lift", "2 of 2", "1 of 2"]]
-    assert lost_lines(robustness()) == [
+    assert describe_lost_joints(robustness()) == [
         "noise, lift with b/own (1 of 2 runs): lift tripped on its speed at t = 0.5 s."
     ]
     assert list(robustness().figures()) == ["comparison-robustness"]
@@ -146,8 +155,8 @@ def test_the_table_of_robustness_has_means_and_counts_what_holds() -> None:
 def test_the_verdict_is_that_of_the_figures_and_of_the_run(
     figures: dict[str, Any], status: str, expected: tuple[bool, float | None, str | None]
 ) -> None:
-    outcome = Outcome(0, status, "another joint ended.", 0.7, {"lift": figures})
-    assert verdict(figures, outcome) == expected
+    outcome = VariantOutcome(0, status, "another joint ended.", 0.7, {"lift": figures})
+    assert read_verdict(figures, outcome) == expected
 
 
 def test_seeds_are_held_out() -> None:
@@ -157,8 +166,8 @@ def test_seeds_are_held_out() -> None:
         plan = tomllib.loads(text())
         random = np.random.default_rng(plan["seed"])
         used |= {int(random.integers(1, 2**31 - 2)) for _ in range(plan["training"] + plan["validation"])}
-    assert len(used) == 8 and used == tuned_on()
-    many, few = HeldOut(200), HeldOut(5)
+    assert len(used) == 8 and used == list_tuning_seeds()
+    many, few = HeldOutSeeds(200), HeldOutSeeds(5)
     assert len(set(many.drawn)) == 200 and not used & set(many.drawn) and many.drawn[:5] == few.drawn
     names = [f"{joint}.plant.sensor.seed" for joint in ("lift", "tilt")]
     values = [few.values(names, seed)[name] for seed in few.drawn for name in names]
@@ -198,7 +207,7 @@ def compared(fmu_folder: Path, cluster: Client, tmp_path_factory: pytest.TempPat
 
 def test_only_what_is_random_runs_with_several_seeds(compared: ec.CompareResult) -> None:
     assert compared.entrants == ["rsba/compensated", "foc/tuned"]
-    seeds = HeldOut(3).drawn
+    seeds = HeldOutSeeds(3).drawn
     for joint, controller in itertools.product(("lift", "tilt", "telescope"), ("rsba", "foc")):
         found = compared.rows.filter(joint=joint, controller=controller)
         assert found["seed"].to_list() == (seeds if joint == "tilt" else [None])
@@ -213,7 +222,7 @@ def test_both_controllers_meet_the_same_sequences_and_a_run_alone_repeats_one(
     runs = json.loads((compared.folder / "comparison.json").read_text())["runs"]
     sets = {(r["controller"], r["seed"]): r["set"] for r in runs if r["joints"] == ["tilt"]}
     assert len(sets) == 6
-    assert all(sets["rsba", seed] == sets["foc", seed] for seed in HeldOut(3).drawn)
+    assert all(sets["rsba", seed] == sets["foc", seed] for seed in HeldOutSeeds(3).drawn)
     run = next(r for r in runs if r["joints"] == ["tilt"] and r["controller"] == "foc")
     scenario = load("tilt", controller="foc", gains="tuned", set=run["set"], stop_time=0.4, fmus=fmu_folder)
     with scenario.prepare() as simulation:
@@ -249,12 +258,14 @@ def test_equal_reserves_are_set_on_every_controller(controller: str, fmu_folder:
         for joint in ("lift", "tilt", "telescope")
         for name, part in (("i_reserve", 0.02), ("u_reserve", 0.2))
     }
-    assert stated(part, values) == "2 % and 20 %"
+    assert describe_reserves(part, values) == "2 % and 20 %"
 
 
 def test_sets_that_do_not_limit_keep_no_reserve(fmu_folder: Path) -> None:
     def said(gains: str) -> str:
-        return stated(Preparation.of(load("lift", controller="rsba", gains=gains, fmus=fmu_folder)), {})
+        return describe_reserves(
+            Preparation.of(load("lift", controller="rsba", gains=gains, fmus=fmu_folder)), {}
+        )
 
     assert said("robust") == "0 % and no limit"
     assert said("published") == "no limit and no limit"
@@ -271,11 +282,11 @@ def test_reserves_change_what_controllers_do(fmu_folder: Path) -> None:
 
 
 def test_robustness_shows_further_sets_of_those_who_are_compared(fmu_folder: Path) -> None:
-    from emla_cosim.comparison.entrants import entrants
+    from emla_cosim.comparison.controller_variants import select_variants
     from emla_cosim.study.controllers import ROBUSTNESS_SETS
 
     def names(*controllers: Any, gains: list[str] | None = None) -> list[str]:
-        return list(map(str, entrants(list(controllers) or None, gains, ROBUSTNESS_SETS)))
+        return list(map(str, select_variants(list(controllers) or None, gains, ROBUSTNESS_SETS)))
 
     assert names("foc", "cac") == ["foc/tuned", "foc/rule", "cac/tuned"]
     assert names()[:3] == ["rsba/compensated", "rsba/robust", "foc/tuned"]

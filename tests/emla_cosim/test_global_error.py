@@ -11,9 +11,9 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.inputs.events import input_events, row_distance
 from emla_cosim.inputs.input import Input
 from emla_cosim.master.algorithms.registry import ALGORITHMS
-from emla_cosim.master.stepping.error_control import WORTH_A_REMARK, ErrorControl, default_largest_step
+from emla_cosim.master.stepping.error_control import REMARK_THRESHOLD, ErrorControl, default_largest_step
 from emla_cosim.master.stepping.step_control import LARGEST_GROWTH
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.study.schedules import scheduled_times
 from emla_cosim.system.fault import Fault
@@ -27,7 +27,7 @@ from tests.support.two_masses import Part, elastic_load, rigid_load
 def controlled(
     part: Part, name: str, extrapolation: str, tolerance: float, stop: float, first: float = 1e-3
 ) -> ErrorControl:
-    times = timing(stop, first)
+    times = make_communication_points(stop, first)
     return ErrorControl(begun(connected(*part), ALGORITHMS[name](extrapolation), times), times, tolerance)
 
 
@@ -76,7 +76,7 @@ def test_held_inputs_are_remarked_on_with_the_ratio(tolerance: float) -> None:
     found = error_of(recorded(stepping), part)
     (remark,) = stepping.remarks()
     estimated = stepping.report()["estimated_error"]
-    assert found > WORTH_A_REMARK * tolerance
+    assert found > REMARK_THRESHOLD * tolerance
     assert 0.3 * found < estimated < 10.0 * found
     assert f"{estimated / tolerance:.2g} times the error tolerance {tolerance:g}" in remark
 
@@ -106,11 +106,11 @@ def rest(until: float = np.inf, jump: float = 1.0) -> Part:
 
 def test_no_step_is_longer_than_the_largest_and_growth_is_bounded() -> None:
     """At rest nothing but these bounds keeps steps short."""
-    times = timing(10.0, 1e-3)
+    times = make_communication_points(10.0, 1e-3)
     assert default_largest_step(times) == pytest.approx(0.2)
     for largest, expected in ((None, 0.2), (0.03, 0.03), (1e-4, 1e-4)):
         stop = 10.0 if expected > 1e-3 else 0.05
-        times = timing(stop, 1e-3)
+        times = make_communication_points(stop, 1e-3)
         algorithm = begun(connected(*rest()), ALGORITHMS["jacobi"]("fmu"), times)
         steps = np.diff(recorded(ErrorControl(algorithm, times, 1e-3, largest=largest))[:, 0])
         assert steps.max() == pytest.approx(expected, rel=1e-6)
@@ -121,7 +121,7 @@ def test_no_step_is_longer_than_the_largest_and_growth_is_bounded() -> None:
 @pytest.mark.parametrize("extrapolation", ["none", "fmu"])
 def test_steps_end_at_events_and_no_line_goes_over_them(name: str, extrapolation: str) -> None:
     """A jump at 1.2345 s, known before, against the lag's closed form."""
-    at, times = 1.2345, timing(2.0, 1e-3)
+    at, times = 1.2345, make_communication_points(2.0, 1e-3)
 
     def simulated(events: Sequence[float]) -> tuple[np.ndarray, float]:
         algorithm = begun(connected(*rest(until=at)), ALGORITHMS[name](extrapolation), times)

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from emla_cosim.base.option import RUN
 from emla_cosim.cli.app import COMMANDS, app
-from emla_cosim.run.options import table
+from emla_cosim.run.options import list_options
 
 
 def told(*arguments: str) -> str:
@@ -45,5 +45,5 @@ def test_help_tells_choices_defaults_and_units() -> None:
     text = told("run")
     assert "One of jacobi, gauss-seidel, strong. Default: gauss-seidel." in text
     assert "TIME" in text and "In s, or with a unit" in text
-    for option in table(RUN).values():
+    for option in list_options(RUN).values():
         assert option.flag in text

@@ -12,7 +12,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.models import MODELS, fmu_path
-from emla_cosim.inspection.shown import shown_rows
+from emla_cosim.inspection.display_rows import build_display_rows
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from tests.support.broken.broken import Broken
 from tests.support.broken.static import STATIC
@@ -116,7 +116,7 @@ def test_every_kind_of_scenario_is_told(name: str, fmu_folder: Path) -> None:
     assert name in SCENARIOS
     found = ec.info(name, fmus=fmu_folder)
     assert len({v.name for v in found.variables}) == len(found.variables)
-    rows = list(shown_rows(found.variables))
+    rows = list(build_display_rows(found.variables))
     assert 0 < len(rows) < len(found.variables)  # elements of arrays share rows
 
 

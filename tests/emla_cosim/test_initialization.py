@@ -18,14 +18,14 @@ from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired
 from tests.support.simulated import begun
 from tests.support.slaves import FakeSlave
 
-TIMES = timing(1.0, 0.1)
+TIMES = make_communication_points(1.0, 0.1)
 
 
 def gate(
@@ -196,7 +196,7 @@ def test_a_linear_loop_of_any_gain_is_solved(sign: float, gain: float, offset: f
     """A load of 20,000 times the driving mass is such a loop; the error is that of one rounded evaluation."""
     a = sign * gain
     network = ring(lambda u: a * u + offset)
-    network.slaves[0].inputs[:] = start
+    network.instances[0].inputs[:] = start
     exact, eps = offset / (1.0 - a), np.finfo(float).eps
     rounding = 8.0 * eps * (abs(a * exact) + abs(offset)) * max(1.0, 1.0 / abs(1.0 - a))
     assert initial(network) == pytest.approx([exact] * 2, rel=1e-10, abs=rounding)
@@ -218,7 +218,7 @@ def test_small_linear_systems_of_mixed_scales_are_solved(size: int, seed: int) -
 
 def test_a_gain_of_one_with_nothing_added_keeps_the_start_value() -> None:
     network = ring(lambda u: u)
-    network.slaves[0].inputs[:] = 7.0
+    network.instances[0].inputs[:] = 7.0
     assert initial(network).tolist() == [7.0, 7.0]
 
 

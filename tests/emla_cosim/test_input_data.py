@@ -10,16 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.inputs.data import read_data
+from emla_cosim.inputs.data_tables import read_data
 from emla_cosim.inputs.headers import Header
 from emla_cosim.inputs.input import Column, Input
-from emla_cosim.inputs.placing import Readable
+from emla_cosim.inputs.wired_inputs import LoadedInput
 
 
-def table(folder: Path, content: str | bytes, name: str = "data.csv") -> Readable:
+def table(folder: Path, content: str | bytes, name: str = "data.csv") -> LoadedInput:
     file = folder / name
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return Readable.of(Input(file))
+    return LoadedInput.of(Input(file))
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_units_of_parquet_are_those_of_its_metadata(tmp_path: Path) -> None:
     file = tmp_path / "x.parquet"
     frame = polars.DataFrame({"time": [0, 1], "a.b [1]": [1.0, 2.0], "text": ["a", "b"], "gap": [1.0, None]})
     frame.write_parquet(file, metadata={"units": '{"time": "ms", "a.b [1]": "kN"}'})
-    found = Readable.of(Input(file))
+    found = LoadedInput.of(Input(file))
     assert found.times.tolist() == [0.0, 1e-3]
     assert (found.data.headers[1].name, found.data.headers[1].unit) == ("a.b [1]", "kN")
     for column, sentence in ((2, "has 'a' in row 1"), (3, "has nothing in row 2")):
@@ -141,7 +141,7 @@ def test_damaged_parquet_is_one_sentence(tmp_path: Path) -> None:
     for place in range(4, len(whole), 97):
         file.write_bytes(whole[:place] + b"\xff\x00\xff" + whole[place + 3 :])
         try:
-            Readable.of(Input(file)).data.numbers(1)
+            LoadedInput.of(Input(file)).data.numbers(1)
         except CommandError as error:
             assert "\n" not in str(error) and "x.parquet" in str(error)
 
@@ -155,7 +155,7 @@ def test_frames_are_data_too(make: str) -> None:
         data = pytest.importorskip("pandas", reason="The extra 'pandas' is not installed.").DataFrame(columns)
     else:
         data = columns
-    found = Readable.of(Input(data=data))
+    found = LoadedInput.of(Input(data=data))
     assert found.data.numbers(1).tolist() == [1.0, 2.0]
     assert found.data.headers[1].unit == "mm"
 
@@ -166,7 +166,7 @@ def test_frames_are_data_too(make: str) -> None:
 )
 def test_frames_of_other_things_are_refused(data: dict) -> None:
     with pytest.raises(CommandError, match="must"):
-        Readable.of(Input(data=data)).data.numbers(1)
+        LoadedInput.of(Input(data=data)).data.numbers(1)
 
 
 def test_the_notation_of_the_command_line() -> None:

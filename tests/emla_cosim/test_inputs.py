@@ -12,11 +12,11 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
-from emla_cosim.inputs.placing import Readable, data_end, with_inputs
+from emla_cosim.inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.run.preparation import prepared, until_data_end
-from emla_cosim.run.run_record import plain
-from emla_cosim.sweeps.shipment import Preparation
+from emla_cosim.run.preparation import limit_to_data_end, prepare_system
+from emla_cosim.run.run_record import to_plain
+from emla_cosim.sweeps.worker_payload import Preparation
 from emla_cosim.system.model import Alias
 from tests.support.commands import Emla
 from tests.support.faulty_systems import faulty
@@ -54,7 +54,7 @@ class Heard(Progress):
 
 def notes_of(scenario: ec.Scenario) -> str:
     heard = Heard()
-    prepared(scenario.system, scenario.options, heard)
+    prepare_system(scenario.system, scenario.options, heard)
     return " ".join(heard.notes)
 
 
@@ -196,11 +196,11 @@ def test_data_that_stop_end_the_run_at_the_last_point_within_them(fmu_folder: Pa
     assert result.end_s == pytest.approx(0.0399, abs=1e-12)
     assert result.problem is None and result.times.stop == result.end_s
     assert "the run stops where the data of" in notes_of(scenario)
-    assert until_data_end(scenario.options.updated({"stop_time": 0.03})).stop_time == 0.03
+    assert limit_to_data_end(scenario.options.updated({"stop_time": 0.03})).stop_time == 0.03
     with scenario.prepare() as simulation, pytest.raises(ec.RunError, match=r"the data end at t = 0\.04 s"):
         simulation.run(stop_time=0.06)
     with pytest.raises(CommandError, match="less than a step after the run begins"):
-        until_data_end(scenario.options.updated({"start_time": 0.0399}))
+        limit_to_data_end(scenario.options.updated({"start_time": 0.0399}))
 
 
 def test_a_fault_comes_after_the_data(fmu_folder: Path, measured: Path) -> None:
@@ -299,7 +299,7 @@ def test_columns_of_no_signal_are_noted(fmu_folder: Path) -> None:
 
 def test_what_is_recorded_is_json(measured: Path) -> None:
     sources = [ec.Input(measured, {LOAD: ec.Column("x", "mm", 1)}), ec.Input(data={"time": T})]
-    told = json.loads(json.dumps(plain(sources)))
+    told = json.loads(json.dumps(to_plain(sources)))
     assert told[0]["signals"] == {LOAD: "der(x [mm])"}
     assert told[1]["data"] == "given in Python"
 
@@ -325,10 +325,10 @@ def test_of_several_data_that_stop_the_first_to_end_ends_the_run(
         sources.append(ec.Input(file, {signal: "x"}, end="hold" if number == 2 else "stop"))
     chosen = [sources[i] for i in order]
     options = lift(fmu_folder, *chosen).options
-    assert until_data_end(options).stop_time == pytest.approx(0.02)
-    assert data_end([sources[2], *chosen]) == pytest.approx(0.02)
-    assert data_end([sources[2], sources[1]]) == pytest.approx(0.03)
-    assert data_end([sources[2]]) is None
+    assert limit_to_data_end(options).stop_time == pytest.approx(0.02)
+    assert find_data_end([sources[2], *chosen]) == pytest.approx(0.02)
+    assert find_data_end([sources[2], sources[1]]) == pytest.approx(0.03)
+    assert find_data_end([sources[2]]) is None
 
 
 def test_data_take_the_start_value_of_the_input_that_they_drive_and_of_no_other(faulty_fmu: Path) -> None:
@@ -337,9 +337,9 @@ def test_data_take_the_start_value_of_the_input_that_they_drive_and_of_no_other(
     sink = replace(
         faulty("j.sink", faulty_fmu), parameters={"u": 0.5, "drive": 4.0, "b": 2.0}, aliases=aliases
     )
-    table = Readable.of(ec.Input(data={"t": [0.0, 1.0], "x": [1.0, 1.0]}, signals={"j.sink.drive": "x"}))
+    table = LoadedInput.of(ec.Input(data={"t": [0.0, 1.0], "x": [1.0, 1.0]}, signals={"j.sink.drive": "x"}))
     system = ec.System((sink,), ())
     with Assembly(system, {"j.sink": faulty_fmu}) as assembly:
         interfaces = {name: file.interface for name, file in assembly.files.items()}
-        placed = with_inputs(system, [table], interfaces, ())
+        placed = wire_inputs(system, [table], interfaces, ())
     assert placed.system.component("j.sink").parameters == {"u": 0.5, "b": 2.0}

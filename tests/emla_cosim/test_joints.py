@@ -15,12 +15,12 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.study.controllers import CONTROLLERS
-from emla_cosim.study.joints.library import joint_named, joint_names, joint_text
-from emla_cosim.study.joints.schema import JointFile, joint_of, read_joint
+from emla_cosim.study.joints.joint_files import list_joint_names, load_joint, read_joint_text
+from emla_cosim.study.joints.schema import JointFile, parse_joint, read_joint
 from emla_cosim.study.systems import STUDY
 from tests.support.paths import ROOT
 
-TILT = joint_text("tilt")
+TILT = read_joint_text("tilt")
 
 
 def read(text: str, name: str = "slew") -> JointFile:
@@ -119,8 +119,8 @@ print(ec.__file__)
 
 def test_the_study_keeps_its_three_joints() -> None:
     assert tuple(STUDY) == ("lift", "tilt", "telescope")
-    assert set(joint_names()) >= {*STUDY, "prototype"}
-    assert all(file.name.removesuffix(".toml") in joint_names() for file in _joint_files())
+    assert set(list_joint_names()) >= {*STUDY, "prototype"}
+    assert all(file.name.removesuffix(".toml") in list_joint_names() for file in _joint_files())
 
 
 def _joint_files() -> list[Path]:
@@ -163,7 +163,7 @@ def test_block_without_gains_takes_an_observer_of_the_joint(slew: Path) -> None:
 
 
 def test_gains_of_python_that_leave_out_the_joint_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    tilt = joint_named("tilt")
+    tilt = load_joint("tilt")
     own = tilt.gain_set("foc", "tuned")
     gains = ec.Gains({"tilt": own.observer.gains}, {"tilt": own.controller})
     monkeypatch.setitem(ec.CONTROLLERS, "mine", ec.Controller(CONTROLLERS["foc"].model, {"own": gains}))
@@ -322,23 +322,23 @@ def _entries(content: Any, place: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]
 
 @pytest.mark.parametrize("odd", [10**400, -(10**400), float("nan"), -1, "", True])
 def test_an_odd_value_in_any_entry_is_taken_or_refused(odd: Any) -> None:
-    for place in _entries(tomllib.loads(joint_text("tilt"))):
-        content = tomllib.loads(joint_text("tilt"))
+    for place in _entries(tomllib.loads(read_joint_text("tilt"))):
+        content = tomllib.loads(read_joint_text("tilt"))
         inner: Any = content
         for key in place[:-1]:
             inner = inner[key]
         inner[place[-1]] = odd
         try:
-            joint_of(content, "the joint file", "tilt", Path())
+            parse_joint(content, "the joint file", "tilt", Path())
         except ec.CommandError as error:
             assert "the joint file" in str(error), place
 
 
 def test_an_actuator_file_that_is_nested_too_deeply_is_refused(tmp_path: Path) -> None:
-    content = tomllib.loads(joint_text("tilt")) | {"actuator": "deep.toml"}
+    content = tomllib.loads(read_joint_text("tilt")) | {"actuator": "deep.toml"}
     (tmp_path / "deep.toml").write_text("a = " + 3000 * "[" + 3000 * "]")
     with pytest.raises(ec.CommandError, match=r"deep\.toml' is not TOML"):
-        joint_of(content, "the joint file", "tilt", tmp_path)
+        parse_joint(content, "the joint file", "tilt", tmp_path)
 
 
 # ---- experiments ------------------------------------------------------------------------------------

@@ -19,16 +19,16 @@ from emla_cosim.master.algorithms.explicit import Explicit
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.sampling import Sampling
+from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
+from emla_cosim.master.instances.fmu_instance import InstanceError
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.slaves.slave import SlaveError
+from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping import kernel
 from emla_cosim.master.stepping.compilation import compile_kernel
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.timing import Timing, timing
-from emla_cosim.master.stretches import simulate
+from emla_cosim.master.stepping.timing import CommunicationPoints, make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, System
 from tests.support.faulty_fmu import build_faulty_fmu
@@ -39,15 +39,15 @@ from tests.support.simulated import Table, begun, recorded
 from tests.support.slaves import FakeSlave, compilable
 
 EXPLICIT: tuple[type[Explicit], ...] = (Jacobi, GaussSeidel)
-KINDS: tuple[type[Sampling], ...] = (*EXPLICIT, Strong)
+KINDS: tuple[type[OperationTableAlgorithm], ...] = (*EXPLICIT, Strong)
 STEPPING = "emla_cosim.master.stepping"
-Make = Callable[[], Sampling]
+Make = Callable[[], OperationTableAlgorithm]
 
 
 def rows(
     network: Network,
     make: Make,
-    times: Timing,
+    times: CommunicationPoints,
     *,
     compiled: bool,
     every: int = 1,
@@ -56,7 +56,7 @@ def rows(
 ) -> np.ndarray:
     """All rows of a run in this way and no other; `shared` is the seed by which threads share its steps."""
     stepping = FixedSteps(begun(network, make(), times), times, compiled)
-    assert stepping.compiled == compiled
+    assert stepping.is_compiled == compiled
     if shared is not None:
         in_lanes(stepping, shared)
     return recorded(stepping, every, room=room)
@@ -83,7 +83,7 @@ def study_rows(
     system = load("study").system
     fmus = {c.name: fmu_path(c.model, flavour, folder) for c in system.components}
     with Assembly(system, fmus) as assembly:
-        times = timing(steps * 1e-4, 1e-4)
+        times = make_communication_points(steps * 1e-4, 1e-4)
         return rows(assembly.network, make, times, compiled=compiled, every=every, shared=shared)
 
 
@@ -93,9 +93,9 @@ WAYS = [(kind, way, multiples) for multiples in ({}, SLOWER) for way in EXTRAPOL
 
 @pytest.mark.parametrize(("kind", "extrapolation", "multiples"), mostly_long(WAYS, WAYS[::2]))
 def test_the_study_has_the_same_bits(
-    kind: type[Sampling], extrapolation: str, multiples: Mapping[str, int], fmu_folder: Path
+    kind: type[OperationTableAlgorithm], extrapolation: str, multiples: Mapping[str, int], fmu_folder: Path
 ) -> None:
-    def make() -> Sampling:
+    def make() -> OperationTableAlgorithm:
         return kind(extrapolation, multiples)
 
     expected = study_rows(fmu_folder, make, 42, compiled=False)
@@ -170,7 +170,7 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
     transformation = st.just((1.0, 0.0)) | st.tuples(values, values)
     transformations = [data.draw(transformation) for _ in system.connections]
     every, room = data.draw(st.integers(1, 7), label="every"), data.draw(st.integers(1, 5), label="room")
-    times = timing(1.2, 0.05)
+    times = make_communication_points(1.2, 0.05)
     found, seed = [], data.draw(st.integers(0, 99), label="share")
     for compiled, shared in ((False, None), (True, None), (True, seed)):
         with open_system(system, transformations) as assembly:
@@ -195,7 +195,7 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
 @pytest.mark.parametrize("room", [1, 2, 3, 1000])
 def test_the_room_for_rows_does_not_matter(room: int, faulty_fmu: Path) -> None:
     system = wired([faulty("j.a", faulty_fmu, u=1.0), faulty("j.b", faulty_fmu, b=0.5)], "j.a.y -> j.b.u")
-    times = timing(10.0, 0.05)
+    times = make_communication_points(10.0, 0.05)
     found = []
     for compiled, space in ((False, 7), (True, room)):
         with open_system(system) as assembly:
@@ -210,7 +210,7 @@ def test_the_room_for_rows_does_not_matter(room: int, faulty_fmu: Path) -> None:
     ids=["few", "narrow", "by column", "single precision"],
 )
 def test_rows_that_do_not_fit_are_not_written_to(block: np.ndarray, faulty_fmu: Path) -> None:
-    times = timing(1.0, 0.1)
+    times = make_communication_points(1.0, 0.1)
     with open_system(wired([faulty("j.a", faulty_fmu, u=1.0)])) as assembly:
         algorithm = begun(assembly.network, Jacobi(), times)
         loop = compile_kernel(algorithm)
@@ -246,11 +246,11 @@ def test_a_function_that_fails_is_named(function: str, call: str, kind: type[Exp
         slave.set_input_derivatives = lambda derivatives: None
         compilable(slave)
     failing_at_the_fourth_call(slaves[1], function)
-    times, table = timing(1.0, 0.1), Table(4)
+    times, table = make_communication_points(1.0, 0.1), Table(4)
     system = Network(slaves, [Link(i, 0, (i + 1) % 3, 0, False) for i in range(3)])
     stepping = FixedSteps(begun(system, kind("fmu"), times), times)
-    assert stepping.compiled
-    with pytest.raises(SlaveError) as caught:
+    assert stepping.is_compiled
+    with pytest.raises(InstanceError) as caught:
         simulate(stepping, table)
     assert str(caught.value) == f"b answered {call} with status 4."
     assert stepping.steps == len(table.rows) == 3
@@ -262,7 +262,7 @@ def test_a_function_that_fails_is_named(function: str, call: str, kind: type[Exp
 def test_without_numba_everything_is_stepped_in_python(
     faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    times, found = timing(1.0, 0.1), []
+    times, found = make_communication_points(1.0, 0.1), []
     for compiled in (True, False):
         if not compiled:
             kernel._advance.cache_clear()
@@ -271,15 +271,15 @@ def test_without_numba_everything_is_stepped_in_python(
             monkeypatch.setitem(sys.modules, "numba", None)
         with open_system(wired([faulty("j.a", faulty_fmu, u=1.0)])) as assembly:
             stepping = FixedSteps(begun(assembly.network, Jacobi(), times), times)
-            assert stepping.compiled == compiled
+            assert stepping.is_compiled == compiled
             found.append(recorded(stepping))
     assert_same_bits(*found)
 
 
 def test_a_slave_without_entry_points_is_stepped_in_python() -> None:
-    times, slave = timing(1.0, 0.1), FakeSlave("s", 1, [1.0], lambda u, x, t, h: x + u)
+    times, slave = make_communication_points(1.0, 0.1), FakeSlave("s", 1, [1.0], lambda u, x, t, h: x + u)
     stepping = FixedSteps(begun(Network([slave], [Link(0, 0, 0, 0, False)]), GaussSeidel(), times), times)
-    assert not stepping.compiled
+    assert not stepping.is_compiled
     assert recorded(stepping)[-1, 1] == 2.0**10
 
 
@@ -289,13 +289,13 @@ _START = """
 import sys
 from pathlib import Path
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.faulty_systems import faulty, open_system, wired
 from tests.support.lanes import in_lanes
 from tests.support.simulated import simulated
 system = wired([faulty("j.a", Path(sys.argv[1]), u=1.0)])
 with open_system(system) as assembly:
-    rows = simulated(assembly.network, Jacobi(), timing(1.0, 0.1))
+    rows = simulated(assembly.network, Jacobi(), make_communication_points(1.0, 0.1))
 assert abs(rows[-1, 1] - 1.0) < 1e-12
 print("numba" in sys.modules, "networkx" in sys.modules)
 """

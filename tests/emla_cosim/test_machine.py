@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.comparison.contest import _joints as compared_joints
+from emla_cosim.comparison.plan import _joints as compared_joints
 from emla_cosim.run.simulation import Simulation
-from emla_cosim.study import machine
+from emla_cosim.study import machine_systems
 from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI
-from emla_cosim.study.roles import JOINTS, joints, tracked, variable
+from emla_cosim.study.roles import JOINTS, find_joints, find_tracked_joints, find_variable
 from emla_cosim.study.systems import STUDY
 from hdrm_fmu import HDRM
 from hdrm_fmu.dynamics import inverse_dynamics
@@ -169,10 +169,10 @@ def test_a_failure_without_such_a_loop_is_not_told_of_one(replay: Simulation) ->
 # ---- roles -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["study", *machine.SYSTEMS])
+@pytest.mark.parametrize("name", ["study", *machine_systems.SYSTEMS])
 def test_every_picture_finds_its_signals_in_every_system(name: str) -> None:
     components = [c.name for c in load(name).system.components]
-    assert joints(components) == list(JOINTS)
+    assert find_joints(components) == list(JOINTS)
 
 
 def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
@@ -188,8 +188,11 @@ def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
     late = result.time >= 0.3
     found = np.abs(column(result, "x_L") - column(result, "x_d"))[late].max(axis=0)
     assert found == pytest.approx(list(errors.values()), rel=1e-9)
-    assert variable("tilt", "tau_m", result.names) == "tilt.motor.tau_m"
-    assert tracked(result.names, {})["tilt"] == ("machine.plant.x_L[2]", "machine.trajectory.x_d[2]")
+    assert find_variable("tilt", "tau_m", result.names) == "tilt.motor.tau_m"
+    assert find_tracked_joints(result.names, {})["tilt"] == (
+        "machine.plant.x_L[2]",
+        "machine.trajectory.x_d[2]",
+    )
 
 
 def test_ranges_of_the_merged_plant_are_watched(merged: Simulation) -> None:

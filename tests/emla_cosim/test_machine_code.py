@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.master.stepping import machine_code
-from emla_cosim.sandbox.interruption import ending_as_ctrl_c
+from emla_cosim.sandbox.interruption import raise_on_interrupt
 
 TRIPLE = """
 define i64 @triple(i64 %x) {
@@ -79,7 +79,7 @@ def test_ctrl_c_ends_it_once_code_is_compiled(tmp_path: Path, monkeypatch: pytes
         done.append(1)
         return TRIPLE
 
-    with ending_as_ctrl_c(), pytest.raises(KeyboardInterrupt):
+    with raise_on_interrupt(), pytest.raises(KeyboardInterrupt):
         machine_code.load("triple", b"x * 3", generate)
     assert done == [1]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

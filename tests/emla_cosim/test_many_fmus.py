@@ -14,7 +14,7 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu import file as fmu_file
 from emla_cosim.fmu.loaded_library import LoadedLibrary
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.ssp.reader.reading import read_ssp
+from emla_cosim.ssp.reader.flat_document import read_ssp
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from fmublock.archive import write_archive
@@ -61,7 +61,7 @@ def test_a_file_is_read_unpacked_hashed_and_loaded_once(
     with open_system(five(faulty_fmu)) as assembly:
         assert [len(found) for found in done] == [1, 1, 1, 1]
         assert len(set(map(id, made))) == len(made) == 5
-        assert [m.instanceName for m in made] == [s.name for s in assembly.network.slaves]
+        assert [m.instanceName for m in made] == [s.name for s in assembly.network.instances]
         assert len({m.component for m in made}) == 5
 
 
@@ -70,7 +70,7 @@ def test_the_library_is_unloaded_with_the_last_instance(
 ) -> None:
     unloaded = calls(FMU2Slave, "freeLibrary")
     with open_system(five(faulty_fmu)) as assembly:
-        first, *others = assembly.network.slaves
+        first, *others = assembly.network.instances
         library = assembly.files[first.name].library
         for slave in (first, *others):
             slave.enter_initialization(0.0, 1.0)

@@ -6,14 +6,14 @@ import pytest
 from emla_cosim.base.errors import CommandError
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.registry import ALGORITHMS
-from emla_cosim.master.algorithms.sampling import Sampling
 from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.instances.fmu_instance import InstanceError
 from emla_cosim.master.network import Link, Network, stepping_order
-from emla_cosim.master.slaves.slave import SlaveError
+from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.timing import timing
-from emla_cosim.master.stretches import simulate
+from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.simulated import Table, begun, recorded, simulated
 from tests.support.slaves import FakeSlave
 
@@ -71,7 +71,7 @@ def test_jacobi_uses_old_values_and_gauss_seidel_new_ones() -> None:
 )
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel, Strong])
 def test_step_multiples_that_make_no_sense_are_refused(
-    kind: type[Sampling], name: str, multiple: int, message: str
+    kind: type[OperationTableAlgorithm], name: str, multiple: int, message: str
 ) -> None:
     with pytest.raises(CommandError, match=f"^{message}$"):
         kind(step_multiples={name: multiple}).setup(oscillator())
@@ -89,7 +89,7 @@ def test_first_order_on_the_oscillator(name: str) -> None:
     errors = []
     for steps in (1000, 2000, 4000):
         system = oscillator()
-        simulated(system, ALGORITHMS[name](), timing(1.0, 1.0 / steps))
+        simulated(system, ALGORITHMS[name](), make_communication_points(1.0, 1.0 / steps))
         errors.append(np.abs(system.signals - [np.cos(1.0), -np.sin(1.0)]).max())
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([1.0, 1.0], abs=0.05)
 
@@ -121,14 +121,14 @@ def test_stepping_order_of_a_direct_loop_still_has_everyone() -> None:
 def test_time_is_never_accumulated() -> None:
     times: list[float] = []
     clock = FakeSlave("clock", 0, [0.0], lambda u, x, t, h: (times.append(t), [t + h])[1])
-    rows = simulated(Network([clock], []), Jacobi(), timing(100.0, 0.1))
+    rows = simulated(Network([clock], []), Jacobi(), make_communication_points(100.0, 0.1))
     assert times == [k / 10 for k in range(1000)]
     assert rows[:, 0].tolist() == [k / 10 for k in range(1001)]
 
 
 def test_row_zero_is_the_initial_state_and_rows_are_labelled_with_their_end() -> None:
     counter = FakeSlave("counter", 0, [0.0], lambda u, x, t, h: x + 1)
-    rows = simulated(Network([counter], []), Jacobi(), timing(0.3, 0.1))
+    rows = simulated(Network([counter], []), Jacobi(), make_communication_points(0.3, 0.1))
     assert rows[:, 0] == pytest.approx([0.0, 0.1, 0.2, 0.3])
     assert rows[:, 1].tolist() == [0.0, 1.0, 2.0, 3.0]
 
@@ -136,19 +136,19 @@ def test_row_zero_is_the_initial_state_and_rows_are_labelled_with_their_end() ->
 def test_a_failing_slave_ends_the_run_where_it_was() -> None:
     def fail(u: np.ndarray, x: np.ndarray, t: float, h: float) -> np.ndarray:
         if t > 0.45:
-            raise SlaveError("bad", "doStep", "fmi2Error", ["I am tired."])
+            raise InstanceError("bad", "doStep", "fmi2Error", ["I am tired."])
         return x + 1
 
-    times = timing(1.0, 0.1)
+    times = make_communication_points(1.0, 0.1)
     stepping = FixedSteps(begun(Network([FakeSlave("bad", 0, [0.0], fail)], []), Jacobi(), times), times)
     table = Table(2)
-    with pytest.raises(SlaveError, match=r"bad answered doStep with fmi2Error. It said: I am tired."):
+    with pytest.raises(InstanceError, match=r"bad answered doStep with fmi2Error. It said: I am tired."):
         simulate(stepping, table)
     assert (table.rows[-1, 0], stepping.time) == (0.5, 0.5)
 
 
 def test_an_interruption_ends_between_two_steps() -> None:
-    times, slave = timing(1e6, 0.1), FakeSlave("s", 0, [0.0], lambda u, x, t, h: x + 1)
+    times, slave = make_communication_points(1e6, 0.1), FakeSlave("s", 0, [0.0], lambda u, x, t, h: x + 1)
     stepping = FixedSteps(begun(Network([slave], []), Jacobi(), times), times)
     rows = recorded(stepping, interrupted=lambda: stepping.steps > 4)
     assert rows[-1].tolist() == [stepping.time, stepping.steps]
@@ -171,7 +171,7 @@ def test_an_interruption_ends_between_two_steps() -> None:
 )
 def test_times_that_make_no_sense_are_explained(stop: float, step: float, message: str) -> None:
     with pytest.raises(CommandError, match=message):
-        timing(stop, step)
+        make_communication_points(stop, step)
 
 
 def test_an_input_without_a_source_is_a_mistake_of_the_caller() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.base.files import present_folder
+from emla_cosim.base.files import get_working_folder
 from emla_cosim.system.model import System
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault
@@ -69,7 +69,7 @@ def test_threads_that_prepare_stay_where_they_are(
 
     def prepare() -> None:
         with scenario.prepare():
-            seen.add(present_folder())
+            seen.add(get_working_folder())
 
     threads = [threading.Thread(target=prepare) for _ in range(4)]
     for thread in threads:

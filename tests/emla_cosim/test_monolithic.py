@@ -16,7 +16,7 @@ from scipy.integrate import simpson
 
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_fmu import Disturbance, DisturbanceReading, EmlaObserver, EmlaPlant, TorqueSource
 from fmublock import Block, Output, Parameter
 from fmublock.block import Values
@@ -78,7 +78,7 @@ def co_simulated(algorithm: str, step: float, folder: Path, gains: str) -> Run:
     watched = ["lift.plant.inverter.saturated", "lift.controller.saturated", "lift.controller.P[1]"]
     with Assembly(system, fmus) as assembly:
         columns = {name: 1 + i for i, name in enumerate(assembly.network.names)}
-        rows = simulated(assembly.network, ALGORITHMS[algorithm](), timing(STOP, step))
+        rows = simulated(assembly.network, ALGORITHMS[algorithm](), make_communication_points(STOP, step))
     states = rows[:: round(SAMPLE / step), [columns[name] for name in STATE_SIGNALS]]
     largest = np.abs(rows[:, [columns[name] for name in watched]]).max(axis=0)
     return Run(states, float(max(largest[:2])), float(largest[2]))

@@ -15,7 +15,7 @@ import emla_cosim.views.folder
 from emla_cosim.recorders.csv_file import read_csv
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.run.scenarios.scenario import Scenario
-from emla_cosim.views.plots.overlay import plotted
+from emla_cosim.views.plots.overlay import plot_signals
 from tests.support.commands import Emla, sentence
 from tests.support.few_figures import DRAWN, draw_few
 from tests.support.long import mostly_long
@@ -111,7 +111,7 @@ def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pyte
     assert [figure.axes[0].get_title() for figure in drawn] == [name] * DRAWN
     assert not any(figure.axes[0].title.get_parse_math() for figure in drawn)
     signals = [f"{name}.plant.x_L", f"{name}.reference.x_d"]
-    figure: Any = plotted(replace(run, name=name), signals)
+    figure: Any = plot_signals(replace(run, name=name), signals)
     figure._repr_png_()
     legend = figure.axes[0].get_legend().get_texts()
     assert [text.get_text() for text in legend] == signals

@@ -90,9 +90,9 @@ def test_groups_and_cuts_in_any_order(drawn: tuple[int, list[Link]], data: st.Da
     count, links = drawn
     system = network(count, links)
     if data.draw(st.booleans(), label="reordered"):
-        system.reorder(data.draw(st.permutations([s.name for s in system.slaves]), label="order"))
+        system.reorder(data.draw(st.permutations([s.name for s in system.instances]), label="order"))
     place = system.order.index
-    assert system.feedback() == [x for x in links if place(x.source) >= place(x.target)]
+    assert system.find_feedback_links() == [x for x in links if place(x.source) >= place(x.target)]
     assert system.groups() == plain_groups(system.order, links)
     initial = [x for x in links if x.initial]
     groups = system.groups(is_initial)
@@ -100,4 +100,4 @@ def test_groups_and_cuts_in_any_order(drawn: tuple[int, list[Link]], data: st.Da
     for group in groups:
         inside = [x for x in initial if {x.source, x.target} <= set(group)]
         against = {system.signal(x) for x in inside if place(x.source) >= place(x.target)}
-        assert system.cut(group, is_initial).tolist() == sorted(against)
+        assert system.find_coupling_variables(group, is_initial).tolist() == sorted(against)

@@ -11,7 +11,7 @@ from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.linear import LinearSlave, Whole, Wire, connected
 from tests.support.simulated import simulated
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
@@ -42,7 +42,9 @@ def orders(make: Callable[[], Algorithm], load_by_force: bool) -> tuple[np.ndarr
     errors, claimed = [], 0
     for steps in STEPS:
         part, algorithm = masses(load_by_force), make()
-        rows = simulated(connected(*part), algorithm, timing(STOP, STOP / steps))[:: steps // SAMPLES]
+        rows = simulated(connected(*part), algorithm, make_communication_points(STOP, STOP / steps))[
+            :: steps // SAMPLES
+        ]
         whole = Whole(*part)
         errors.append(np.abs(rows[:, 1:] - [whole.outputs(t) for t in rows[:, 0]]).max(axis=0))
         claimed = algorithm.accuracy
@@ -100,7 +102,9 @@ def test_the_lift_joint(name: str, extrapolation: str, order: int, fmu_folder: P
         with Assembly(system, fmus) as assembly:
             columns = [1 + assembly.network.names.index(n) for n in STATE_SIGNALS[:6]]
             algorithm = ALGORITHMS[name](extrapolation)
-            rows = simulated(assembly.network, algorithm, timing(stop, step))[:: round(sample / step)]
+            rows = simulated(assembly.network, algorithm, make_communication_points(stop, step))[
+                :: round(sample / step)
+            ]
         assert algorithm.accuracy == order
         difference = np.abs(rows[:, columns] - solution[:, :6]).max(axis=0)
         errors.append((difference / np.ptp(solution[:, :6], axis=0)).max())

@@ -57,8 +57,8 @@ def test_objects_of_python_are_marked_and_paths_lead_there_from_anywhere(
     monkeypatch.chdir(tmp_path)
     shutil.copy(fmu_path("FocController", "native", fmu_folder), tmp_path / "drive.fmu")
     replaced = ec.load("lift", replace={"lift.controller": "drive.fmu"}, controller="drive.fmu").origin
-    assert replaced.changed["controller"] == str(tmp_path / "drive.fmu")
-    assert replaced.changed["replace"]["lift.controller"].fmu == tmp_path / "drive.fmu"
+    assert replaced.overrides["controller"] == str(tmp_path / "drive.fmu")
+    assert replaced.overrides["replace"]["lift.controller"].fmu == tmp_path / "drive.fmu"
     with ec.load("lift").prepare(fmus=fmu_folder, algorithm=ec.Jacobi()) as simulation:
         assert simulation.run(stop_time=0.001).record["changed"] == {
             "algorithm": {"python": "emla_cosim.master.algorithms.jacobi.Jacobi"},

@@ -19,16 +19,16 @@ from emla_cosim.base.ownership import MANIFEST, OutputFiles, has_entries
 from emla_cosim.cli.app import COMMANDS
 from emla_cosim.cli.commands.options import with_options
 from emla_cosim.comparison.certificates import CertificateFolder
-from emla_cosim.comparison.writing import CompareFolder
-from emla_cosim.fmu.models import FMU_FOLDER, check_place
-from emla_cosim.run.options import table
-from emla_cosim.sandbox.locking import alone
+from emla_cosim.comparison.folder import CompareFolder
+from emla_cosim.fmu.models import FMU_FOLDER, check_build_path
+from emla_cosim.run.options import list_options
+from emla_cosim.sandbox.locking import exclusive_lock
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.tuning.folder import TuneFolder
 from emla_cosim.views.animation import ANIMATIONS
 from emla_cosim.views.folder import Folder
 from emla_cosim.views.output_folder import OutputFolder
-from emla_cosim.views.plots.plotting import FIGURES
+from emla_cosim.views.plots.pictures import FIGURES
 from fmublock import build
 from fmublock.__main__ import main as fmublock_main
 from fmublock.platforms import host_platform
@@ -156,9 +156,11 @@ def is_path(kind: Any) -> bool:
 
 
 def test_every_option_that_names_an_output_is_tried() -> None:
-    known = {f"{c} {o.name}" for c in (*COMMANDS,) for o in table(command_of(c)).values() if o.about.writes}
+    known = {
+        f"{c} {o.name}" for c in (*COMMANDS,) for o in list_options(command_of(c)).values() if o.about.writes
+    }
     assert known <= ATTEMPTS.keys()
-    reading = {o.name for o in table().values() if not o.about.writes}
+    reading = {o.name for o in list_options().values() if not o.about.writes}
     left = {path for path in paths_of_commands() - READ if path.split()[1] not in reading}
     assert left == ATTEMPTS.keys()
 
@@ -417,7 +419,7 @@ def test_hidden_files_are_nobody_elses(name: str, make: Make, emla: Emla, tmp_pa
 def test_a_lock_that_a_killed_run_left_is_taken_over(tmp_path: Path) -> None:
     (tmp_path / ".running").touch()
     (tmp_path / ".running.json").write_text('{"process": 1, "began": "2026-01-01T00:00:00+00:00"}')
-    with alone(tmp_path):
+    with exclusive_lock(tmp_path):
         assert json.loads((tmp_path / ".running.json").read_text())["process"] == os.getpid()
     assert not list(tmp_path.iterdir())
 
@@ -472,9 +474,9 @@ def test_fmus_in_the_present_folder_are_not_replaced(tmp_path: Path, monkeypatch
     mine.parent.mkdir(parents=True)
     mine.write_bytes(b"PK of another tool")
     with pytest.raises(CommandError, match=r"'fmus/Reference/Reference.fmu' was not written by emla"):
-        check_place("Reference", "native")
-    check_place("Reference", "native", overwrite=True)
-    check_place("Controller", "native")
+        check_build_path("Reference", "native")
+    check_build_path("Reference", "native", overwrite=True)
+    check_build_path("Controller", "native")
 
 
 def test_fmublock_replaces_its_own_fmus_only(

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 import emla_cosim as ec
 from emla_cosim.base.progress import Progress
 from emla_cosim.fmu.models import fmu_path
-from emla_cosim.run.preparation import prepared
-from emla_cosim.sweeps.shipment import Preparation
+from emla_cosim.run.preparation import prepare_system
+from emla_cosim.sweeps.worker_payload import Preparation
 from tests.support.commands import Emla
 
 LEVEL = "lift.disturbance.load.level"
@@ -51,7 +51,7 @@ def given_by(system: Any) -> dict[str, Any]:
 def values(fmu_folder: Path, *files: Path, **options: Any) -> dict[str, Any]:
     """The start values that a system has when it is prepared."""
     scenario = ec.load("lift", fmus=fmu_folder, parameters=list(files), **options)
-    return given_by(prepared(scenario.system, scenario.options, Progress())[0])
+    return given_by(prepare_system(scenario.system, scenario.options, Progress())[0])
 
 
 def recorded(folder: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import pytest
 
 import emla_cosim.recorders.parquet_file
 import fmublock.files
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.recorders.recorder import Outline
 from tests.support.commands import Emla, sentence
@@ -23,7 +23,7 @@ RUN = ("run", "lift", "--stop-time", "0.002", "--no-plots", "--output-format", "
 def begun(folder: Path) -> ParquetFile:
     """A table of two signals that has taken 20 rows."""
     file = ParquetFile(folder / "results.parquet")
-    file.begin(Outline(["a", "b"], [None, None], timing(50.0, 1.0), range(2)))
+    file.begin(Outline(["a", "b"], [None, None], make_communication_points(50.0, 1.0), range(2)))
     file.write(np.random.default_rng(1).normal(size=(20, 3)))
     return file
 

@@ -11,11 +11,11 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.study.loading import load
-from emla_cosim.views.pages.curves import condensed
+from emla_cosim.views.pages.curve_data import condense_curve
 from emla_cosim.views.panels import Line
 from emla_cosim.views.plots import by_unit
-from emla_cosim.views.plots.drawing import draw_line
-from emla_cosim.views.plots.overlay import overlaid, traces
+from emla_cosim.views.plots.overlay import overlay_runs, read_traces
+from emla_cosim.views.plots.panel_drawing import draw_line
 from emla_cosim.views.plots.stacked import MOST_PANELS
 from emla_cosim.views.plots.style import new_figure
 from tests.support.axis import axis
@@ -37,7 +37,7 @@ def kept(folder: Path, columns: Columns, units: Mapping[str, str] | None = None,
 
 def drawn(*places: Path, **how: Any) -> tuple[list[Any], list[str]]:
     """The axes of the picture of these runs, and what is said."""
-    overlay = overlaid(traces(places), **how)
+    overlay = overlay_runs(read_traces(places), **how)
     return [axes for axes in overlay.figure.axes if axes.get_visible()], list(overlay.notes)
 
 
@@ -106,7 +106,7 @@ def test_a_condensed_curve_keeps_both_edges_of_every_gap(gaps: list[tuple[int, i
     for first, end in gaps:
         values[first:end] = np.nan
     edges = {i for first, end in gaps for i in (first - 1, first, end - 1, end) if 0 <= i < len(values)}
-    found = condensed(np.linspace(2.0, 3.0, 1000), values, 200)
+    found = condense_curve(np.linspace(2.0, 3.0, 1000), values, 200)
     assert edges <= set(found.tolist())
     assert {0, 999} <= set(found.tolist()) and len(found) <= 200
 

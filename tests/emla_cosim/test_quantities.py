@@ -5,12 +5,12 @@ import math
 import pytest
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.quantities import quantity, unit_named
-from emla_cosim.base.units import BASE_UNITS, Unit
+from emla_cosim.base.quantities import parse_quantity, parse_unit_name
+from emla_cosim.base.units import BASE_UNITS, SiUnit
 
 
-def si(**exponents: int) -> Unit:
-    return Unit("SI", tuple(exponents.get(base, 0) for base in BASE_UNITS))
+def si(**exponents: int) -> SiUnit:
+    return SiUnit("SI", tuple(exponents.get(base, 0) for base in BASE_UNITS))
 
 
 @pytest.mark.parametrize(
@@ -31,25 +31,25 @@ def si(**exponents: int) -> Unit:
         ("1 e3", None, None),
     ],
 )
-def test_text_means_a_quantity(text: str, unit: Unit | None, value: float | None) -> None:
+def test_text_means_a_quantity(text: str, unit: SiUnit | None, value: float | None) -> None:
     if value is None:
         with pytest.raises(CommandError, match="has the unit 'e3', which is none"):
-            quantity(text, "the mass")
+            parse_quantity(text, "the mass")
     else:
-        assert quantity(text, "the value").in_unit(unit, "the value") == pytest.approx(value, rel=1e-12)
+        assert parse_quantity(text, "the value").in_unit(unit, "the value") == pytest.approx(value, rel=1e-12)
 
 
 @pytest.mark.parametrize("text", ["", "kN", "1,5 kN", "0x10", "1 2 kN", "nan", "1e3e3", "30 kN kN2 m"])
 def test_any_other_text_is_refused_by_its_label(text: str) -> None:
     with pytest.raises(CommandError, match="the load"):
-        quantity(text, "the load").in_unit(si(kg=1, m=1, s=-2), "the load")
+        parse_quantity(text, "the load").in_unit(si(kg=1, m=1, s=-2), "the load")
 
 
 def test_unit_of_something_else_is_refused() -> None:
     with pytest.raises(CommandError, match="the load has the units mm and SI"):
-        quantity("30 mm", "the load").in_unit(si(kg=1, m=1, s=-2), "the load")
+        parse_quantity("30 mm", "the load").in_unit(si(kg=1, m=1, s=-2), "the load")
 
 
 def test_unit_without_one_meaning_is_refused() -> None:
     with pytest.raises(CommandError, match="the axis has the unit 'F', which is none"):
-        unit_named("F", "the axis")
+        parse_unit_name("F", "the axis")

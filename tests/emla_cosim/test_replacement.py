@@ -10,9 +10,9 @@ import polars
 import pytest
 from typer.testing import Result
 
-from emla_cosim.base.units import Unit
-from emla_cosim.ssp.documents.parameters import format_parameter_set
-from emla_cosim.ssp.documents.structure import Parameter, ParameterSet
+from emla_cosim.base.units import SiUnit
+from emla_cosim.ssp.documents.parameter_sets import format_parameter_set
+from emla_cosim.ssp.documents.ssd_data import ParameterSet, SsvParameter
 from tests.support.commands import Emla, sentence
 from tests.support.paths import FOREIGN_MAPPING
 
@@ -265,7 +265,7 @@ def test_a_package_does_the_same(emla: Emla, foreign: tuple[str, ...], nested: t
 def test_parameter_files_know_the_units_of_a_packed_replacement(emla: Emla, foreign: tuple[str, ...]) -> None:
     """In the package the lead has our name and is in m, while the FMU has it in mm."""
     assert emla("export", "lift", "my.ssp", "--stop-time", "0.02", *IDEAL, *foreign).exit_code == 0
-    lead = Parameter("lift.plant.screw.lead", "Real", 20.5, Unit("mm", (0, 1, 0, 0, 0, 0, 0, 0), 1e-3))
+    lead = SsvParameter("lift.plant.screw.lead", "Real", 20.5, SiUnit("mm", (0, 1, 0, 0, 0, 0, 0, 0), 1e-3))
     Path("lead.ssv").write_bytes(format_parameter_set(ParameterSet("lead", (lead,))))
     ran(emla, "file", "my.ssp", "--parameters", "lead.ssv")
     ran(emla, "set", "my.ssp", "--set", "lift.plant.screw.lead=0.0205")

@@ -13,7 +13,7 @@ from hypothesis import given
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.ownership import MANIFEST
-from emla_cosim.run.requirements import Requirement, requirement, unmet
+from emla_cosim.run.requirements import Requirement, describe_unmet, parse_requirement
 from tests.support.commands import Emla, sentence
 
 RUN = ("run", "lift", "--stop-time", "0.4", "--no-plots", "--output", "o")
@@ -153,10 +153,10 @@ def test_a_failure_is_told_rather_than_what_it_leaves_open(emla: Emla) -> None:
 def test_requirements_compare_as_python_does(
     name: str, sign: str, value: float, figure: float | None, blank: str
 ) -> None:
-    required = requirement(f"{blank}{name}{blank}{sign}{blank}{value!r}{blank}")
+    required = parse_requirement(f"{blank}{name}{blank}{sign}{blank}{value!r}{blank}")
     assert required == Requirement(name, sign, float(value))
     of, _, what = name.partition(".")
-    sentence_ = unmet([required], {"kind": {of: {what: figure}}}, {})
+    sentence_ = describe_unmet([required], {"kind": {of: {what: figure}}}, {})
     met = figure is not None and not math.isnan(figure) and SIGNS[sign](figure, value)
     assert (sentence_ is None) == met
     if not met:
@@ -166,7 +166,7 @@ def test_requirements_compare_as_python_does(
 @given(st.text(max_size=40))
 def test_any_text_is_a_requirement_or_a_sentence(text: str) -> None:
     try:
-        found = requirement(text)
+        found = parse_requirement(text)
     except CommandError as error:
         assert text in str(error)
     else:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.csv_file import CsvFile, read_csv
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.recorders.recorder import BLOCK_ROWS, BLOCK_SIZE, Outline, Recorder, RecordingError, RowBuffer
-from emla_cosim.recorders.stored import stored_run
+from emla_cosim.recorders.stored import open_stored_run
 from emla_cosim.sandbox import black_box
 from emla_cosim.study.loading import load
 from tests.support.scenario_runs import run_scenario
@@ -20,7 +20,7 @@ from tests.support.scenario_runs import run_scenario
 
 def outline(names: list[str], every: int = 1) -> Outline:
     """All of these signals, of every n-th row."""
-    return Outline(names, [None] * len(names), timing(1.0, 0.1), range(len(names)), every)
+    return Outline(names, [None] * len(names), make_communication_points(1.0, 0.1), range(len(names)), every)
 
 
 def in_blocks(rows: np.ndarray, sizes: list[int]) -> list[np.ndarray]:
@@ -77,7 +77,7 @@ def test_of_a_large_table_so_many_rows_are_read_and_no_more(
         for rows in in_blocks(np.column_stack([time, 2.0 * time]), [4, 7]):
             table.write(rows)
         table.end()
-        for source in (table, stored_run(table.path)):
+        for source in (table, open_stored_run(table.path)):
             found = source.read(["time", "x"], most)
             assert min(count, most) / 2 <= len(found["time"]) <= most, count
             assert found["time"][0] == 0.5 and (found["x"] == 2.0 * found["time"]).all()
@@ -118,7 +118,7 @@ def test_rows_of_a_process_that_ended_are_those_behind_the_blocks_that_it_passed
     """Whether it ended before a block was full, just then, or in the rows after it."""
     memory = bytearray(2**24 + 2**12)
     monkeypatch.setattr(black_box._Box, "memory", memory)
-    monkeypatch.setattr(black_box._Box, "presents", black_box._presents(memory))
+    monkeypatch.setattr(black_box._Box, "presents", black_box._map_activities(memory))
     rows = list[float]()
 
     class Taking(Recorder):
@@ -131,7 +131,7 @@ def test_rows_of_a_process_that_ended_are_those_behind_the_blocks_that_it_passed
         ended.commit(1)
     pending = min(pending, len(ended.room(4)))
     ended.room(pending)[:, 0] = committed + np.arange(pending)
-    black_box.present().recorded = pending  # as compiled code says it
+    black_box.current_activity().recorded = pending  # as compiled code says it
     last = survivor.recover()
     assert last == (committed + pending - 1 if pending or committed % 4 else None)
     survivor.end()

@@ -15,16 +15,16 @@ import pytest
 from selenium.webdriver import ActionChains, Keys
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 
-from emla_cosim.base.units import Unit
+from emla_cosim.base.units import SiUnit
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.time_series import TimeSeries
 from emla_cosim.run.result import Result
 from emla_cosim.study.loading import load
 from emla_cosim.views.pages.page import Plots
-from emla_cosim.views.run_page.diagram import diagrams, wires
-from emla_cosim.views.run_page.page import page
-from emla_cosim.views.run_page.pictures import shown
-from emla_cosim.views.run_page.signals import listed
+from emla_cosim.views.run_page.diagram import build_diagrams, group_connections
+from emla_cosim.views.run_page.page import render_page
+from emla_cosim.views.run_page.picture_plots import build_pictures
+from emla_cosim.views.run_page.signals import list_signal_rows
 from tests.support.browser import Page, chromium
 from tests.support.commands import Emla
 
@@ -144,16 +144,18 @@ def test_settings_and_components_are_those_of_run_json(opened: Page, folder: Pat
 
 def test_the_worst_is_said_first(result: Result) -> None:
     failed = replace(result, problem="the run ended at t = 1 s: <b>it broke</b>.", remarks=["It diverged."])
-    text = page(failed, ["a unit is <i>odd</i>"])
+    text = render_page(failed, ["a unit is <i>odd</i>"])
     assert '<h1 class="failed">' in text and "&lt;b&gt;it broke" in text and "&lt;i&gt;odd" in text
     assert text.index("it broke") < text.index("It diverged.") < text.index("position error")
-    changed = page(replace(result, record={**result.record, "changed": {"set": {"a.b": 2}, "gains": "x"}}))
+    changed = render_page(
+        replace(result, record={**result.record, "changed": {"set": {"a.b": 2}, "gains": "x"}})
+    )
     assert "<bdi>set a.b</bdi> <b><bdi>2</bdi></b>" in changed and "<bdi>gains</bdi>" in changed
 
 
 def test_files_are_called_by_their_names_on_top(result: Result) -> None:
     given = {"input": [{"file": "/a/folder/load.csv", "end": "hold"}], "parameters": ["/a/folder/more.ssv"]}
-    text = page(replace(result, record={**result.record, "changed": given}))
+    text = render_page(replace(result, record={**result.record, "changed": given}))
     assert "<bdi>input</bdi> <b><bdi>load.csv</bdi></b>" in text and "<bdi>more.ssv</bdi>" in text
     assert "/a/folder" not in text
 
@@ -209,7 +211,7 @@ def test_a_transient_can_be_looked_at_closely(opened: Page, result: Result) -> N
 def test_signals_have_the_figures_of_metrics_json(result: Result, folder: Path) -> None:
     """From every communication point: rows alone would miss what is between them."""
     data = result.read(["time", *result.names])
-    rows = {row.name: asdict(row) for row in listed(result, data, Plots())}
+    rows = {row.name: asdict(row) for row in list_signal_rows(result, data, Plots())}
     kept = json.loads((folder / "metrics.json").read_text())["signals"]
     assert {name: {figure: row[figure] for figure in kept[name]} for name, row in rows.items()} == kept
     assert any(figures["maximum"] > data[name].max() for name, figures in kept.items())
@@ -218,8 +220,8 @@ def test_signals_have_the_figures_of_metrics_json(result: Result, folder: Path) 
 def test_a_picture_in_which_nothing_changes_is_left_out(result: Result) -> None:
     whole = result.read(["time", *result.names])
     data = {name: 0.0 * x if ".theta[" in name else x for name, x in whole.items()}
-    with_all, _ = shown(result, whole, Plots())
-    without, _ = shown(result, data, Plots())
+    with_all, _ = build_pictures(result, whole, Plots())
+    without, _ = build_pictures(result, data, Plots())
     assert {p.title for p in with_all} - {p.title for p in without} == {"Adaptation of the controller"}
 
 
@@ -259,7 +261,7 @@ def test_a_reference_is_shown_as_verify_shows_it(browser: Any, result: Result, f
     comparisons = result.compare(folder)[:3]
     record = {**result.record, "reference": {"run": "earlier"}}
     path = folder / "compared.html"
-    path.write_text(page(replace(result, comparisons=comparisons, record=record)), encoding="utf-8")
+    path.write_text(render_page(replace(result, comparisons=comparisons, record=record)), encoding="utf-8")
     opened = Page(browser, path)
     assert opened.count("tr.signal.passed") == 3
     plot = opened.run("return document.querySelector('tr.signal button').getAttribute('aria-controls')")
@@ -284,8 +286,8 @@ def test_hostile_content_does_nothing(browser: Any, result: Result, tmp_path: Pa
     }
     record = {**result.record, "components": components, "connections": [f"a{SCRIPT}.x -> b.y", SCRIPT]}
     given = rebuilt(result, names, values, name=SCRIPT, remarks=[SCRIPT], record=record, steps=rows)
-    given = replace(given, units=dict.fromkeys(names, Unit(SCRIPT)))
-    (tmp_path / "page.html").write_text(page(given, [SCRIPT]), encoding="utf-8")
+    given = replace(given, units=dict.fromkeys(names, SiUnit(SCRIPT)))
+    (tmp_path / "page.html").write_text(render_page(given, [SCRIPT]), encoding="utf-8")
     opened = Page(browser, tmp_path / "page.html")
     assert opened.browser.title.startswith("</script>")
     assert opened.run("return document.querySelectorAll('[data-signal]').length") == (3 if rows else 0)
@@ -297,9 +299,13 @@ def test_hostile_content_does_nothing(browser: Any, result: Result, tmp_path: Pa
 def test_many_signals_and_rows_make_no_larger_page(result: Result) -> None:
     rng = np.random.default_rng(1)
     names = [f"a.s{k}" for k in range(1500)]
-    many = page(rebuilt(result, names, np.column_stack([np.arange(2000.0), rng.normal(size=(2000, 1500))])))
+    many = render_page(
+        rebuilt(result, names, np.column_stack([np.arange(2000.0), rng.normal(size=(2000, 1500))]))
+    )
     assert len(many.encode()) < 5e6 and "500 more signals" in many
-    long = page(rebuilt(result, names[:3], np.column_stack([np.arange(1e6), rng.normal(size=(1000000, 3))])))
+    long = render_page(
+        rebuilt(result, names[:3], np.column_stack([np.arange(1e6), rng.normal(size=(1000000, 3))]))
+    )
     assert len(long.encode()) < 5e6
 
 
@@ -307,9 +313,9 @@ def test_a_system_without_pictures_is_shown_by_unit(result: Result) -> None:
     time = np.linspace(0, 1, 50)
     names = ["pump.p", "pump.q", "valve.p", "valve.still"]
     given = rebuilt(result, names, np.column_stack([time, time, 2 * time, 3 * time, 0 * time]))
-    units = {"pump.p": Unit("Pa"), "pump.q": Unit("m3/s"), "valve.p": Unit("Pa"), "valve.still": None}
+    units = {"pump.p": SiUnit("Pa"), "pump.q": SiUnit("m3/s"), "valve.p": SiUnit("Pa"), "valve.still": None}
     given = replace(given, units=units, signals={"valve.still": {"minimum": 0.0, "maximum": 0.0}})
-    data = re.findall(r'id="plot-[0-9]+-data">(.*?)</script>', page(given))
+    data = re.findall(r'id="plot-[0-9]+-data">(.*?)</script>', render_page(given))
     found = [(plot["unit"], [line["label"] for line in plot["lines"]]) for plot in map(json.loads, data)]
     assert found == [("Pa", ["pump.p", "valve.p"]), ("m3/s", ["pump.q"])]
 
@@ -319,25 +325,28 @@ def test_large_systems_are_drawn_by_their_parts() -> None:
         return dict.fromkeys(names, "an FMU")
 
     sixty = [f"joint{k // 6}.part{k % 6}" for k in range(60)]
-    joined = wires(sixty, [f"{a}.out -> {b}.in" for a, b in pairwise(sixty)])
-    made = diagrams(named(sixty), joined)
+    joined = group_connections(sixty, [f"{a}.out -> {b}.in" for a, b in pairwise(sixty)])
+    made = build_diagrams(named(sixty), joined)
     assert [d.title for d in made] == ["Overview", *(f"joint{k}" for k in range(10))]
     assert len(made[0].boxes) == 10 and len(made[0].lines) == 9
     assert all(len(d.boxes) == 6 and len(d.lines) == 5 for d in made[1:])
-    assert diagrams(named([f"c{k}" for k in range(500)]), []) == []
-    assert diagrams({}, []) == []
+    assert build_diagrams(named([f"c{k}" for k in range(500)]), []) == []
+    assert build_diagrams({}, []) == []
 
 
 def test_one_signal_is_no_plural() -> None:
     names = dict.fromkeys(["a", "b", "c"], "an FMU")
-    joined = wires(
+    joined = group_connections(
         names, ["a.a_signal_with_a_long_name -> b.in", "b.one_output -> c.x", "b.other_one -> c.y"]
     )
-    assert [line.label for d in diagrams(names, joined) for line in d.lines] == ["1 signal", "2 signals"]
+    assert [line.label for d in build_diagrams(names, joined) for line in d.lines] == [
+        "1 signal",
+        "2 signals",
+    ]
 
 
 def test_connections_of_run_json_are_understood() -> None:
-    found = wires(
+    found = group_connections(
         ["a", "a.b", "c -> d"], ["a.b.x -> a.y", "a.x -> a.b.y value * 2", "a.z -> a.b.w", "nonsense"]
     )
     assert [(w.source, w.target, w.signals) for w in found] == [

@@ -10,11 +10,11 @@ from scipy.linalg import expm
 from emla_cosim.master.algorithms.explicit import Explicit
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.sampling import Sampling
+from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.slaves.slave import StepDiscardedError
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.linear import LinearSlave
 from tests.support.simulated import simulated
 from tests.support.slaves import FakeSlave, compilable
@@ -61,11 +61,11 @@ def by_hand(late: int) -> np.ndarray:
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize(("kind", "late"), [(GaussSeidel, 0), (Jacobi, 1), (Strong, 0)])
 def test_a_sampled_controller_has_no_delay_of_its_own(
-    kind: type[Sampling], late: int, compiled: bool
+    kind: type[OperationTableAlgorithm], late: int, compiled: bool
 ) -> None:
     """At the stop time the controller has been waiting for seven steps."""
     algorithm = kind(step_multiples={"controller": MULTIPLE})
-    rows = simulated(loop(), algorithm, timing(STEPS * STEP, STEP), compiled=compiled)
+    rows = simulated(loop(), algorithm, make_communication_points(STEPS * STEP, STEP), compiled=compiled)
     expected = by_hand(late)
     assert np.abs(rows[:, 1:] - expected).max() < 1e-12 * np.abs(expected).max()
     assert np.abs(by_hand(0) - by_hand(1)).max() > 1e-3  # so that the two can be told apart
@@ -73,7 +73,7 @@ def test_a_sampled_controller_has_no_delay_of_its_own(
 
 def test_a_slow_slave_that_is_first_in_the_order_sees_what_was_a_short_step_ago() -> None:
     algorithm = GaussSeidel(step_multiples={"controller": MULTIPLE}, order=["controller", "plant"])
-    rows = simulated(loop(), algorithm, timing(STEPS * STEP, STEP))[:, 1:]
+    rows = simulated(loop(), algorithm, make_communication_points(STEPS * STEP, STEP))[:, 1:]
     # the force of a sample drives the plant in the same pass already
     shown = np.abs(np.diff(rows[:, 2])) > 0.0
     assert (np.flatnonzero(shown) + 1).tolist() == list(range(MULTIPLE, STEPS + 1, MULTIPLE))
@@ -91,7 +91,12 @@ def test_long_steps_begin_and_end_at_communication_points(compiled: bool) -> Non
         return x
 
     slave = compilable(FakeSlave("slow", 0, [0.0], noted))
-    simulated(Network([slave], []), Jacobi(step_multiples={"slow": 3}), timing(1.1, 0.1), compiled=compiled)
+    simulated(
+        Network([slave], []),
+        Jacobi(step_multiples={"slow": 3}),
+        make_communication_points(1.1, 0.1),
+        compiled=compiled,
+    )
     assert taken == [(0.0, 0.3), (0.3, 0.6), (0.6, 0.9)]
 
 
@@ -107,7 +112,9 @@ def jumping(extrapolation: str, kind: type[Explicit], compiled: bool) -> Sequenc
     integral = LinearSlave("integral", [[0.0]], [[1.0]], [[1.0]], [[0.0]], [0.0])
     network = Network([compilable(source), compilable(integral)], [Link(0, 0, 1, 0, False)])
     algorithm = kind(extrapolation, {"integral": 3})
-    rows = simulated(network, algorithm, timing(0.5 * (len(SIGNAL) - 1), 0.5), compiled=compiled)
+    rows = simulated(
+        network, algorithm, make_communication_points(0.5 * (len(SIGNAL) - 1), 0.5), compiled=compiled
+    )
     return rows[::3, 2].tolist()
 
 
@@ -203,13 +210,15 @@ def test_a_controller_samples_what_a_loop_agreed_on(multiple: int, compiled: boo
     """At the end of the step, once, and holds its answer; the loop has one value to agree on."""
     controller = pid()
     algorithm = Strong(step_multiples={"controller": multiple}, coupling_tolerance=1e-13)
-    rows = simulated(machine(controller), algorithm, timing(STEPS * STEP, STEP), compiled=compiled)
+    rows = simulated(
+        machine(controller), algorithm, make_communication_points(STEPS * STEP, STEP), compiled=compiled
+    )
     expected = machine_by_hand(multiple, STEPS)
     assert np.abs(rows[:, 1:4] - expected).max() < 1e-10 * np.abs(expected).max()
     assert np.abs(machine_by_hand(1, STEPS) - machine_by_hand(MULTIPLE, STEPS)).max() > 1e-3
     assert controller.calls.count("controller.step") == STEPS // multiple
     assert controller.calls.count("load.step") == algorithm.sweeps > STEPS
-    assert [algorithm.network.slaves[i].name for loop in algorithm.loops for i in loop] == [
+    assert [algorithm.network.instances[i].name for loop in algorithm.loops for i in loop] == [
         "actuator",
         "load",
     ]
@@ -240,7 +249,7 @@ def test_sampled_slaves_follow_each_other_without_delay() -> None:
         Link(0, 0, 3, 0, False),
     ]
     algorithm = Strong(step_multiples={"observer": 1, "controller": 2})
-    rows = simulated(Network(slaves, links, followers=[1]), algorithm, timing(1.0, 0.25))
+    rows = simulated(Network(slaves, links, followers=[1]), algorithm, make_communication_points(1.0, 0.25))
     assert [call for call in calls if call.endswith("step")][-4:] == [
         "plant.step",
         "observer.step",
@@ -260,7 +269,7 @@ def test_what_a_sampled_slave_gives_is_held(extrapolation: str) -> None:
     integral = LinearSlave("integral", [[0.0]], [[1.0]], [[1.0]], [[0.0]], [0.0])
     network = Network([source, integral], [Link(0, 0, 1, 0, False)])
     algorithm = Strong(extrapolation, {"source": 1})
-    rows = simulated(network, algorithm, timing(0.5 * (len(SIGNAL) - 1), 0.5))
+    rows = simulated(network, algorithm, make_communication_points(0.5 * (len(SIGNAL) - 1), 0.5))
     assert rows[:, 2].tolist() == pytest.approx([0.0, *np.cumsum(0.5 * np.array(SIGNAL[:-1]))], abs=1e-12)
 
 
@@ -270,12 +279,12 @@ def test_the_line_of_a_sampled_input_does_not_see_the_halves_of_a_step(extrapola
 
     def moving(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
         if step > 0.3:
-            raise StepDiscardedError("source", "doStep", "fmi2Discard", [])
+            raise DiscardedStepError("source", "doStep", "fmi2Discard", [])
         return [(time + step) ** 2]
 
     integral = LinearSlave("integral", [[0.0]], [[1.0]], [[1.0]], [[0.0]], [0.0])
     network = Network([FakeSlave("source", 0, [0.0], moving), integral], [Link(0, 0, 1, 0, False)])
-    rows = simulated(network, Strong(extrapolation, {"integral": 1}), timing(2.0, 0.5))
+    rows = simulated(network, Strong(extrapolation, {"integral": 1}), make_communication_points(2.0, 0.5))
     squares = rows[:, 0] ** 2
     expected = [0.0, *np.cumsum(0.5 * 0.5 * (squares[1:] + squares[:-1]))]
     assert rows[:, 2].tolist() == pytest.approx(expected, abs=1e-12)

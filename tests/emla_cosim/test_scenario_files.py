@@ -12,7 +12,7 @@ import pytest
 from emla_cosim.run.options import Options
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.run.scenarios.scenario_file import parse_scenario
-from emla_cosim.study.joints.library import joint_names
+from emla_cosim.study.joints.joint_files import list_joint_names
 from emla_cosim.study.loading import load
 from tests.support.commands import Emla, sentence
 
@@ -390,7 +390,7 @@ def test_gains_are_for_built_in_systems(emla: Emla) -> None:
 def test_built_in_scenarios_are_such_files(name: str, tmp_path: Path) -> None:
     """Copied to a folder of one's own, they are the same."""
     study = Path(__file__).parents[2] / "orchestration/emla_cosim/study"
-    source = study / ("joints" if name in joint_names() else "scenarios") / f"{name}.toml"
+    source = study / ("joints" if name in list_joint_names() else "scenarios") / f"{name}.toml"
     copy = tmp_path / f"{name}.toml"
     copy.write_bytes(source.read_bytes())
     assert load(copy) == load(name)

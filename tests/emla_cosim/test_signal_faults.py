@@ -15,16 +15,16 @@ from typer.testing import CliRunner, Result
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.units import Unit
+from emla_cosim.base.units import SiUnit
 from emla_cosim.cli.app import app
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.fmu.models import FLAVOURS, build
 from emla_cosim.master.network import Link, order_with_followers, stepping_order
 from emla_cosim.study.loading import load
-from emla_cosim.sweeps.targets import as_arguments
+from emla_cosim.sweeps.targets import format_arguments
 from emla_cosim.system.fault import KINDS, Fault, read_faults
-from emla_cosim.system.resolution import transformed
-from emla_cosim.system.signal_faults import with_components, with_faults
+from emla_cosim.system.resolution import find_transformation
+from emla_cosim.system.signal_faults import add_fault_components, wire_faults
 from emla_fmu import FaultKind, SignalFault
 from fmublock.instance import Instance
 from tests.support.faulty_systems import faulty, wired
@@ -189,9 +189,9 @@ class Shown:
     """What an FMU with one Real shows of it."""
 
     variables: Mapping[str, Any]
-    own: Unit | None
+    own: SiUnit | None
 
-    def unit(self, name: str) -> Unit | None:
+    def unit(self, name: str) -> SiUnit | None:
         return self.own
 
 
@@ -199,8 +199,8 @@ class Shown:
 def test_a_value_is_in_the_unit_of_its_signal(signal: str, factors: Sequence[float]) -> None:
     """The source is in mm, its receiver in m: a fault has the unit of its signal."""
     system = ec.System.of({"a": "Reference", "b": "EmlaObserver"}, ["a.x -> b.u"])
-    made, placed = with_components(system, [Fault(signal, "offset", 0.5, value=1.0)])
-    metre = Unit("m", (0, 1, 0, 0, 0, 0, 0, 0))
+    made, placed = add_fault_components(system, [Fault(signal, "offset", 0.5, value=1.0)])
+    metre = SiUnit("m", (0, 1, 0, 0, 0, 0, 0, 0))
     variables = {"x": "output", "u": "input", "y": "output"}
     shown = {
         n: SimpleNamespace(name=n, causality=c, type="Real", variability="continuous", start=None)
@@ -208,8 +208,8 @@ def test_a_value_is_in_the_unit_of_its_signal(signal: str, factors: Sequence[flo
     }
     units = {"a": replace(metre, name="mm", factor=1e-3), "b": metre, next(iter(placed)): None}
     interfaces: Any = {name: Shown(shown, unit) for name, unit in units.items()}
-    found = with_faults(made, placed, interfaces)
-    after = {x.source: transformed(x, interfaces).factor for x in found.connections}
+    found = wire_faults(made, placed, interfaces)
+    after = {x.source: find_transformation(x, interfaces).factor for x in found.connections}
     assert [after["a"], after[next(iter(placed))]] == factors
 
 
@@ -300,7 +300,7 @@ def test_a_sweep_varies_a_fault(emla: Emla, tmp_path: Path) -> None:
 
 def test_a_variant_can_be_run_by_hand() -> None:
     faults = [Fault(ENCODER, "freeze", 1.0, 0.1), Fault("lift.observer.y", "gain", -1e-3, None, -2.5)]
-    flag, text = as_arguments({"fault": faults}) or []
+    flag, text = format_arguments({"fault": faults}) or []
     assert flag == "--fault" and read_faults(text) == faults
 
 
@@ -349,9 +349,9 @@ def test_signals_that_are_not_continuous_are_refused(fmu_folder: Path) -> None:
     system = load("lift").system
     interface = read_interface(build("EmlaPlant", "native", [], fmu_folder))
     interface.variables["x_measured"].variability = "discrete"
-    wired_, placed = with_components(system, [Fault(ENCODER, "freeze", 1.0)])
+    wired_, placed = add_fault_components(system, [Fault(ENCODER, "freeze", 1.0)])
     with pytest.raises(CommandError, match=r"x_measured is a discrete Real; a fault needs a continuous Real"):
-        with_faults(wired_, placed, {"lift.plant": interface})
+        wire_faults(wired_, placed, {"lift.plant": interface})
 
 
 def test_an_order_need_not_name_faults(fmu_folder: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.signal_figures import NAMES, SignalFigures
 from tests.support.axis import axis
@@ -21,7 +21,9 @@ FIGURES = {"minimum": np.min, "maximum": np.max, "final": lambda values: values[
 
 
 def outline(count: int, recorded: Sequence[int]) -> Outline:
-    return Outline([f"a.x{i}" for i in range(count)], [None] * count, timing(1.0, 0.1), recorded)
+    return Outline(
+        [f"a.x{i}" for i in range(count)], [None] * count, make_communication_points(1.0, 0.1), recorded
+    )
 
 
 def taken(rows: np.ndarray, sizes: Sequence[int], recorded: Sequence[int]) -> dict[str, dict[str, float]]:

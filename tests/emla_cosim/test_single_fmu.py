@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.run.scenarios.single_fmu import component_name
+from emla_cosim.run.scenarios.single_fmu import make_component_name
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from fmublock.archive import write_archive
@@ -109,13 +109,13 @@ def test_a_long_run_in_long_steps_has_a_row_for_each(reference: Path, tmp_path: 
     ],
 )
 def test_the_component_is_called_as_the_model(model: str, name: str) -> None:
-    assert component_name(model) == name
+    assert make_component_name(model) == name
 
 
 @given(st.text(max_size=80))
 @example("study")
 def test_any_model_gives_a_name_that_options_can_say(model: str) -> None:
-    name = component_name(model)
+    name = make_component_name(model)
     assert 0 < len(name) < 80
     assert not set(name) & set(".=,@:*?[] \t\n")
     assert System.of({name: "x.fmu"}).split(f"{name}.a.b")[1] == "a.b"

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import emla_cosim as ec
-from emla_cosim.base.quantities import has_unit, quantity, unit_named
+from emla_cosim.base.quantities import has_unit, parse_quantity, parse_unit_name
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.run.options import Options
 from tests.support.commands import Emla, sentence
@@ -138,10 +138,12 @@ def test_a_power_of_ten_costs_no_digit(digits: int, power: int) -> None:
     """The double nearest to the decimal number, as if it was written in the other unit."""
     text = f"{digits}e{power}"
     for unit, factor in (("ms", -3), ("us", -6), ("ns", -9), ("s", 0)):
-        assert quantity(f"{text} {unit}", "it").in_unit(unit_named("s", "it"), "it") == float(
+        assert parse_quantity(f"{text} {unit}", "it").in_unit(parse_unit_name("s", "it"), "it") == float(
             f"{digits}e{power + factor}"
         )
-    assert math.isclose(quantity("2 min", "it").in_unit(unit_named("s", "it"), "it"), 120.0, rel_tol=0)
+    assert math.isclose(
+        parse_quantity("2 min", "it").in_unit(parse_unit_name("s", "it"), "it"), 120.0, rel_tol=0
+    )
 
 
 def test_times_may_have_units(emla: Emla, tmp_path: Path) -> None:

@@ -202,10 +202,10 @@ def test_too_little_memory_is_one_sentence(megabytes: int, fmu_folder: Path, tmp
 def test_a_rescue_that_fails_too_is_one_sentence(end: str, tmp_path: Path) -> None:
     code = f"""
 import os
-from emla_cosim.sandbox.guard import guarded
+from emla_cosim.sandbox.guard import run_supervised
 def rescue(how):
     {end}
-guarded(os.abort, rescue)
+run_supervised(os.abort, rescue)
 """
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
@@ -220,11 +220,11 @@ def test_a_rescue_that_says_what_it_did_not_write_is_one_sentence(tmp_path: Path
     """Standard output that takes nothing fails again when it is flushed."""
     code = """
 import os, sys
-from emla_cosim.sandbox.guard import guarded
+from emla_cosim.sandbox.guard import run_supervised
 def rescue(how):
     sys.stdout.write("what was computed")
     sys.stderr.write(f"Error: the run ended: {how}.")
-guarded(os.abort, rescue)
+run_supervised(os.abort, rescue)
 """
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(

@@ -18,27 +18,27 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
-from emla_cosim.cli.commands.rescue import _cause
+from emla_cosim.cli.commands.crash_rescue import _cause
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.master.algorithms.sampling import Sampling
+from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.algorithms.strong import Strong
-from emla_cosim.master.algorithms.tasks import Call, Task
+from emla_cosim.master.algorithms.tasks import Call, StepTask
+from emla_cosim.master.instances.fmu_instance import InstanceError
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.slaves.slave import SlaveError
+from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping import kernel, sharing
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.placement import Placement, placed
 from emla_cosim.master.stepping.sharing import Sharing
-from emla_cosim.master.stepping.timing import timing
-from emla_cosim.master.stretches import simulate
+from emla_cosim.master.stepping.thread_schedule import ThreadSchedule, schedule_tasks
+from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import faulty, line_with_a_fault, open_system, wired
 from tests.support.lanes import in_lanes
 from tests.support.simulated import Table, begun, recorded
 from tests.support.slaves import FakeSlave, compilable
 
-TIMES = timing(1.0, 0.125)
+TIMES = make_communication_points(1.0, 0.125)
 HEAVY = {"*.solver.internal_step": 1e-6}
 Advance = Callable[[np.ndarray, np.ndarray, float, float], Any]
 
@@ -60,7 +60,7 @@ def chains(count: int, links: Sequence[tuple[int, int]], advance: Advance = move
     return Network([compilable(slave) for slave in slaves], wires)
 
 
-def work_of(algorithm: Sampling, network: Network) -> list[Task]:
+def work_of(algorithm: OperationTableAlgorithm, network: Network) -> list[StepTask]:
     algorithm.setup(network)
     return algorithm.tasks()
 
@@ -100,7 +100,9 @@ def test_groups_wait_for_what_they_read_and_samples_for_all_groups() -> None:
 # ---- who does what -----------------------------------------------------------------------------
 
 
-def simulated_length(work: Sequence[Task], costs: Sequence[float], lanes: Sequence[Sequence[int]]) -> float:
+def simulated_length(
+    work: Sequence[StepTask], costs: Sequence[float], lanes: Sequence[Sequence[int]]
+) -> float:
     """How long a step is, worked out from what each lane waits for; fails where lanes wait for each other."""
     through = dict[int, float]()
     at, now = [0] * len(lanes), [0.0] * len(lanes)
@@ -117,7 +119,7 @@ def simulated_length(work: Sequence[Task], costs: Sequence[float], lanes: Sequen
     return max(now)
 
 
-def lane_of(work: Sequence[Task], placement: Placement) -> dict[int, set[int]]:
+def lane_of(work: Sequence[StepTask], placement: ThreadSchedule) -> dict[int, set[int]]:
     """The lanes in which each slave is called."""
     found: dict[int, set[int]] = {}
     for lane, places in enumerate(placement.lanes):
@@ -130,18 +132,18 @@ def lane_of(work: Sequence[Task], placement: Placement) -> dict[int, set[int]]:
 def test_independent_steps_are_balanced() -> None:
     """9 is the sum of 4 and 5, and of 3, 3 and 3."""
     work = work_of(Jacobi(), chains(5, []))
-    assert placed(work, [5.0, 3.0, 3.0, 4.0, 3.0], 2).length == 9.0
+    assert schedule_tasks(work, [5.0, 3.0, 3.0, 4.0, 3.0], 2).length == 9.0
 
 
 def test_there_are_no_lanes_without_work() -> None:
-    placement = placed(work_of(GaussSeidel(), chains(4, [(0, 1), (1, 2)])), [1.0, 1.0, 1.0, 1.0], 4)
+    placement = schedule_tasks(work_of(GaussSeidel(), chains(4, [(0, 1), (1, 2)])), [1.0, 1.0, 1.0, 1.0], 4)
     assert len(placement.lanes) == 2 and placement.length == 3.0
 
 
 def test_three_chains_in_two_threads_are_interleaved() -> None:
     """Whole chains would need 6; the tasks of one chain between those of the others need 5."""
     network = chains(9, [(0, 1), (1, 2), (3, 4), (4, 5), (6, 7), (7, 8)])
-    placement = placed(work_of(GaussSeidel(), network), [1.0] * 9, 2)
+    placement = schedule_tasks(work_of(GaussSeidel(), network), [1.0] * 9, 2)
     assert placement.length == 5.0
 
 
@@ -156,7 +158,7 @@ def test_lanes_never_wait_for_each_other(data: st.DataObject) -> None:
     alone = data.draw(st.sets(numbers))
     work = work_of(kind(), chains(count, links))
     lanes = data.draw(st.integers(1, 4))
-    placement = placed(work, costs, lanes, alone)
+    placement = schedule_tasks(work, costs, lanes, alone)
     assert sorted(p for lane in placement.lanes for p in lane) == list(range(len(work)))
     where = lane_of(work, placement)
     assert all(len(found) == 1 for found in where.values())
@@ -174,7 +176,7 @@ def failing(times: dict[str, float]) -> Callable[[], Network]:
 
     def build() -> Network:
         network = chains(6, [(0, 1), (2, 3), (4, 5)])
-        for slave in network.slaves:
+        for slave in network.instances:
             assert isinstance(slave, FakeSlave)
             at = times.get(slave.name, np.inf)
             name = slave.name
@@ -183,17 +185,17 @@ def failing(times: dict[str, float]) -> Callable[[], Network]:
                 u: np.ndarray, x: np.ndarray, time: float, step: float, at: float = at, name: str = name
             ) -> Any:
                 if time >= at:
-                    raise SlaveError(name, f"doStep at t = {time:.9g} s", "fmi2Error", [])
+                    raise InstanceError(name, f"doStep at t = {time:.9g} s", "fmi2Error", [])
                 return moved(u, x, time, step)
 
             slave._advance = advance
-            slave.error = lambda call, answer, name=name: SlaveError(name, call, "fmi2Error", [])
+            slave.error = lambda call, answer, name=name: InstanceError(name, call, "fmi2Error", [])
         return network
 
     return build
 
 
-def ended(network: Network, algorithm: Sampling, seed: int | None) -> tuple[str, bytes]:
+def ended(network: Network, algorithm: OperationTableAlgorithm, seed: int | None) -> tuple[str, bytes]:
     """The sentence that ends a run, and its rows; `seed` says how threads share it."""
     stepping = FixedSteps(begun(network, algorithm, TIMES), TIMES)
     if seed is not None:
@@ -208,7 +210,9 @@ def ended(network: Network, algorithm: Sampling, seed: int | None) -> tuple[str,
 
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel, Strong])
 @pytest.mark.parametrize("times", [{"s3": 0.5}, {"s1": 0.5, "s4": 0.5}, {"s5": 0.25, "s0": 0.375}], ids=str)
-def test_the_first_failure_is_told_whoever_meets_it(times: dict[str, float], kind: type[Sampling]) -> None:
+def test_the_first_failure_is_told_whoever_meets_it(
+    times: dict[str, float], kind: type[OperationTableAlgorithm]
+) -> None:
     """The sentence, and the rows before it, are those of one thread."""
     expected = ended(failing(times)(), kind(), None)
     for seed in range(6):
@@ -265,10 +269,12 @@ def slow(seconds: float) -> Advance:
 
 
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
-def test_heavy_steps_are_tried_in_threads(kind: type[Sampling], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_heavy_steps_are_tried_in_threads(
+    kind: type[OperationTableAlgorithm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Two chains that need nothing of each other; how fast they are is up to the machine."""
-    monkeypatch.setattr(sharing, "cores", lambda: 2)
-    times = timing(100.0, 1.0)
+    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    times = make_communication_points(100.0, 1.0)
     links = [(0, 1), (2, 3)]
     expected = recorded(FixedSteps(begun(chains(4, links), kind(), times), times))
     stepping = FixedSteps(begun(chains(4, links, slow(1e-3)), kind(), times), times, threads=None)
@@ -290,7 +296,7 @@ class FakeKernel:
     def threads(self) -> int:
         return self.shared if self.together else 1
 
-    def share_out(self, work: Sequence[Task], lanes: Sequence[Sequence[int]]) -> None:
+    def share_out(self, work: Sequence[StepTask], lanes: Sequence[Sequence[int]]) -> None:
         self.together, self.shared = True, len(lanes)
 
     def handover(self) -> float:
@@ -315,7 +321,7 @@ def driven(handover: float, alone: float, together: Sequence[float]) -> list[int
 
 
 def test_the_faster_way_is_taken_and_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sharing, "cores", lambda: 2)
+    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
     assert driven(1e-6, 1e-2, [6e-3, 6e-3, 2e-2, 6e-3]) == [2, 2, 1, 2]
     assert driven(1e-6, 1e-2, [9.9e-3, 2e-2]) == [1, 1]  # a change has to be worth it
     assert driven(0.5, 1e-2, [6e-3, 6e-3]) == [1, 1]  # a handover that costs more than is gained
@@ -323,13 +329,13 @@ def test_the_faster_way_is_taken_and_asked_again(monkeypatch: pytest.MonkeyPatch
 
 
 def test_threads_that_nobody_asked_for_may_be_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sharing, "cores", lambda: 2)
+    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
 
     def refused(thread: Any) -> None:
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr("threading.Thread.start", refused)
-    times = timing(60.0, 1.0)
+    times = make_communication_points(60.0, 1.0)
     stepping = FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=None)
     recorded(stepping)
     assert stepping.steps == 60
@@ -345,8 +351,8 @@ def test_threads_need_their_loop(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ImportError(f"No module named '{name}'")
 
     monkeypatch.setattr(kernel.machine_code, "load", lambda *_: missing("numba"))
-    monkeypatch.setattr(sharing, "cores", lambda: 2)
-    times, words = timing(60.0, 1.0), "cannot be compiled: No module named 'numba'"
+    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    times, words = make_communication_points(60.0, 1.0), "cannot be compiled: No module named 'numba'"
     advance = slow(1e-3)
     auto = FixedSteps(begun(chains(2, [], advance), Jacobi(), times), times, threads=None)
     recorded(auto)
@@ -358,8 +364,8 @@ def test_threads_need_their_loop(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_measuring_does_as_many_steps_as_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """Who looks at the clock between two calls would otherwise ask for more and more."""
-    monkeypatch.setattr(sharing, "cores", lambda: 2)
-    times = timing(100.0, 1.0)
+    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    times = make_communication_points(100.0, 1.0)
     stepping = FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=None)
     table = Table(3, room=200)
     for count in (1, 2, 4, 40):
@@ -371,8 +377,8 @@ def test_measuring_does_as_many_steps_as_it_is_asked_for(monkeypatch: pytest.Mon
 
 def test_steps_that_only_wait_for_each_other_stay_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     """A chain: nobody can begin before the one in front is through."""
-    monkeypatch.setattr(sharing, "cores", lambda: 2)
-    times, links = timing(60.0, 1.0), [(0, 1), (1, 2)]
+    monkeypatch.setattr(sharing, "count_cores", lambda: 2)
+    times, links = make_communication_points(60.0, 1.0), [(0, 1), (1, 2)]
     stepping = FixedSteps(begun(chains(3, links, slow(1e-3)), GaussSeidel(), times), times, threads=None)
     recorded(stepping)
     report = stepping.report()
@@ -438,14 +444,14 @@ class Apart(FakeSlave):
 
 
 def with_steps_apart(network: Network, calls: list[str]) -> Network:
-    for slave in network.slaves:
+    for slave in network.instances:
         slave.__class__ = Apart
         vars(slave)["calls"] = calls
     return network
 
 
 @pytest.mark.parametrize("kind", [Jacobi, partial(GaussSeidel, order=["s0", "s1", "s2", "s3"])])
-def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], Sampling]) -> None:
+def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], OperationTableAlgorithm]) -> None:
     calls: list[str] = []
     links = [(0, 1), (2, 3), (3, 0)]
     expected = recorded(FixedSteps(begun(chains(4, links), kind(), TIMES), TIMES, False))
@@ -460,7 +466,7 @@ def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], Sampling]) ->
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
 @pytest.mark.parametrize("times", [{"s3": 0.5}, {"s1": 0.5, "s4": 0.5}], ids=str)
 def test_a_failure_apart_is_the_first_one_and_nothing_goes_on(
-    times: dict[str, float], kind: type[Sampling]
+    times: dict[str, float], kind: type[OperationTableAlgorithm]
 ) -> None:
     expected = ended(failing(times)(), kind(), None)
     calls: list[str] = []

@@ -14,11 +14,16 @@ from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.slaves.slave import StepDiscardedError
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.timing import MAXIMUM_STEPS, Timing, clock, timing
+from emla_cosim.master.stepping.timing import (
+    MAXIMUM_STEPS,
+    CommunicationPoints,
+    make_clock,
+    make_communication_points,
+)
 from tests.support.simulated import begun, recorded
 from tests.support.slaves import FakeSlave, compilable
 
@@ -39,13 +44,13 @@ def exact(start: float, step: float, k: int) -> Fraction:
 @given(st.sampled_from(STARTS), st.sampled_from(DECIMAL_STEPS), counts | st.integers(0, MAXIMUM_STEPS))
 @example(0.0, 1e-4, 3)
 def test_points_are_the_doubles_nearest_to_the_decimal_times(start: float, step: float, k: int) -> None:
-    assert clock(start, step).point(k) == float(exact(start, step, k))
+    assert make_clock(start, step).point(k) == float(exact(start, step, k))
 
 
 @given(st.integers(1, 900_000), st.integers(-9999, 9999), st.integers(0, 12), counts)
 def test_so_are_those_of_any_short_decimal_numbers(p: int, s: int, digits: int, k: int) -> None:
     start, step = s / 10**digits, p / 10**digits
-    assert clock(start, step).point(k) == float(exact(start, step, k))
+    assert make_clock(start, step).point(k) == float(exact(start, step, k))
 
 
 @given(st.sampled_from([0.0, 0.1, 1.0 / 3.0]), st.sampled_from(OTHER_STEPS), counts)
@@ -53,30 +58,33 @@ def test_so_are_those_of_any_short_decimal_numbers(p: int, s: int, digits: int, 
 def test_numbers_without_a_short_decimal_form_are_taken_as_they_are(
     start: float, step: float, k: int
 ) -> None:
-    assert clock(start, step).point(k) == start + k * step
+    assert make_clock(start, step).point(k) == start + k * step
 
 
 @given(st.integers(0, 60), st.integers(0, 2**40))
 def test_multiples_of_a_power_of_two_are_exact(exponent: int, k: int) -> None:
     step = 2.0**-exponent
-    assert Fraction(clock(0.0, step).point(k)) == k * Fraction(step)
+    assert Fraction(make_clock(0.0, step).point(k)) == k * Fraction(step)
 
 
 @given(counts)
 def test_points_are_those_of_a_clock_that_counts_nanoseconds(k: int) -> None:
     """As libcosim does."""
-    times = timing(1000.0, 1e-4)
+    times = make_communication_points(1000.0, 1e-4)
     assert times.point(k) == (k * 100_000) / 1e9
     assert times.span(k, 1) == ((k + 1) * 100_000) / 1e9 - (k * 100_000) / 1e9
 
 
 def test_a_longer_run_has_the_same_points() -> None:
     for step in (1e-4, 1.0 / 3.0):
-        assert timing(10 * step, step).clock == timing(10**6 * step, step).clock
+        assert (
+            make_communication_points(10 * step, step).clock
+            == make_communication_points(10**6 * step, step).clock
+        )
 
 
 def test_times_may_come_as_other_numbers() -> None:
-    assert clock(np.float64(0.0), np.float64(1e-4)) == clock(0, 1e-4) == (0.0, 1.0, 1e4)
+    assert make_clock(np.float64(0.0), np.float64(1e-4)) == make_clock(0, 1e-4) == (0.0, 1.0, 1e4)
 
 
 # ---- steps -------------------------------------------------------------------------------------
@@ -84,14 +92,14 @@ def test_times_may_come_as_other_numbers() -> None:
 
 @given(st.sampled_from(DECIMAL_STEPS + OTHER_STEPS), counts, st.sampled_from([1, 2, 3, 10]))
 def test_a_point_and_the_step_from_it_are_the_next_point(step: float, k: int, multiple: int) -> None:
-    times, begin = Timing(0.0, step, 10**8), k * multiple
+    times, begin = CommunicationPoints(0.0, step, 10**8), k * multiple
     assert times.point(begin) + times.span(begin, multiple) == times.point(begin + multiple)
 
 
 @given(st.sampled_from(STARTS), st.sampled_from([1e-4, 5e-6, 3e-5, 1.0 / 3.0, 2.0**-13]), counts)
 def test_so_they_are_after_another_start(start: float, step: float, k: int) -> None:
     """Within a step of zero the difference has more digits than the numbers that it would have to join."""
-    times = Timing(start, step, 10**8)
+    times = CommunicationPoints(start, step, 10**8)
     point, after = times.point(k), times.point(k + 1)
     if point == 0.0 or after == 0.0 or (point * after > 0.0 and 0.5 <= point / after <= 2.0):
         assert point + times.span(k, 1) == after
@@ -117,7 +125,7 @@ class Watch(FakeSlave):
 
     def _moved(self, u: np.ndarray, x: np.ndarray, time: float, step: float) -> np.ndarray:
         if step > self.longest:
-            raise StepDiscardedError(self.name, "doStep", "fmi2Discard", [])
+            raise DiscardedStepError(self.name, "doStep", "fmi2Discard", [])
         self.told.append((time, step))
         return x + step * (u - 2.0 * x)
 
@@ -153,11 +161,11 @@ def test_the_steps_that_slaves_are_told_join(
     kind: type[Explicit], multiples: Mapping[str, int], step: float, start: float
 ) -> None:
     """Also where slaves step more rarely: each step begins at the end of the one before, to the last bit."""
-    times = timing(start + 600 * step, step, start)
+    times = make_communication_points(start + 600 * step, step, start)
     for compiled in (False, True):
         slaves, network = watches()
         stepping = FixedSteps(begun(network, kind("none", multiples), times), times, compiled)
-        assert stepping.compiled == compiled
+        assert stepping.is_compiled == compiled
         rows = recorded(stepping)
         assert rows[:, 0].tolist() == [times.point(k) for k in range(601)]
         for slave in slaves:
@@ -171,18 +179,18 @@ def test_the_steps_that_slaves_are_told_join(
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
 def test_compiled_code_tells_slaves_the_same(kind: type[Explicit], extrapolation: str) -> None:
     """Across zero time, where a step may not join."""
-    times = timing(0.02 - 6e-5, 3e-5, -0.01)
+    times = make_communication_points(0.02 - 6e-5, 3e-5, -0.01)
     found = []
     for compiled in (False, True):
         slaves, network = watches()
         stepping = FixedSteps(begun(network, kind(extrapolation, {"b": 2}), times), times, compiled)
-        assert stepping.compiled == compiled
+        assert stepping.is_compiled == compiled
         found.append((recorded(stepping).tobytes(), [slave.told for slave in slaves]))
     assert found[0] == found[1]
 
 
 def test_halves_of_discarded_steps_join() -> None:
-    times = timing(0.1, 1e-4)
+    times = make_communication_points(0.1, 1e-4)
     slaves, network = watches(a=3e-5)
     rows = recorded(FixedSteps(begun(network, Strong(), times), times))
     for slave in slaves:
@@ -193,7 +201,7 @@ def test_halves_of_discarded_steps_join() -> None:
 
 @pytest.mark.parametrize("interval", [None, 1e-3, 3e-3])
 def test_steps_chosen_by_their_error_join(interval: float | None) -> None:
-    times = timing(0.3, 1e-4)
+    times = make_communication_points(0.3, 1e-4)
     slaves, network = watches()
     rows = recorded(ErrorControl(begun(network, Jacobi("fmu"), times), times, 1e-5, interval))
     if interval is not None:
@@ -206,9 +214,9 @@ def test_steps_chosen_by_their_error_join(interval: float | None) -> None:
 
 
 def test_a_run_that_begins_far_from_zero_has_as_many_steps() -> None:
-    assert timing(1000000000.01, 1e-4, 1e9).steps == 100
+    assert make_communication_points(1000000000.01, 1e-4, 1e9).steps == 100
 
 
 def test_steps_that_numbers_cannot_tell_apart_are_refused() -> None:
     with pytest.raises(CommandError, match="cannot be told apart near t = "):
-        timing(1e15 + 1.0, 1e-4, 1e15)
+        make_communication_points(1e15 + 1.0, 1e-4, 1e15)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import emla_cosim as ec
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
-from emla_cosim.trajectories import finding
+from emla_cosim.trajectories import runner
 from emla_cosim.trajectories.file import DEFAULT_FILE
 from hdrm_fmu.optimisation.problem import MotionProblem
 from hdrm_fmu.spline import default_spline
@@ -188,7 +188,7 @@ def test_readings_are_chosen_by_name(emla: Emla) -> None:
 def test_what_is_wrong_is_one_sentence_and_nothing_is_solved(
     arguments: tuple[str, ...], words: str, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(finding, "solved", None)
+    monkeypatch.setattr(runner, "solved", None)
     (tmp_path / "folder").mkdir()
     (tmp_path / "text.toml").write_text("no toml")
     (tmp_path / "names.toml").write_text("q_e = [1, 2, 3]\n")

@@ -19,7 +19,7 @@ from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.system.model import System
 from tests.support.faulty_systems import faulty, open_system, wired
 from tests.support.linear import LinearSlave, connected
@@ -39,12 +39,12 @@ Transformation = tuple[float, float]
 def run(network: Network, way: str, extrapolation: str) -> np.ndarray:
     """All rows of a run over 1 s."""
     name, _, how = way.partition(", ")
-    times, algorithm = timing(1.0, 0.02), ALGORITHMS[name](extrapolation)
+    times, algorithm = make_communication_points(1.0, 0.02), ALGORITHMS[name](extrapolation)
     begun(network, algorithm, times)
     if how == "controlled":
         return recorded(ErrorControl(algorithm, times, 1e-2, 0.1))
     stepping = FixedSteps(algorithm, times, how == "compiled")
-    assert stepping.compiled == (how == "compiled")
+    assert stepping.is_compiled == (how == "compiled")
     return recorded(stepping)
 
 
@@ -206,7 +206,7 @@ def test_start_values_stand_in_for_what_would_be_transformed(factor: float, offs
     """The slave sees its own start value before its source has given a value."""
     (a, seen), (b, _) = gate("a", lambda u: 5.0, start=7.0), gate("b", lambda u: 2.0 * u)
     links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, False, factor, offset)]
-    begun(Network([a, b], links), Jacobi(), timing(1.0, 0.1))
+    begun(Network([a, b], links), Jacobi(), make_communication_points(1.0, 0.1))
     assert list(dict.fromkeys(seen)) == [7.0, factor * 10.0 + offset]
     assert (a.held[0], b.held[0]) == (factor * 10.0 + offset, 5.0)
 
@@ -215,7 +215,7 @@ def test_start_values_stand_in_for_what_would_be_transformed(factor: float, offs
 def test_start_values_of_plain_links_stand_in_with_every_bit(start: float) -> None:
     (a, seen), (b, _) = gate("a", lambda u: 5.0, start=start), gate("b", lambda u: 2.0 * u)
     links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, initial=False)]
-    begun(Network([a, b], links), Jacobi(), timing(1.0, 0.1))
+    begun(Network([a, b], links), Jacobi(), make_communication_points(1.0, 0.1))
     assert list(dict.fromkeys(map(repr, seen))) == [repr(np.float64(start)), repr(np.float64(10.0))]
 
 
@@ -224,7 +224,7 @@ def test_an_input_that_does_not_depend_on_its_source_needs_no_start_value() -> N
     (a, seen), (b, _) = gate("a", lambda u: 5.0, start=7.0), gate("b", lambda u: 2.0 * u)
     links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, False, 0.0, 3.0)]
     with np.errstate(all="raise"):
-        network = begun(Network([a, b], links), Jacobi(), timing(1.0, 0.1)).network
+        network = begun(Network([a, b], links), Jacobi(), make_communication_points(1.0, 0.1)).network
     assert set(seen) == {3.0}
     assert network.signals.tolist() == [5.0, 10.0]
 
@@ -234,7 +234,7 @@ def test_loops_of_initial_values_are_solved_with_their_transformations(factor: f
     """y = u + 1 with u = factor * y + offset."""
     (a, _), (b, _) = gate("a", lambda u: u + 1.0), gate("b", lambda u: u)
     links = [Link(1, 0, 0, 0, True, True, factor, offset), Link(0, 0, 1, 0, True)]
-    network = begun(Network([a, b], links), Jacobi(), timing(1.0, 0.1)).network
+    network = begun(Network([a, b], links), Jacobi(), make_communication_points(1.0, 0.1)).network
     assert network.signals == pytest.approx([(offset + 1.0) / (1.0 - factor)] * 2, rel=1e-10)
     assert a.held[0] == pytest.approx(factor * network.signals[1] + offset, rel=1e-10)
 
@@ -292,7 +292,7 @@ def test_an_fmu_that_shows_its_input_shows_factor_and_offset(
 def test_a_run_with_transformations_can_be_continued(
     kind: type[Algorithm], extrapolation: str, faulty_fmu: Path, tmp_path: Path
 ) -> None:
-    times = timing(1.0, 0.02)
+    times = make_communication_points(1.0, 0.02)
     components = [faulty("j.a", faulty_fmu, a=1.0, b=0.1), faulty("j.b", faulty_fmu, a=-1.0, b=0.2)]
     system = wired(components, "j.b.y -> j.a.u", "j.a.y -> j.b.u")
     transformations = [(-2.0, 0.3), (RAD_S_PER_RPM, 5.0)]

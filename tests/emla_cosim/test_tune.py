@@ -15,13 +15,13 @@ from distributed import Client
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
-from emla_cosim.run.requirements import requirement
+from emla_cosim.run.requirements import parse_requirement
 from emla_cosim.run.scenarios.built_in import TUNINGS
 from emla_cosim.sweeps.data import DIVERGED, DONE
-from emla_cosim.sweeps.worker import Outcome
+from emla_cosim.sweeps.worker import VariantOutcome
 from emla_cosim.system.model import Component, System
-from emla_cosim.tuning.expressions import expression
-from emla_cosim.tuning.score import Judge
+from emla_cosim.tuning.expressions import parse_expression
+from emla_cosim.tuning.score import Objective
 from emla_cosim.tuning.search import Search
 from fmublock import Block, Output, Parameter, build
 from tests.support.clusters import shared_cluster
@@ -100,7 +100,7 @@ def test_cases_have_their_weights_conditions_and_values(valley: System, cluster:
     score = ec.tune(plan, scheduler=cluster).start.training
     assert score.by_case == {"usual": 2.0, "shifted": 12.0}
     assert score.objective == (1 * 2.0 + 3 * 12.0) / 4
-    assert score.unmet() == ["shifted: total < 12, but it is 12"]
+    assert score.list_unmet() == ["shifted: total < 12, but it is 12"]
 
 
 def test_the_number_of_workers_changes_nothing(valley: System, cluster: Client) -> None:
@@ -261,25 +261,27 @@ def test_a_search_that_has_come_to_rest_begins_elsewhere_with_twice_as_many_poin
 
 def test_expressions_are_those_of_python() -> None:
     known = {"a.b[1]": 3.0, "a.c": 2.0}
-    found = expression("-a.b[1] ** 2 / (4 - a.c) + max(a.c, sqrt(9), 1e0)", "here")
+    found = parse_expression("-a.b[1] ** 2 / (4 - a.c) + max(a.c, sqrt(9), 1e0)", "here")
     assert found.names == {"a.b[1]", "a.c"}
     assert found.value(known) == -(3.0**2) / 2 + 3.0
     for without in ("log(0 * a.c)", "10**10**10", "max((0 - a.c) ** 0.5, 1)", "9" * 400):
-        assert math.isnan(expression(without, "here").value(known))
+        assert math.isnan(parse_expression(without, "here").value(known))
 
 
 @pytest.mark.parametrize("text", ["max(1)", "max()", "sqrt(1, 2)", "abs()", "log(1, 2, 3)", "max(*a)", "1j"])
 def test_what_is_no_expression_is_named(text: str) -> None:
     with pytest.raises(CommandError, match=re.escape(f"here: '{text}' is no expression; write one of")):
-        expression(text, "here")
+        parse_expression(text, "here")
 
 
 def test_what_is_lost_later_or_less_is_better() -> None:
-    judge = Judge(expression("j.e", "here"), [ec.Case("usual")], [[requirement("j.e < 1")]], 0.0, 10.0)
+    judge = Objective(
+        parse_expression("j.e", "here"), [ec.Case("usual")], [[parse_requirement("j.e < 1")]], 0.0, 10.0
+    )
 
     def order(status: str = DONE, end: float = 10.0, **figures: float) -> tuple[bool, float]:
         named = {f"j.{name}": value for name, value in figures.items()}
-        return judge.score([[Outcome(0, status, None, end, named)]]).order
+        return judge.score([[VariantOutcome(0, status, None, end, named)]]).order
 
     ordered = [
         order(e=0.5),

@@ -12,7 +12,7 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.slaves.described_slave import _nominal
+from emla_cosim.master.instances.described_instance import _nominal
 from emla_cosim.system.model import Component, Connection, System
 from fmublock import Block, DiscreteState, Input, Output, Parameter, build, where
 

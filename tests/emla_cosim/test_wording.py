@@ -2,7 +2,7 @@
 
 import pytest
 
-from emla_cosim.base.wording import counted, number
+from emla_cosim.base.wording import format_count, format_number
 
 
 @pytest.mark.parametrize(
@@ -18,7 +18,7 @@ from emla_cosim.base.wording import counted, number
     ],
 )
 def test_a_count_agrees_with_what_is_counted(arguments: tuple[int, str], said: str) -> None:
-    assert counted(*arguments) == said
+    assert format_count(*arguments) == said
 
 
 @pytest.mark.parametrize(
@@ -35,4 +35,4 @@ def test_a_count_agrees_with_what_is_counted(arguments: tuple[int, str], said: s
     ],
 )
 def test_whole_numbers_have_all_their_digits(value: float, said: str) -> None:
-    assert number(value) == said
+    assert format_number(value) == said

@@ -15,8 +15,8 @@ import pytest
 
 import emla_cosim as ec
 import fmublock.files
-from emla_cosim.sandbox.locking import alone
-from fmublock.files import NoFileError, real_place, written_whole
+from emla_cosim.sandbox.locking import exclusive_lock
+from fmublock.files import NotAFileError, real_place, write_atomically
 from tests.support.commands import Emla, sentence
 from tests.support.few_figures import DRAWN, draw_few
 from tests.support.full_disk import files_of_at_most
@@ -173,7 +173,7 @@ def test_paths_are_relative_to_where_a_simulation_was_prepared(
 
 
 def test_a_second_run_into_a_folder_is_refused(emla: Emla, tmp_path: Path) -> None:
-    code = "from emla_cosim.sandbox.locking import alone; from pathlib import Path; import sys\n"
+    code = "from emla_cosim.sandbox.locking import exclusive_lock; from pathlib import Path; import sys\n"
     code += "with alone(Path(sys.argv[1])): print('held', flush=True); sys.stdin.read()"
     (tmp_path / "out").mkdir()
     with subprocess.Popen(
@@ -198,7 +198,7 @@ def test_what_was_not_ready_when_a_run_was_killed_goes_with_the_next(emla: Emla,
 
 def test_a_folder_is_locked_without_a_name_on_a_full_disk(tmp_path: Path) -> None:
     refused = pytest.raises(ec.CommandError, match=r"another run writes to '[^']*'; wait for it")
-    with files_of_at_most(1), alone(tmp_path), refused, alone(tmp_path):
+    with files_of_at_most(1), exclusive_lock(tmp_path), refused, exclusive_lock(tmp_path):
         pass
     assert not any(tmp_path.iterdir())
 
@@ -206,7 +206,7 @@ def test_a_folder_is_locked_without_a_name_on_a_full_disk(tmp_path: Path) -> Non
 def test_runs_into_other_folders_go_on(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-    with alone(tmp_path / "a"), alone(tmp_path / "b"):
+    with exclusive_lock(tmp_path / "a"), exclusive_lock(tmp_path / "b"):
         pass
     assert not any((tmp_path / "a").iterdir())
 
@@ -218,11 +218,11 @@ def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
     path = tmp_path / "f"
     path.write_bytes(b"before")
     path.chmod(0o640)
-    with pytest.raises(KeyError), written_whole(path) as stream:
+    with pytest.raises(KeyError), write_atomically(path) as stream:
         stream.write(b"half")
         raise KeyError
     assert path.read_bytes() == b"before"
-    with written_whole(path) as stream:
+    with write_atomically(path) as stream:
         stream.write(b"after")
         stream.flush()
         assert path.read_bytes() == b"before"
@@ -277,7 +277,7 @@ def test_a_call_that_fails_leaves_whole_files(
 
 
 def break_call(patch: pytest.MonkeyPatch, call: str, failing: Callable[[], None]) -> None:
-    """Let one of the calls of `written_whole` do something first."""
+    """Let one of the calls of `write_atomically` do something first."""
     if call == "fsync":
         original = os.fsync
         patch.setattr(fmublock.files.os, "fsync", lambda handle: (failing(), original(handle)))
@@ -328,18 +328,18 @@ def test_real_places(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to("folder")
     assert real_place(tmp_path / "link" / "new") == (tmp_path / "folder" / "new").resolve()
     for name in ("link", "a"):
-        with pytest.raises(NoFileError, match="it is a symbolic link"):
+        with pytest.raises(NotAFileError, match="it is a symbolic link"):
             real_place(tmp_path / name)
-    with pytest.raises(NoFileError, match="it is a folder"):
+    with pytest.raises(NotAFileError, match="it is a folder"):
         real_place(tmp_path / "folder" / "..")
 
 
 def test_the_time_of_a_lock_is_told(tmp_path: Path) -> None:
-    with alone(tmp_path):
+    with exclusive_lock(tmp_path):
         found = json.loads((tmp_path / ".running.json").read_text())
         assert found["process"] == os.getpid()
         assert found["began"].startswith(time.strftime("%Y"))
-        with pytest.raises(ec.CommandError, match=f"process {os.getpid()} since"), alone(tmp_path):
+        with pytest.raises(ec.CommandError, match=f"process {os.getpid()} since"), exclusive_lock(tmp_path):
             pass
 
 

@@ -16,25 +16,25 @@ from scipy.interpolate import CubicSpline
 
 from emla_cosim import Verdict, verify
 from fmublock.errors import BuildError
-from fmublock.table import ENDS, MOST_OUTPUTS, Column, Shown, Table, build_table
-from fmublock.units import Unit
+from fmublock.table import ENDS, MOST_OUTPUTS, TableColumn, TableContent, TableOutput, build_table
+from fmublock.units import SiUnit
 
 Array = NDArray[np.float64]
 
-NEWTON = Unit("kN", (1, 1, -2, 0, 0, 0, 0, 0), 1e3)
+NEWTON = SiUnit("kN", (1, 1, -2, 0, 0, 0, 0, 0), 1e3)
 
 
-def a_table(times: Array, values: Array, end: str = "hold") -> Table:
+def a_table(times: Array, values: Array, end: str = "hold") -> TableContent:
     """One column in every way of interpolation, and the derivatives of the cubic one."""
-    columns = [Column(values, kind) for kind in ("held", "linear", "cubic")]
+    columns = [TableColumn(values, kind) for kind in ("held", "linear", "cubic")]
     shown = [
-        Shown("held", 0),
-        Shown("linear", 1),
-        Shown("cubic", 2),
-        Shown("rate", 2, 1),
-        Shown("bend", 2, 2),
+        TableOutput("held", 0),
+        TableOutput("linear", 1),
+        TableOutput("cubic", 2),
+        TableOutput("rate", 2, 1),
+        TableOutput("bend", 2, 2),
     ]
-    return Table(times, columns, shown, end)
+    return TableContent(times, columns, shown, end)
 
 
 class Stepped:
@@ -66,7 +66,7 @@ class Stepped:
         self.fmu.freeInstance()
 
 
-def outputs(table: Table, folder: Path, start: float, step: float, count: int) -> dict[str, Array]:
+def outputs(table: TableContent, folder: Path, start: float, step: float, count: int) -> dict[str, Array]:
     """All outputs at the communication points."""
     shutil.rmtree(folder / "unpacked", ignore_errors=True)
     stepped = Stepped(build_table(table, folder / "table.fmu"), folder / "unpacked", start)
@@ -204,9 +204,9 @@ def test_a_state_brings_an_instance_back_and_two_instances_are_apart(tmp_path: P
 
 
 def test_an_output_is_its_column_in_its_own_unit(tmp_path: Path) -> None:
-    shown = [Shown("lift.plant.F_L", 0, factor=1e-3, offset=2.0, unit=NEWTON, description='<a> & "b"')]
+    shown = [TableOutput("lift.plant.F_L", 0, factor=1e-3, offset=2.0, unit=NEWTON, description='<a> & "b"')]
     path = build_table(
-        Table(np.array([0.0, 1.0]), [Column(np.array([0.0, 500.0]))], shown), tmp_path / "t.fmu"
+        TableContent(np.array([0.0, 1.0]), [TableColumn(np.array([0.0, 500.0]))], shown), tmp_path / "t.fmu"
     )
     assert validate_fmu(str(path)) == []
     description = fmpy.read_model_description(str(path))
@@ -243,8 +243,10 @@ def library_of(path: Path) -> bytes:
 
 @pytest.mark.parametrize("count", [16, 17, MOST_OUTPUTS])
 def test_tables_may_have_many_outputs(tmp_path: Path, count: int) -> None:
-    shown = [Shown(f"y[{i}]", 0, factor=float(i)) for i in range(count)]
-    path = build_table(Table(np.array([0.0, 1.0]), [Column(np.array([1.0, 3.0]))], shown), tmp_path / "t.fmu")
+    shown = [TableOutput(f"y[{i}]", 0, factor=float(i)) for i in range(count)]
+    path = build_table(
+        TableContent(np.array([0.0, 1.0]), [TableColumn(np.array([1.0, 3.0]))], shown), tmp_path / "t.fmu"
+    )
     stepped = Stepped(path, tmp_path / "t")
     stepped.fmu.doStep(0.0, 0.5)
     assert stepped[f"y[{count - 1}]"] == 2.0 * (count - 1)
@@ -254,9 +256,11 @@ def test_tables_may_have_many_outputs(tmp_path: Path, count: int) -> None:
 
 
 def test_more_outputs_than_there_is_room_for_are_refused(tmp_path: Path) -> None:
-    shown = [Shown(f"y[{i}]", 0) for i in range(MOST_OUTPUTS + 1)]
+    shown = [TableOutput(f"y[{i}]", 0) for i in range(MOST_OUTPUTS + 1)]
     with pytest.raises(BuildError, match=f"can have {MOST_OUTPUTS} outputs"):
-        build_table(Table(np.array([0.0, 1.0]), [Column(np.array([1.0, 3.0]))], shown), tmp_path / "t.fmu")
+        build_table(
+            TableContent(np.array([0.0, 1.0]), [TableColumn(np.array([1.0, 3.0]))], shown), tmp_path / "t.fmu"
+        )
 
 
 @pytest.mark.parametrize("end", ENDS)

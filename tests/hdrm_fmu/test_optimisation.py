@@ -9,7 +9,7 @@ from scipy.integrate import simpson
 
 from hdrm_fmu.dynamics import energy, inverse_dynamics
 from hdrm_fmu.optimisation.assessment import Assessment, assessed
-from hdrm_fmu.optimisation.grid import Basis, lobatto
+from hdrm_fmu.optimisation.grid import SplineBasis, lobatto
 from hdrm_fmu.optimisation.narrowing import narrowed
 from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
 from hdrm_fmu.optimisation.solving import NoMotionError, Solution, detour, solved
@@ -227,7 +227,7 @@ def test_weights_integrate_polynomials_exactly() -> None:
 
 
 def test_coefficients_at_their_means_make_the_time_itself() -> None:
-    basis = Basis.cosine(5, 20)
+    basis = SplineBasis.cosine(5, 20)
     places = np.linspace(0.0, 1.0, 50)
     assert basis.at(places) @ basis.means == pytest.approx(places, abs=1e-14)
     assert np.diff(basis.means) / basis.speed_spans == pytest.approx(np.ones(basis.size - 1))

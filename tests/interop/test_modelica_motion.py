@@ -17,7 +17,7 @@ from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.stepping.timing import timing
+from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from fmublock.variables import DiscreteState, Output, State
@@ -435,7 +435,9 @@ def native_run(
     with Assembly(
         system, {c.name: fmu_path(c.model, "native", folder) for c in system.components}
     ) as assembly:
-        rows = simulated(assembly.network, algorithm, timing(times[-1], step), round(times[1] / step))
+        rows = simulated(
+            assembly.network, algorithm, make_communication_points(times[-1], step), round(times[1] / step)
+        )
         names = assembly.network.names
     return {_renamed(system, name): rows[:, 1 + i] for i, name in enumerate(names)}
 

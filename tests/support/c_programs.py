@@ -15,7 +15,7 @@ import pytest
 from fmpy.model_description import ModelVariable
 
 from emla_cosim.fmu.file import FmuFile
-from emla_cosim.master.stepping.timing import Timing
+from emla_cosim.master.stepping.timing import CommunicationPoints
 from emla_cosim.system.model import System, Value
 
 CC = shutil.which("cc")
@@ -101,7 +101,7 @@ def host_plan(
     system: System,
     fmus: Mapping[str, FmuFile],
     libraries: Mapping[str, Path],
-    times: Timing,
+    times: CommunicationPoints,
     printed: Iterable[str],
 ) -> str:
     """The plan for host.c: a system, the FMU and library of each model, what to print by full name."""

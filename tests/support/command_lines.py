@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from emla_cosim.base.option import EXPORT, INFO, RUN, Option
 from emla_cosim.fmu.models import MODELS
-from emla_cosim.run.options import table
+from emla_cosim.run.options import list_options
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from fmublock.platforms import host_platform
 from tests.support.command_server import CLOSED, FULL, TERMINAL, USABLE
@@ -176,7 +176,7 @@ _scenarios = _weighted((5, _good), (1, _paths))
 
 
 def _options(command: str) -> st.SearchStrategy[list[tuple[str, ...]]]:
-    drawn = st.one_of([_given(o) for o in table(command).values()])
+    drawn = st.one_of([_given(o) for o in list_options(command).values()])
     strays = st.lists(drawn | _stray, max_size=3)
     return _weighted((3, st.lists(drawn, max_size=2)), (2, st.lists(drawn, max_size=4)), (1, strays))
 

@@ -5,7 +5,7 @@ import numpy as np
 from emla_cosim.base.arrays import Vector
 from emla_cosim.run.result import Result
 from emla_cosim.run.simulation import Simulation
-from emla_cosim.study.roles import JOINTS, variable
+from emla_cosim.study.roles import JOINTS, find_variable
 from emla_cosim.study.systems import STUDY
 
 SAMPLE = 1e-4
@@ -18,7 +18,7 @@ _DISTURBING = ("amplitude[1]", "amplitude[2]", "arctan", "high", "low")
 
 def column(result: Result, role: str) -> Vector:
     """The signal of a role, a column for each joint."""
-    names = [variable(joint, role, result.names) for joint in JOINTS]
+    names = [find_variable(joint, role, result.names) for joint in JOINTS]
     return np.column_stack([np.asarray(result[str(name)]) for name in names])
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
-from emla_cosim.master.algorithms.exchanged import list_exchanged
+from emla_cosim.master.algorithms.continuous_connections import list_continuous_connections
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.timing import timing
-from emla_cosim.recorders.coupling.coupling import Coupling
+from emla_cosim.master.stepping.timing import make_communication_points
+from emla_cosim.recorders.coupling.coupling_cost import Coupling
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.system.bond import Bond
 from tests.support.linear import LinearSlave, Whole, Wire, connected
@@ -77,12 +77,17 @@ def run_pair(
     network = connected(slaves, wires)
     made = ALGORITHMS[algorithm](extrapolation=extrapolation)
     made.setup(network)
-    times = timing(start + stop, step, start)
+    times = make_communication_points(start + stop, step, start)
     stepping = FixedSteps(made, times, compiled=False)
     names = network.names
     bonds = {} if bond is None else {"pair": Bond(names[bond[0]], names[bond[1]])}
     outline = Outline(
-        names, [None] * len(names), times, range(len(names)), exchanged=list_exchanged(made), bonds=bonds
+        names,
+        [None] * len(names),
+        times,
+        range(len(names)),
+        exchanged=list_continuous_connections(made),
+        bonds=bonds,
     )
     made.initialize(start, times.stop)
     rows = [np.array([start, *network.signals])]

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 import emla_cosim.study.loading  # registers those of the study
-import emla_cosim.views.plots.plotting
-from emla_cosim.views.plots.plotting import FIGURES
+import emla_cosim.views.plots.pictures
+from emla_cosim.views.plots.pictures import FIGURES
 
 DRAWN = 2
 
@@ -25,4 +25,4 @@ def draw_empty(monkeypatch: pytest.MonkeyPatch) -> None:
 
         return Figure((1.0, 1.0))
 
-    monkeypatch.setattr(emla_cosim.views.plots.plotting, "drawn_panels", empty)
+    monkeypatch.setattr(emla_cosim.views.plots.pictures, "draw_panels", empty)

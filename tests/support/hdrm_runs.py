@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.master.stepping.timing import Timing
+from emla_cosim.master.stepping.timing import CommunicationPoints
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.time_series import TimeSeries
 from emla_cosim.run.result import Result
@@ -52,7 +52,7 @@ def result_of(
     given: Mapping[str, Mapping[str, float]],
 ) -> Result:
     """A result with these signals and parameters, and components that were given these start values."""
-    times = Timing(float(time[0]), float(time[1] - time[0]), len(time) - 1)
+    times = CommunicationPoints(float(time[0]), float(time[1] - time[0]), len(time) - 1)
     table = TimeSeries()
     table.begin(Outline(list(columns), [None] * len(columns), times, range(len(columns))))
     table.append(np.column_stack([time, *columns.values()]))

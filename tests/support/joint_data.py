@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from emla_cosim.study.joints.library import joint_named
+from emla_cosim.study.joints.joint_files import load_joint
 from emla_fmu.drive import drive
 from emla_fmu.observer_gains import ObserverGains
 from rsba_fmu.gains import RsbaGains
 
-JOINTS = {name: joint_named(name) for name in ("lift", "tilt", "telescope", "prototype")}
+JOINTS = {name: load_joint(name) for name in ("lift", "tilt", "telescope", "prototype")}
 
 EMLAS = {name: joint.emla for name, joint in JOINTS.items()}
 LIFT, TILT, TELESCOPE, PROTOTYPE = EMLAS.values()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.stepping.timing import Timing, timing
+from emla_cosim.master.stepping.timing import CommunicationPoints, make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from tests.support.simulated import simulated
@@ -62,9 +62,9 @@ class Case:
     step: float
 
     @property
-    def times(self) -> Timing:
+    def times(self) -> CommunicationPoints:
         """The communication points of our master."""
-        return timing(self.steps * self.step, self.step)
+        return make_communication_points(self.steps * self.step, self.step)
 
     @property
     def fmus(self) -> dict[str, Path]:

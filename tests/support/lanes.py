@@ -2,16 +2,16 @@
 
 import random
 
-from emla_cosim.master.algorithms.sampling import Sampling
+from emla_cosim.master.algorithms.operation_table import OperationTableAlgorithm
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 
 
 def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:
     """The same stepping, its tasks shared out at random, in any order that their dependencies leave."""
     algorithm, kernel = stepping.algorithm, stepping._kernel
-    assert isinstance(algorithm, Sampling) and kernel is not None
+    assert isinstance(algorithm, OperationTableAlgorithm) and kernel is not None
     work, chance = algorithm.tasks(), random.Random(seed)
-    lane_of = [chance.randrange(count) for _ in algorithm.network.slaves]
+    lane_of = [chance.randrange(count) for _ in algorithm.network.instances]
     for task in work:
         for i in task.slaves:
             lane_of[i] = lane_of[task.slaves[0]]

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.recorders.tubes.comparison import Comparison
+from emla_cosim.recorders.tubes.signal_comparison import Comparison
 from emla_cosim.recorders.tubes.tube import Tube
 from emla_cosim.verification.findings import Examined, Finding
 from emla_cosim.verification.report import Report
-from emla_cosim.verification.verdict import Clause, Outcome, failed, passed, skipped, warned
+from emla_cosim.verification.verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 
 CLAUSE = Clause("2.1.5", "The function returns a new instance of an FMU.")
 STARTED = "2026-11-22T11:53:17+00:00"
@@ -55,7 +55,7 @@ def comparison(
     )
 
 
-def finding(check: str, outcome: Outcome, title: str = "Something is as it should be") -> Finding:
+def finding(check: str, outcome: CheckOutcome, title: str = "Something is as it should be") -> Finding:
     return Finding(check, title, outcome, CLAUSE, "Do it right.", 0.1234)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.network import Network
+from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.stepping import Stepping
-from emla_cosim.master.stepping.timing import Timing
-from emla_cosim.master.stretches import simulate
+from emla_cosim.master.stepping.stepping_base import Stepping
+from emla_cosim.master.stepping.timing import CommunicationPoints
 
 
 class Table:
@@ -31,7 +31,7 @@ class Table:
         return np.vstack(self._kept)
 
 
-def begun(network: Network, algorithm: Algorithm, times: Timing) -> Algorithm:
+def begun(network: Network, algorithm: Algorithm, times: CommunicationPoints) -> Algorithm:
     """The algorithm, set up on the network and initialized."""
     algorithm.setup(network)
     algorithm.initialize(times.start, times.stop)
@@ -53,7 +53,7 @@ def recorded(
 
 
 def simulated(
-    network: Network, algorithm: Algorithm, times: Timing, every: int = 1, compiled: bool = True
+    network: Network, algorithm: Algorithm, times: CommunicationPoints, every: int = 1, compiled: bool = True
 ) -> np.ndarray:
     """All rows of a run in fixed steps, time first; compiled where that is possible."""
     return recorded(FixedSteps(begun(network, algorithm, times), times, compiled), every)

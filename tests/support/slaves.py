@@ -11,9 +11,14 @@ import numpy as np
 
 from emla_cosim.fmu.file import open_fmu
 from emla_cosim.fmu.log import FmuLog
-from emla_cosim.fmu.variables import typed_values
-from emla_cosim.master.slaves.fmu_slave import FmuSlave
-from emla_cosim.master.slaves.slave import EntryPoints, Slave, SlaveError, StepDiscardedError
+from emla_cosim.fmu.variables import convert_start_values
+from emla_cosim.master.instances.fmu_instance import (
+    DiscardedStepError,
+    EntryPoints,
+    FmuInstance,
+    InstanceError,
+)
+from emla_cosim.master.instances.in_process_instance import InProcessInstance
 from fmublock import Block
 from fmublock.instance import Instance
 from fmublock.variables import Output, State
@@ -29,19 +34,19 @@ def interface(block: type[Block]) -> tuple[list[str], list[str]]:
 @contextmanager
 def fmu_slave(
     path: Path, inputs: Sequence[str], outputs: Sequence[str], parameters: Mapping[str, Any] | None = None
-) -> Iterator[FmuSlave]:
+) -> Iterator[InProcessInstance]:
     """One instance of an FMU, with start values set, freed afterwards."""
     with TemporaryDirectory() as folder:
         file = open_fmu(path, Path(folder))
-        slave = FmuSlave("test", file, inputs, outputs, FmuLog())
+        slave = InProcessInstance("test", file, inputs, outputs, FmuLog())
         try:
-            slave.set_start_values(typed_values("test", file.interface, parameters or {}))
+            slave.set_start_values(convert_start_values("test", file.interface, parameters or {}))
             yield slave
         finally:
             slave.close()
 
 
-class BlockSlave(Slave):
+class BlockSlave(FmuInstance):
     """A block in process behind the slave protocol."""
 
     def __init__(self, block: Block, parameters: Mapping[str, Any] | None = None, name: str = "test") -> None:
@@ -79,7 +84,7 @@ class BlockSlave(Slave):
         pass
 
 
-class FakeSlave(Slave):
+class FakeSlave(FmuInstance):
     """A slave whose step is a Python function (inputs, state, time, step) -> new state.
 
     Outputs are the state, or `output(inputs, state)`; every call is noted in `calls`.
@@ -160,8 +165,8 @@ def compilable(slave: Fake) -> Fake:
     def done(method: Callable[..., Any], *arguments: Any) -> int:
         try:
             method(*arguments)
-        except SlaveError as error:
-            return _DISCARD if isinstance(error, StepDiscardedError) else _ERROR
+        except InstanceError as error:
+            return _DISCARD if isinstance(error, DiscardedStepError) else _ERROR
         return 0
 
     def save(component: int, place: Any) -> int:

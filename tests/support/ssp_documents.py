@@ -12,9 +12,9 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.ssp.reader.reading import read_ssp
+from emla_cosim.ssp.reader.flat_document import read_ssp
 from emla_cosim.system.model import System
-from emla_cosim.system.resolution import resolved
+from emla_cosim.system.resolution import resolve_system
 from fmublock.archive import write_archive
 
 UNITS = {
@@ -274,4 +274,4 @@ def understood(path: Path) -> Understood:
     """What is read from an SSP."""
     with read_ssp(path) as document:
         interfaces = {c.name: read_interface(c.fmu) for c in document.system.components if c.fmu}
-        return Understood(document.system, resolved(document.system, interfaces), document.notes)
+        return Understood(document.system, resolve_system(document.system, interfaces), document.notes)

@@ -15,12 +15,12 @@ Mask = NDArray[np.bool_]
 """Truths in one or two dimensions."""
 
 
-def counts(rows: Mask) -> Indices:
+def count_true_per_row(rows: Mask) -> Indices:
     """Return how many truths each row has; NumPy counts along an axis ten times as slowly."""
     return np.array([np.count_nonzero(row) for row in rows], dtype=np.intp)
 
 
-def stored(values: Any, *shapes: tuple[int, ...]) -> Vector:
+def read_stored_array(values: Any, *shapes: tuple[int, ...]) -> Vector:
     """Return numbers of a checkpoint as an array; ValueError where they have none of these shapes."""
     array = np.array(values, dtype=float)
     for shape in shapes:

@@ -23,7 +23,7 @@ class CosimError(Exception):
 
     def __reduce__(self) -> Any:
         """As it goes from one process to another, whatever a subclass is made of."""
-        return _same, (type(self), str(self), self.fields)
+        return _rebuild_error, (type(self), str(self), self.fields)
 
 
 class CommandError(CosimError):
@@ -36,14 +36,14 @@ class RunError(CosimError):
     """The run failed; what was computed before is kept."""
 
 
-def _same(kind: type[CosimError], sentence: str, fields: Mapping[str, Any]) -> CosimError:
+def _rebuild_error(kind: type[CosimError], sentence: str, fields: Mapping[str, Any]) -> CosimError:
     error = kind.__new__(kind)
     CosimError.__init__(error, sentence, **fields)
     return error
 
 
 @contextlib.contextmanager
-def called_as_in(folder: Path | None) -> Iterator[None]:
+def show_paths_relative_to(folder: Path | None) -> Iterator[None]:
     """In sentences, call files as seen from a temporary folder: those of a package PACKAGE.ssp/FILE."""
     try:
         yield
@@ -58,19 +58,22 @@ def check_choice(kind: str, name: object, choices: Iterable[str]) -> None:
     names = list(choices)
     if name not in names:
         raise CommandError(
-            f"there is no {kind} '{name}'; choose from {listed(names)}.", name=name, choices=names
+            f"there is no {kind} '{name}'; choose from {join_names(names)}.", name=name, choices=names
         )
 
 
-def listed(names: Iterable[str]) -> str:
+def join_names(names: Iterable[str]) -> str:
     """Names as a phrase: a, b and c."""
     *front, last = names
     return f"{', '.join(front)} and {last}" if front else last
 
 
-def near_or_some(name: str, names: Collection[str], most: int = 12) -> str:
+def suggest_names(name: str, names: Collection[str], most: int = 12) -> str:
     """What to say of a name that is none of these: those it may have meant, or the first that there are."""
     if near := difflib.get_close_matches(name, names, n=3, cutoff=0.5):
         return f"did you mean {' or '.join(near)}?"
     more = len(names) - most
-    return f"there are {listed([*islice(names, most), *([f'{more} more'] if more > 0 else [])] or ['none'])}."
+    return (
+        "there are "
+        f"{join_names([*islice(names, most), *([f'{more} more'] if more > 0 else [])] or ['none'])}."
+    )

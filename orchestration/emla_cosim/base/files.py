@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fmublock.cache import CacheError, cache_folder
-from fmublock.files import UNFINISHED, NoFileError, real_place, written_whole
+from fmublock.files import UNFINISHED, NotAFileError, real_place, write_atomically
 
 from .errors import CommandError, RunError
 
@@ -21,21 +21,21 @@ __all__ = [
     "HERE",
     "UNFINISHED",
     "CacheError",
-    "NoFileError",
+    "NotAFileError",
     "cache_folder",
-    "check_places",
-    "coming_back",
-    "digest",
-    "place_of",
-    "present_folder",
+    "check_output_files",
+    "get_working_folder",
+    "hash_file",
+    "hash_if_readable",
     "read_file",
     "read_text",
     "real_place",
     "remove_unfinished",
-    "sha256",
+    "report_write_errors",
+    "resolve_output_path",
+    "restore_working_folder",
     "temporary_folder",
-    "writing_to",
-    "written_whole",
+    "write_atomically",
 ]
 
 HERE = Path()
@@ -72,7 +72,7 @@ _going = threading.RLock()
 """Held by who goes to another folder for a while, and by who wants to know where this one is."""
 
 
-def present_folder() -> Path:
+def get_working_folder() -> Path:
     """The present working folder; CommandError where it was removed."""
     try:
         with _going:
@@ -82,10 +82,10 @@ def present_folder() -> Path:
 
 
 @contextmanager
-def coming_back() -> Iterator[None]:
+def restore_working_folder() -> Iterator[None]:
     """In the end the working folder, which all threads share, is the one of before; one at a time."""
     with _going:
-        before = present_folder()
+        before = get_working_folder()
         try:
             yield
         finally:
@@ -115,21 +115,21 @@ def read_text(path: Path, what: str) -> str:
         raise CommandError(f"{what} '{path}' is not a text in UTF-8.") from error
 
 
-def sha256(path: Path) -> str:
+def hash_file(path: Path) -> str:
     """The hash of a file's content; raises OSError where it cannot be read."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def digest(path: Path) -> str | None:
+def hash_if_readable(path: Path) -> str | None:
     """The hash of a file's content; None where there is no file that can be read."""
     try:
-        return sha256(path) if path.is_file() else None
+        return hash_file(path) if path.is_file() else None
     except (OSError, ValueError):
         return None
 
 
-def place_of(path: Path, what: str, folder: Path = HERE) -> Path:
+def resolve_output_path(path: Path, what: str, folder: Path = HERE) -> Path:
     """Where a file that is to be written lies, its path relative to `folder`.
 
     Raises CommandError where it cannot be written, see `real_place`.
@@ -137,7 +137,7 @@ def place_of(path: Path, what: str, folder: Path = HERE) -> Path:
     try:
         place = real_place(folder / path)
         if not place.parent.is_dir():
-            raise NoFileError(0, f"there is no folder '{path.parent}'")
+            raise NotAFileError(0, f"there is no folder '{path.parent}'")
     except OSError as error:
         raise CommandError(f"{what} '{path}' cannot be written: {error.strerror or error}.") from error
     return place
@@ -155,7 +155,7 @@ def remove_unfinished(folder: Path) -> None:
 
 
 @contextmanager
-def writing_to(folder: Path) -> Iterator[None]:
+def report_write_errors(folder: Path) -> Iterator[None]:
     """Turn an OSError of what is written to an output folder into a RunError that names it."""
     try:
         yield
@@ -164,14 +164,14 @@ def writing_to(folder: Path) -> Iterator[None]:
         raise RunError(f"the output folder '{folder}' cannot be written: {reason}.") from error
 
 
-def check_places(written: Mapping[Path, str], used: Mapping[Path, str]) -> None:
+def check_output_files(written: Mapping[Path, str], used: Mapping[Path, str]) -> None:
     """Raise CommandError where a file cannot be written, or is used for something else.
 
     Both say by path what the files are.
     """
     others = {os.path.realpath(path): (path, role) for path, role in used.items()}
     for path, what in written.items():
-        place = place_of(path, what)
+        place = resolve_output_path(path, what)
         if str(place) in others:
             other, role = others[str(place)]
             named = "" if other == path else f" '{other}'"

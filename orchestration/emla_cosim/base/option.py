@@ -24,7 +24,7 @@ VARIES, SAME, LEFT_OUT = "varies", "same", "left out"
 
 
 @dataclass(frozen=True)
-class About:
+class OptionInfo:
     """What there is to know of an option beside its name, type and default.
 
     `group` is one of the groups above. `flag` is the option of the command line, by default its
@@ -66,7 +66,7 @@ class About:
     makes: str = ""
 
 
-class Entered:
+class FileOrObject:
     """Base of what Python can give in the place of the file that it can be read from."""
 
     file: Path | None = None
@@ -82,8 +82,8 @@ class Entered:
 
 
 def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
-    """A field of a dataclass that is an option; see `About` for what can be said of it."""
-    described = {"about": About(help, **about)}
+    """A field of a dataclass that is an option; see `OptionInfo` for what can be said of it."""
+    described = {"about": OptionInfo(help, **about)}
     if isinstance(default, (list, dict)):
         return field(default_factory=default.copy, metadata=described)
     return field(default=default, metadata=described)
@@ -96,7 +96,7 @@ class Option:
     name: str
     type: Any
     default: Any
-    about: About
+    about: OptionInfo
 
     @property
     def flag(self) -> str:

@@ -20,7 +20,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from .errors import CommandError
-from .files import HERE, place_of, real_place, written_whole
+from .files import HERE, real_place, resolve_output_path, write_atomically
 
 MANIFEST = ".emla.json"
 FORMAT = "emla-output"
@@ -51,7 +51,7 @@ def check_replaceable(
     Raises:
         CommandError: The file cannot be written, or somebody else wrote it.
     """
-    place = place_of(path, what, folder)
+    place = resolve_output_path(path, what, folder)
     if not (overwrite or is_new(place) or is_ours(place)):
         raise CommandError(
             f"'{path}' was not written by emla. Choose another file for {what}, or use --overwrite.",
@@ -72,7 +72,7 @@ def has_mark(*marks: bytes) -> IsOurs:
     """Return what recognizes files that have one of these marks near their beginning."""
 
     def is_ours(path: Path) -> bool:
-        head = _head(path)
+        head = _read_head(path)
         return any(mark in head for mark in marks)
 
     return is_ours
@@ -81,7 +81,7 @@ def has_mark(*marks: bytes) -> IsOurs:
 def has_format(name: str) -> IsOurs:
     """Return what recognizes JSON files whose first entry is a `format` that begins with this name."""
     pattern = re.compile(rb'\s*\{\s*"format":\s*"' + re.escape(name).encode() + rb'[" ]')
-    return lambda path: pattern.match(_head(path)) is not None
+    return lambda path: pattern.match(_read_head(path)) is not None
 
 
 def has_entries(*names: str) -> IsOurs:
@@ -207,7 +207,7 @@ class OutputFiles:
             "made_by": f"emla-cosim {version('emla-cosim')}",
             "files": dict(sorted(entries.items())),
         }
-        with written_whole(self._place / MANIFEST) as stream:
+        with write_atomically(self._place / MANIFEST) as stream:
             stream.write((json.dumps(content, indent=1) + "\n").encode())
 
 
@@ -215,7 +215,7 @@ def _is_regular(path: Path) -> bool:
     return path.is_file() and not path.is_symlink()
 
 
-def _head(path: Path) -> bytes:
+def _read_head(path: Path) -> bytes:
     """Return how a file begins; nothing where it cannot be read."""
     with suppress(OSError), path.open("rb") as stream:
         return stream.read(_HEAD)

@@ -3,7 +3,7 @@
 from fnmatch import fnmatchcase
 
 
-def fits(name: str, pattern: str) -> bool:
+def matches_pattern(name: str, pattern: str) -> bool:
     """Whether a pattern means a name: a[*] means a[1] and a[2], as much as a[12] means a1 and a2."""
     return name == pattern or fnmatchcase(name, pattern) or fnmatchcase(name, pattern.replace("[", "[[]"))
 

@@ -1,6 +1,6 @@
 """What a command tells while it goes on."""
 
-from .fit import Fit
+from .compatibility import CompatibilityReport
 
 
 class Progress:
@@ -18,5 +18,5 @@ class Progress:
     def note(self, sentence: str) -> None:
         """Something worth knowing while it goes on."""
 
-    def replaced(self, fit: Fit) -> None:
+    def report_replacement(self, fit: CompatibilityReport) -> None:
         """A component is replaced; this is how the other FMU fits."""

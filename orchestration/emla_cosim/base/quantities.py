@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from .errors import CommandError
-from .units import LinearTransformation, Unit, conversion, find_unit
+from .units import LinearTransformation, SiUnit, find_conversion, find_unit
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(\S.*?)?\s*")
 _PRODUCT = re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])|(?<=[0-9])\s+(?=[^\W\d_])")
@@ -18,21 +18,21 @@ class Quantity:
     """A number, and the unit that stands beside it; None where none does."""
 
     number: float
-    unit: Unit | None = None
+    unit: SiUnit | None = None
 
-    def in_unit(self, unit: Unit | None, label: str) -> float:
+    def in_unit(self, unit: SiUnit | None, label: str) -> float:
         """The number in this unit; without one beside it, it is taken to be in it.
 
         Raises CommandError, with `label` for the quantity, where both measure different things.
         """
         try:
-            between = conversion(self.unit, unit)
+            between = find_conversion(self.unit, unit)
         except ValueError as error:
             raise CommandError(f"{label} has {error}, of which one cannot become the other.") from error
-        return _scaled(self.number, between)
+        return _scale_number(self.number, between)
 
 
-def _scaled(number: float, between: LinearTransformation) -> float:
+def _scale_number(number: float, between: LinearTransformation) -> float:
     """A number transformed; by a power of ten, the one that is written with the point elsewhere."""
     power = round(math.log10(abs(between.factor)))
     if between.offset or not math.isclose(between.factor, 10.0**power, rel_tol=1e-15):
@@ -51,7 +51,7 @@ def has_unit(value: object) -> bool:
     return False
 
 
-def unit_named(name: str, label: str) -> Unit:
+def parse_unit_name(name: str, label: str) -> SiUnit:
     """The unit that a person calls so: `kg cm^2`, `N·m/A`, `min⁻¹` as much as `kg.cm2`.
 
     Raises CommandError, with `label` for where it stands, for a name that does not say which unit it is.
@@ -65,10 +65,10 @@ def unit_named(name: str, label: str) -> Unit:
     return replace(known, name=name)
 
 
-def quantity(text: str, label: str) -> Quantity:
+def parse_quantity(text: str, label: str) -> Quantity:
     """What a text says: "30 kN", "-3.4e3 N", "0.2"; CommandError, with `label` for it, for any other."""
     found = _QUANTITY.fullmatch(text)
     if found is None:
         raise CommandError(f"{label} is '{text}'; it must be a number, or a number and a unit such as 30 kN.")
-    unit = None if found[2] is None else unit_named(found[2], label)
+    unit = None if found[2] is None else parse_unit_name(found[2], label)
     return Quantity(float(found[1]), unit)

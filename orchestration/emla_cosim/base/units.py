@@ -5,16 +5,16 @@ A value is transformed from one unit to another, or as prescribed.
 
 from dataclasses import dataclass
 
-from fmublock.units import BASE_UNITS, Unit, counts_turns, find_unit
+from fmublock.units import BASE_UNITS, SiUnit, counts_turns, find_unit
 
 __all__ = [
     "BASE_UNITS",
     "COLUMN_UNITS",
     "IDENTITY",
     "LinearTransformation",
-    "Unit",
-    "conversion",
+    "SiUnit",
     "counts_turns",
+    "find_conversion",
     "find_unit",
 ]
 
@@ -49,7 +49,7 @@ class LinearTransformation:
 IDENTITY = LinearTransformation()
 
 
-def conversion(source: Unit | None, target: Unit | None) -> LinearTransformation:
+def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTransformation:
     """From one unit to another; none where one of them is not known.
 
     Raises ValueError for units that measure different things, or of which nobody says what they

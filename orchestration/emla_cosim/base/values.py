@@ -22,30 +22,30 @@ def as_float(value: float) -> float:
         return math.inf if value > 0 else -math.inf
 
 
-def converted(value: Any, type_: Any, label: str, folder: Path | None = None) -> Any:
+def convert_value(value: Any, type_: Any, label: str, folder: Path | None = None) -> Any:
     """A value as a type: a number, a text, a path, a list or a table of these, or a dataclass.
 
     Paths are relative to `folder`. Raises CommandError, with `label` for the value, for any other.
     """
     origin, inner = get_origin(type_), get_args(type_)
     if origin in (Union, UnionType) and NoneType in inner:
-        return None if value is None else converted(value, Union[inner[:-1]], label, folder)  # noqa: UP007
+        return None if value is None else convert_value(value, Union[inner[:-1]], label, folder)  # noqa: UP007
     if origin is Mapping:
         if not isinstance(value, Mapping):
-            raise _wrong(label, value, 'a table with entries such as "joint.component" = ...')
+            raise _type_error(label, value, 'a table with entries such as "joint.component" = ...')
         if wrong := [k for k in value if not isinstance(k, str)]:
-            raise _wrong(f"the name of an entry in {label}", wrong[0], "a text")
-        return {k: converted(v, inner[1], f"'{k}' in {label}", folder) for k, v in value.items()}
+            raise _type_error(f"the name of an entry in {label}", wrong[0], "a text")
+        return {k: convert_value(v, inner[1], f"'{k}' in {label}", folder) for k, v in value.items()}
     if origin is Sequence:
         if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
-            raise _wrong(label, value, "a list")
-        return [converted(v, inner[0], f"'{i}' in {label}", folder) for i, v in enumerate(value)]
+            raise _type_error(label, value, "a list")
+        return [convert_value(v, inner[0], f"'{i}' in {label}", folder) for i, v in enumerate(value)]
     if is_dataclass(type_):
-        return _record(value, type_, label, folder)
-    return _plain(value, type_, label, folder)
+        return _convert_record(value, type_, label, folder)
+    return _convert_plain(value, type_, label, folder)
 
 
-def _plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
+def _convert_plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
     """A value that is no table and no list."""
     if hasattr(value, "dtype") and hasattr(value, "item"):
         value = value.item() if value.size == 1 else value.tolist()  # a number of NumPy, or many
@@ -56,13 +56,13 @@ def _plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
         found = msgspec.convert(value, wanted)
     except (msgspec.ValidationError, OverflowError):
         right = _NAMES.get(type_, "a number, true, false or a text")
-        raise _wrong(label, value, right) from None
+        raise _type_error(label, value, right) from None
     if type_ is not Path:
         return found
     return folder / found if folder is not None else Path(found)
 
 
-def _record(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
+def _convert_record(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
     """A dataclass of a table with its fields, or of its first field alone."""
     if isinstance(value, type_):
         return value
@@ -71,21 +71,21 @@ def _record(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
         found = type_.of_text(value)
         return found.within(folder) if folder is not None and hasattr(found, "within") else found
     if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number(first.type)):
-        return type_(converted(value, first.type, label, folder))
+        return type_(convert_value(value, first.type, label, folder))
     names = {f.name for f in (first, *more)}
     needed = {f.name for f in (first, *more) if f.default is MISSING and f.default_factory is MISSING}
     if not isinstance(value, Mapping) or set(value) - names or needed - set(value):
         plain = "a number" if _is_number(first.type) else "a text" if hasattr(type_, "of_text") else "a path"
         shown = {True: "...", False: '"..."'}
         texts = (f"{f.name} = {shown[_is_number(f.type)]}" for f in (first, *more))
-        raise _wrong(label, value, f"{plain}, or {{ {', '.join(texts)} }}")
+        raise _type_error(label, value, f"{plain}, or {{ {', '.join(texts)} }}")
     types = {f.name: f.type for f in (first, *more)}
-    return type_(**{k: converted(v, types[k], f"'{k}' in {label}", folder) for k, v in value.items()})
+    return type_(**{k: convert_value(v, types[k], f"'{k}' in {label}", folder) for k, v in value.items()})
 
 
 def _is_number(type_: Any) -> bool:
     return float in (type_, *get_args(type_))
 
 
-def _wrong(label: str, value: Any, right: str) -> CommandError:
+def _type_error(label: str, value: Any, right: str) -> CommandError:
     return CommandError(f"{label} is {value!r}; it must be {right}.", value=value)

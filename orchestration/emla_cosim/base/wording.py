@@ -3,15 +3,15 @@
 from decimal import Decimal
 
 
-def counted(count: int, one: str, many: str = "", form: str = "") -> str:
+def format_count(count: int, one: str, many: str = "", form: str = "") -> str:
     """A count and what is counted: "1 step", "2 steps"; `many` where more than an s makes the difference.
 
-    Both may go on: `counted(n, "step is late", "steps are late")`. `form` is that of the number.
+    Both may go on: `format_count(n, "step is late", "steps are late")`. `form` is that of the number.
     """
     return f"{count:{form}} {one if count == 1 else many or f'{one}s'}"
 
 
-def number(value: float, digits: int = 6) -> str:
+def format_number(value: float, digits: int = 6) -> str:
     """A number in so many digits; a whole one, which may be an identity such as a seed, in all of its own."""
     if abs(value) < _LARGE and value == int(value):
         return f"{value:.0f}"

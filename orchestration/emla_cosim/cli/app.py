@@ -33,41 +33,44 @@ QUIET = ("--quiet", "-q")
 _SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 
-class _Later(TyperCommand):
+class _LazyCommand(TyperCommand):
     """A command that is imported when it is called."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """A context of the command itself, unless a shell asks what may come first, which takes no import."""
         if extra.get("resilient_parsing") and not args:
             return super().make_context(info_name, args, parent=parent, **extra)
-        return self._imported(info_name, args, parent, **extra)
+        return self._import_command(info_name, args, parent, **extra)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> Any:
         """What may come first after the command."""
-        from .completion import first
+        from .completion import complete_first_argument
 
-        if not incomplete.startswith("-") and (names := first(str(self.name), incomplete)) is not None:
+        if (
+            not incomplete.startswith("-")
+            and (names := complete_first_argument(str(self.name), incomplete)) is not None
+        ):
             return names
-        meant = self._imported(ctx.info_name, [], ctx.parent, resilient_parsing=True)
+        meant = self._import_command(ctx.info_name, [], ctx.parent, resilient_parsing=True)
         return meant.command.shell_complete(meant, incomplete)
 
-    def _imported(self, info_name: str | None, args: list[str], parent: Any, **extra: Any) -> Any:
+    def _import_command(self, info_name: str | None, args: list[str], parent: Any, **extra: Any) -> Any:
         module = import_module(f"emla_cosim.cli.commands.{self.name}")
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=_SETTINGS)
         examples = "\n\n".join(("Examples:", *getattr(module, "EXAMPLES", ())))
         epilog = examples if hasattr(module, "EXAMPLES") else None
         alone.command(self.name, help=self.help, epilog=epilog)(
-            _ready(module, quiet=self.name not in ANSWERS)
+            _bind_command(module, quiet=self.name not in ANSWERS)
         )
         command = typer.main.get_command(alone)
         if self.name in ANSWERS:
             args = [a for a in args if a not in QUIET]
         if extra.get("resilient_parsing"):
-            from .completion import completed
+            from .completion import add_completion
 
-            completed(command)
+            add_completion(command)
         if not command.params and not args:
-            command.add_help_option = False  # see `_Commands.parse_args`
+            command.add_help_option = False  # see `_CommandGroup.parse_args`
         return command.make_context(info_name, _complete(module, args), parent=parent, **extra)
 
 
@@ -76,14 +79,14 @@ def _complete(module: Any, args: list[str]) -> list[str]:
     taken = getattr(module, "OPTIONS", None)
     if taken is None:
         return args
-    from .commands.options import with_values
+    from .commands.options import add_flag_values
 
-    return with_values(args, taken, getattr(module, "ALONE", {}))
+    return add_flag_values(args, taken, getattr(module, "ALONE", {}))
 
 
-def _ready(module: Any, quiet: bool) -> Any:
+def _bind_command(module: Any, quiet: bool) -> Any:
     """The function of a command with the options it takes, which ends with a sentence where it fails."""
-    from .commands.failing import one_sentence
+    from .commands.error_exit import exit_on_error
 
     command, taken = module.command, getattr(module, "OPTIONS", None)
     if taken is not None:
@@ -91,20 +94,20 @@ def _ready(module: Any, quiet: bool) -> Any:
 
         command = with_options(command, taken)
     if quiet:
-        from .commands.wanted import with_wanted
+        from .commands.verbosity import with_verbosity
 
-        command = with_wanted(command, replaces=taken is not None and _replaces(taken))
-    return one_sentence(command)
+        command = with_verbosity(command, replaces=taken is not None and _can_replace(taken))
+    return exit_on_error(command)
 
 
-def _replaces(taken: str) -> bool:
+def _can_replace(taken: str) -> bool:
     """Return whether a command replaces components."""
-    from ..run.options import table
+    from ..run.options import list_options
 
-    return "replace" in table(taken)
+    return "replace" in list_options(taken)
 
 
-class _Commands(TyperGroup):
+class _CommandGroup(TyperGroup):
     """All commands, none of which is imported yet."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -125,11 +128,11 @@ class _Commands(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """One of them; None for a name that is not there."""
-        return _Later(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
+        return _LazyCommand(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
 
 
 app = typer.Typer(
-    cls=_Commands,
+    cls=_CommandGroup,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -146,7 +149,7 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _tell_completion(wanted: bool, install: bool) -> None:
+def _explain_completion(wanted: bool, install: bool) -> None:
     if not wanted:
         return
     from . import completion
@@ -160,11 +163,11 @@ def _tell_completion(wanted: bool, install: bool) -> None:
 
 
 def _install_completion(wanted: bool) -> None:
-    _tell_completion(wanted, install=True)
+    _explain_completion(wanted, install=True)
 
 
 def _show_completion(wanted: bool) -> None:
-    _tell_completion(wanted, install=False)
+    _explain_completion(wanted, install=False)
 
 
 @app.callback()

@@ -25,7 +25,7 @@ def answer(app: typer.Typer) -> None:
         raise SystemExit(1) from None
 
 
-def completed(command: Any) -> None:
+def add_completion(command: Any) -> None:
     """Make a command know what completes the values of its options and arguments: names, or files."""
     from typer._click.shell_completion import CompletionItem
 
@@ -39,7 +39,7 @@ def completed(command: Any) -> None:
             parameter._custom_shell_complete = lambda ctx, param, begun: []
 
 
-def first(command: str, begun: str) -> list[Any] | None:
+def complete_first_argument(command: str, begun: str) -> list[Any] | None:
     """What may come first after a command; None where nobody knows without importing it."""
     from typer._click.shell_completion import CompletionItem
 
@@ -81,9 +81,9 @@ def _models() -> Iterable[str]:
 
 def _choices(name: str) -> Callable[[], Iterable[str]]:
     def found() -> Iterable[str]:
-        from ..run.options import table
+        from ..run.options import list_options
 
-        choices = table()[name].about.choices
+        choices = list_options()[name].about.choices
         return choices() if choices is not None else ()
 
     return found

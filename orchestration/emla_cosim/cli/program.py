@@ -10,7 +10,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
-from ..sandbox.interruption import ask_no_more, ending_at_once
+from ..sandbox.interruption import exit_on_interrupt, ignore_interrupts
 
 try:
     import resource  # while there is memory for it
@@ -24,11 +24,11 @@ COLLECT = 50_000
 def main() -> None:
     """Run the command; it ends with 0, 1 or 2, and where that is not 0 with one sentence."""
     gc.set_threshold(COLLECT)
-    sys.stdout, sys.stderr = (_usable(stream) for stream in (sys.stdout, sys.stderr))
+    sys.stdout, sys.stderr = (_make_writable(stream) for stream in (sys.stdout, sys.stderr))
     if _command(sys.argv[1:]) in ("run", "rerun"):  # which call what others compiled
-        from ..sandbox.guard import guarded  # which no other command needs
+        from ..sandbox.guard import run_supervised  # which no other command needs
 
-        guarded(_run, _rescue)
+        run_supervised(_run, _rescue)
     else:
         _run()
 
@@ -40,7 +40,7 @@ def _command(arguments: Sequence[str]) -> str:
 
 def _run() -> None:
     try:
-        with ending_at_once(_interrupted):
+        with exit_on_interrupt(_exit_interrupted):
             from .app import app
 
             if "_EMLA_COMPLETE" in os.environ:  # a shell asks what completes a line
@@ -49,27 +49,29 @@ def _run() -> None:
                 answer(app)
             app()
     except KeyboardInterrupt:
-        _end("Interrupted.")
+        _exit_with_error("Interrupted.")
     except SystemExit:
         raise
     except (ImportError, MemoryError) as error:
         *_, reason = str(error).strip().rstrip(".").splitlines() or ["there is not enough memory"]
-        _end(f"Error: emla cannot be started: {reason}.")
+        _exit_with_error(f"Error: emla cannot be started: {reason}.")
     except OSError as error:  # of help, or of what is wrong with the command, which others put out
-        if not _takes(sys.stdout, "\n"):
-            _end(f"Error: the standard output cannot be written: {error.strerror}.")
-        if not _takes(sys.stderr, "\n"):
+        if not _can_write(sys.stdout, "\n"):
+            _exit_with_error(f"Error: the standard output cannot be written: {error.strerror}.")
+        if not _can_write(sys.stderr, "\n"):
             sys.exit(2)
         raise
     except BaseException:  # libraries fail in many ways where memory ends
         if (limit := _memory_limit()) is None:
             raise
-        _end(f"Error: emla needs more memory than the {limit / 2**20:.0f} MiB that it may have (ulimit -v).")
+        _exit_with_error(
+            f"Error: emla needs more memory than the {limit / 2**20:.0f} MiB that it may have (ulimit -v)."
+        )
     finally:
-        ask_no_more()
+        ignore_interrupts()
         for stream in (sys.stdout, sys.stderr):
-            if not _takes(stream):  # it was told; Python would end with a code of its own
-                _lead_nowhere(stream)
+            if not _can_write(stream):  # it was told; Python would end with a code of its own
+                _redirect_to_null(stream)
 
 
 def _memory_limit() -> int | None:
@@ -82,12 +84,12 @@ def _memory_limit() -> int | None:
 
 def _rescue(how: str) -> None:
     ended = time.monotonic()
-    from .commands.rescue import rescue
+    from .commands.crash_rescue import rescue_results
 
-    rescue(how, ended)
+    rescue_results(how, ended)
 
 
-def _usable(stream: TextIO | None) -> TextIO:
+def _make_writable(stream: TextIO | None) -> TextIO:
     """A stream that can take any text, where its encoding lacks a letter with another in its place."""
     if stream is None:  # it was closed
         return Path(os.devnull).open("w", encoding="utf-8")
@@ -96,7 +98,7 @@ def _usable(stream: TextIO | None) -> TextIO:
     return stream
 
 
-def _takes(stream: TextIO, text: str = "") -> bool:
+def _can_write(stream: TextIO, text: str = "") -> bool:
     """Whether a stream takes a text, and what waits to be written to it."""
     try:
         stream.write(text)
@@ -106,24 +108,24 @@ def _takes(stream: TextIO, text: str = "") -> bool:
     return True
 
 
-def _lead_nowhere(stream: TextIO) -> None:
+def _redirect_to_null(stream: TextIO) -> None:
     with Path(os.devnull).open("w") as nowhere:
         os.dup2(nowhere.fileno(), stream.fileno())
 
 
-def _interrupted() -> None:
+def _exit_interrupted() -> None:
     """End before a command has begun: nothing is there that had to be tidied up."""
     with suppress(OSError):
         os.write(2, b"Interrupted.\n")
     from ..sandbox import black_box
 
-    black_box.present().ended = 1
+    black_box.current_activity().ended = 1
     os._exit(1)
 
 
-def _end(sentence: str) -> None:
+def _exit_with_error(sentence: str) -> None:
     from ..sandbox import black_box
 
     sys.stderr.write(f"{sentence}\n")
-    black_box.present().ended = 1  # whatever the end of Python itself still fails at
+    black_box.current_activity().ended = 1  # whatever the end of Python itself still fails at
     sys.exit(1)

@@ -6,16 +6,16 @@ from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from typing import Any
 
-from ..base.errors import CommandError, listed
-from ..base.values import converted
-from ..sweeps.factors import start_values
-from ..sweeps.shipment import Preparation
+from ..base.errors import CommandError, join_names
+from ..base.values import convert_value
+from ..sweeps.factors import find_start_values
+from ..sweeps.worker_payload import Preparation
 from ..system.fault import Fault
 from ..system.model import Value
 
 
 @dataclass(frozen=True)
-class Case:
+class ComparisonCase:
     """One circumstance: start values, by pattern, that are set and that are multiplied.
 
     `start_error` is how far in m the screw starts from where its reference begins; None where the scenario
@@ -37,7 +37,7 @@ class Case:
             for one in self.fault
         ]
 
-    def applied(self, prepared: Preparation) -> dict[str, Value] | None:
+    def resolve_start_values(self, prepared: Preparation) -> dict[str, Value] | None:
         """The start values by full name that make it of a system; None where that has no such variable."""
         found: dict[str, Value] = {}
         for pattern, value in self.set.items():
@@ -45,13 +45,13 @@ class Case:
             if not names:
                 return None
             found |= dict.fromkeys(names, value)
-        scaled = [_scaled(pattern, factor, prepared) for pattern, factor in self.scale.items()]
+        scaled = [_scale_values(pattern, factor, prepared) for pattern, factor in self.scale.items()]
         if self.scale and not any(scaled):
             return None
         for one in scaled:
             found |= one
         if self.start_error is not None:
-            started = _started(self.start_error, prepared)
+            started = _shift_start(self.start_error, prepared)
             if not started:
                 return None
             found |= started
@@ -59,7 +59,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Axis:
+class MapAxis:
     """One axis of a map: what it sets or multiplies, from `low` to `high`, in `unit`."""
 
     label: str
@@ -73,7 +73,7 @@ class Axis:
         """The coordinate of a level, the first being 0."""
         return self.low + (self.high - self.low) * number / (of - 1)
 
-    def case(self, case: Case, coordinate: float) -> Case:
+    def case(self, case: ComparisonCase, coordinate: float) -> ComparisonCase:
         """A case with this axis there."""
         value = coordinate * self.unit
         return replace(
@@ -84,14 +84,14 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Map:
+class StabilityMap:
     """A grid of cases over two axes."""
 
     name: str
-    x: Axis
-    y: Axis
+    x: MapAxis
+    y: MapAxis
 
-    def cases(self, resolution: int) -> list[Case]:
+    def cases(self, resolution: int) -> list[ComparisonCase]:
         """A case for each point, row by row."""
         return [
             self._case(self.x.at(i, resolution), self.y.at(j, resolution))
@@ -99,19 +99,19 @@ class Map:
             for i in range(resolution)
         ]
 
-    def _case(self, x: float, y: float) -> Case:
-        point = Case(f"{self.name}: {x:.4g}, {y:.4g}", at=(x, y))
+    def _case(self, x: float, y: float) -> ComparisonCase:
+        point = ComparisonCase(f"{self.name}: {x:.4g}, {y:.4g}", at=(x, y))
         return self.y.case(self.x.case(point, x), y)
 
 
-def robustness_cases() -> list[Case]:
+def robustness_cases() -> list[ComparisonCase]:
     """Those of the table of robustness."""
-    return [Case(**entry) for entry in _read("robustness")["case"]]
+    return [ComparisonCase(**entry) for entry in _read("robustness")["case"]]
 
 
-def stability_maps() -> list[Map]:
+def stability_maps() -> list[StabilityMap]:
     """The maps of the table of stability."""
-    return [Map(m["name"], Axis(**m["x"]), Axis(**m["y"])) for m in _read("stability")["map"]]
+    return [StabilityMap(m["name"], MapAxis(**m["x"]), MapAxis(**m["y"])) for m in _read("stability")["map"]]
 
 
 def stability_stop_time() -> float:
@@ -123,23 +123,23 @@ def _read(name: str) -> dict[str, Any]:
     return tomllib.loads((files("emla_cosim.study") / "cases" / f"{name}.toml").read_text(encoding="utf-8"))
 
 
-def checked_resolution(resolution: int) -> int:
+def check_resolution(resolution: int) -> int:
     """The number of points along an axis; CommandError for one that makes no map."""
-    if not 2 <= converted(resolution, int, "the resolution of the map") <= 100:
+    if not 2 <= convert_value(resolution, int, "the resolution of the map") <= 100:
         raise CommandError(f"the resolution of the map is {resolution}; it must be from 2 to 100.")
     return resolution
 
 
-def left_out(cases: Sequence[Case], scenario: str) -> str:
+def describe_left_out(cases: Sequence[ComparisonCase], scenario: str) -> str:
     """A sentence that names the cases which a scenario has no variables for."""
-    return f"Not run, as {scenario} has no such variables: {listed(case.name for case in cases)}."
+    return f"Not run, as {scenario} has no such variables: {join_names(case.name for case in cases)}."
 
 
 def _start_values(pattern: str, prepared: Preparation) -> dict[str, float | None]:
-    return start_values(pattern, prepared.system, prepared.interfaces)
+    return find_start_values(pattern, prepared.system, prepared.interfaces)
 
 
-def _scaled(pattern: str, factor: float, prepared: Preparation) -> dict[str, Value]:
+def _scale_values(pattern: str, factor: float, prepared: Preparation) -> dict[str, Value]:
     """What fits a pattern, multiplied, but within the bounds of each variable."""
     found: dict[str, Value] = {}
     for name, value in _start_values(pattern, prepared).items():
@@ -155,7 +155,7 @@ def _bound(bound: Any, otherwise: str) -> float:
     return float(otherwise if bound is None else bound)
 
 
-def _started(error: float, prepared: Preparation) -> dict[str, Value]:
+def _shift_start(error: float, prepared: Preparation) -> dict[str, Value]:
     """Plants, and observers with them, so far in m from where their reference begins."""
     found: dict[str, Value] = {}
     for name, begin in _start_values("*.reference.waypoint[1]", prepared).items():

@@ -7,13 +7,13 @@ from typing import Any
 import polars
 
 from ..base.errors import CommandError, RunError
-from ..base.files import writing_to
+from ..base.files import report_write_errors
 from ..base.ownership import has_mark
 from ..base.progress import Progress
-from ..study.certificate import JointCertificate, certificate_rows, certify
+from ..study.joint_certificates import JointCertificate, build_certificate_rows, certify
 from ..study.loading import load
 from ..views.folder import Folder
-from .entrants import ALL, entrants
+from .controller_variants import ALL, select_variants
 
 CSV, MARKDOWN = "certificate.csv", "certificate.md"
 
@@ -27,14 +27,14 @@ class SetCertificate:
     problem: str | None = None
 
 
-def certificates(
+def certify_gains(
     scenario: str, gains: Sequence[str] | None, progress: Progress, **options: Any
 ) -> list[SetCertificate]:
     """Certify sets of gains of RSBA, by default all, in a run of the scenario each.
 
     Raises CommandError for a set that does not exist and for a scenario without such a joint.
     """
-    sets = [one.gains for one in entrants(["rsba"], gains or [ALL])]
+    sets = [one.gains for one in select_variants(["rsba"], gains or [ALL])]
     progress.begin("certifying", len(sets), "sets of gains")
     found = []
     for gain_set in sets:
@@ -50,13 +50,13 @@ def certificates(
     return found
 
 
-def frame(found: Sequence[SetCertificate]) -> polars.DataFrame:
+def build_frame(found: Sequence[SetCertificate]) -> polars.DataFrame:
     """All numbers: a row for each set of gains and figure, with its unit, and a column for each joint."""
     rows = [
         {"gains": one.gains, "figure": label, "unit": unit}
         | dict(zip((joint.joint for joint in one.joints), values, strict=True))
         for one in found
-        for label, unit, values in certificate_rows(one.joints)
+        for label, unit, values in build_certificate_rows(one.joints)
     ]
     return polars.DataFrame(rows)
 
@@ -72,7 +72,7 @@ def _section(one: SetCertificate) -> list[str]:
         return [*lines, one.problem, ""]
     names = [joint.joint for joint in one.joints]
     lines += [f"| | {' | '.join(names)} | unit |", f"|---|{'---:|' * len(names)}---|"]
-    for label, unit, values in certificate_rows(one.joints):
+    for label, unit, values in build_certificate_rows(one.joints):
         lines.append(
             f"| {label.replace('|', chr(92) + '|')} | {' | '.join(f'{x:.4g}' for x in values)} | {unit} |"
         )
@@ -90,7 +90,7 @@ class CertificateFolder(Folder):
 
     def keep(self, found: Sequence[SetCertificate]) -> None:
         """Write numbers and tables, each file whole. Raises RunError."""
-        with writing_to(self.path):
-            self.write(CSV, frame(found).write_csv().encode())
+        with report_write_errors(self.path):
+            self.write(CSV, build_frame(found).write_csv().encode())
             self.write(MARKDOWN, markdown(found).encode())
         self.settle()

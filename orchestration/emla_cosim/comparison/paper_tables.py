@@ -6,50 +6,50 @@ from collections.abc import Iterator, Mapping, Sequence
 from ..study.controllers import CONTROLLERS
 from ..study.paper import PRINTED, REFERENCE, Cells, PrintedTable
 from .data import CompareData
-from .grid import Cell, Grid, rounded
-from .rows import SHOWN, Row, of_entrant
-from .summary import Summary, marked, summaries
+from .rows import SHOWN, Row, label_variant
+from .statistics import SeedStatistics, group_by_variant, mark_winner
+from .text_table import Cell, TextTable, format_rounded
 
 _FIGURES = tuple(SHOWN[name] for name in Cells._fields)
 _ROUNDED = 0.006
 """Two averages that differ by more are not the same: the paper prints two or three digits."""
 
 
-def paper_grids(result: CompareData) -> list[Grid]:
+def build_paper_tables(result: CompareData) -> list[TextTable]:
     """The table and its averages for each table of the paper of which anything was run."""
     return [grid for printed in PRINTED for grid in _grids(result, printed)]
 
 
-def _grids(result: CompareData, printed: PrintedTable) -> Iterator[Grid]:
+def _grids(result: CompareData, printed: PrintedTable) -> Iterator[TextTable]:
     rows = [r for r in result.rows.rows(named=True) if (r["scenario"], r["joint"]) in printed.cells]
     if rows:
         yield _cells(rows, printed)
         yield _averages(rows, printed)
 
 
-def _cells(rows: Sequence[Row], printed: PrintedTable) -> Grid:
+def _cells(rows: Sequence[Row], printed: PrintedTable) -> TextTable:
     body, lines = list[Sequence[Cell]](), list[int]()
     for (scenario, joint), paper in printed.cells.items():
         own = [row for row in rows if (row["scenario"], row["joint"]) == (scenario, joint)]
-        found = summaries(own)
-        columns = {figure.name: marked(found, figure) for figure in _FIGURES}
+        found = group_by_variant(own)
+        columns = {figure.name: mark_winner(found, figure) for figure in _FIGURES}
         lines.append(len(body))
         place = joint if len(printed.scenarios) == 1 else scenario
         for name, one in found.items():
             cells = [Cell(place), Cell(name)]
             for figure, said in zip(_FIGURES, paper.get(one.controller, (None,) * 4), strict=True):
                 cells.append(columns[figure.name][name])
-                cells.append(Cell("" if said is None else rounded(figure.factor * said)))
+                cells.append(Cell("" if said is None else format_rounded(figure.factor * said)))
             body.append(cells)
     header = ["", "controller/gains", *(h for f in _FIGURES for h in (f"{f.label} / {f.unit}", "paper"))]
     title = f"{printed.name}: ours beside the paper's; the winner of ours is marked"
-    return Grid(title, header, body, [printed.references], lines)
+    return TextTable(title, header, body, [printed.references], lines)
 
 
-def _averages(rows: Sequence[Row], printed: PrintedTable) -> Grid:
+def _averages(rows: Sequence[Row], printed: PrintedTable) -> TextTable:
     """Ratios of the means over all rows of the table to those of RSBA with its recommended gains."""
     usual = f"{REFERENCE}/{CONTROLLERS[REFERENCE].recommended}"
-    by_entrant = {name: [r for r in rows if of_entrant(r) == name] for name in map(of_entrant, rows)}
+    by_entrant = {name: [r for r in rows if label_variant(r) == name] for name in map(label_variant, rows)}
     base = _means(by_entrant.get(usual, ()), len(printed.cells))
     body = [[Cell(name), *_ratios(_means(own, len(printed.cells)), base)] for name, own in by_entrant.items()]
     body += [[Cell(f"paper, {c}"), *_numbers(cells)] for c, cells in printed.averages.items()]
@@ -59,8 +59,8 @@ def _averages(rows: Sequence[Row], printed: PrintedTable) -> Grid:
         if c != REFERENCE
     ]
     header = ["normalised average", *(figure.label for figure in _FIGURES)]
-    said = [f"Averages are ratios of means, ours to {usual}.", *_differing(printed)]
-    return Grid(f"{printed.name}: normalised averages", header, body, said, [len(by_entrant)])
+    said = [f"Averages are ratios of means, ours to {usual}.", *_describe_difference(printed)]
+    return TextTable(f"{printed.name}: normalised averages", header, body, said, [len(by_entrant)])
 
 
 def _means(rows: Sequence[Row], places: int) -> Cells | None:
@@ -68,7 +68,7 @@ def _means(rows: Sequence[Row], places: int) -> Cells | None:
     of_places: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         of_places.setdefault((row["scenario"], row["joint"]), []).append(row)
-    found = [Summary(own) for own in of_places.values()]
+    found = [SeedStatistics(own) for own in of_places.values()]
     if len(found) < places or not all(one.is_held for one in found):
         return None
     means = [[one.mean(name) for one in found] for name in Cells._fields]
@@ -82,14 +82,14 @@ def _ratios(means: Cells | None, base: Cells | None) -> list[Cell]:
         return [Cell("not held", lost=True)] * len(_FIGURES)
     if base is None:
         return [Cell("none")] * len(_FIGURES)
-    return [Cell(rounded(ours / of)) for ours, of in zip(means, base, strict=True)]
+    return [Cell(format_rounded(ours / of)) for ours, of in zip(means, base, strict=True)]
 
 
 def _numbers(cells: Cells) -> list[Cell]:
     return [Cell(f"{value:.3f}".rstrip("0").rstrip(".")) for value in cells]
 
 
-def _differing(printed: PrintedTable) -> list[str]:
+def _describe_difference(printed: PrintedTable) -> list[str]:
     """A sentence on averages of the paper that its own cells do not give."""
     wrong: Mapping[str, list[str]] = {figure.label: [] for figure in _FIGURES}
     for controller, said in printed.averages.items():

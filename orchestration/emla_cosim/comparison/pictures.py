@@ -8,13 +8,13 @@ import polars
 
 from ..base.arrays import Vector
 from ..study.paper import PRINTED
-from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidied
+from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from .cases import stability_maps
 from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
-from .grid import rounded
-from .rows import HELD, SHOWN, Row, of_entrant
-from .summary import Summary, lost_text, summaries
-from .tables import grouped
+from .rows import HELD, SHOWN, Row, label_variant
+from .statistics import SeedStatistics, format_lost, group_by_variant
+from .tables import group_rows
+from .text_table import format_rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +35,7 @@ _SMALLEST = 1e-9
 _COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY, "#1d8a99", "#c77cae", "#8c6d31", "#444444")
 
 
-def pictures(result: CompareData) -> "dict[str, Figure]":
+def draw_pictures(result: CompareData) -> "dict[str, Figure]":
     """Those that suit the table, by name; none where nothing was run."""
     if not len(result.rows):
         return {}
@@ -50,7 +50,7 @@ def pictures(result: CompareData) -> "dict[str, Figure]":
 
 
 def _places(result: CompareData) -> dict[tuple[Any, ...], list[Row]]:
-    return grouped(result.rows.rows(named=True), "scenario", "joint")
+    return group_rows(result.rows.rows(named=True), "scenario", "joint")
 
 
 def _color(result: CompareData, entrant: str) -> str:
@@ -69,7 +69,7 @@ def _bars(result: CompareData) -> "Figure":
     for axes_row, ((scenario, joint), rows) in zip(grid, places.items(), strict=True):
         for axes, name in zip(axes_row, bars, strict=True):
             shown = SHOWN[name]
-            found = summaries(rows)
+            found = group_by_variant(rows)
             names = list(found)
             values = [
                 shown.factor * (one.mean(name) or 0.0) if one.is_held else 0.0 for one in found.values()
@@ -78,7 +78,7 @@ def _bars(result: CompareData) -> "Figure":
             axes.barh(names, values, xerr=spreads, color=[_color(result, n) for n in names], height=0.7)
             for place, one in enumerate(found.values()):
                 if not one.is_held:
-                    text = lost_text(one, shown)
+                    text = format_lost(one, shown)
                     axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), **_TOLD)
             said = _printed(scenario, joint, name) if result.table == PAPER else None
             if said is not None:
@@ -88,7 +88,7 @@ def _bars(result: CompareData) -> "Figure":
                 axes.set_xscale("symlog", linthresh=_WIDE[name])
             axes.set_xlim(0.0, 1.15 * max(known) or 1.0)
             axes.invert_yaxis()
-            tidied(axes)
+            tidy_axes(axes)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
         axes_row[0].set_ylabel(f"{scenario}\n{joint}", fontsize=9)
@@ -116,11 +116,11 @@ def _errors(result: CompareData) -> "Figure":
     for axes, ((scenario, joint), rows) in zip(grid[:, 0], places.items(), strict=True):
         for row in rows:
             if (errors := result.errors.get(row["run"])) is not None:
-                _draw_error(axes, errors, joint, _color(result, of_entrant(row)))
+                _draw_error(axes, errors, joint, _color(result, label_variant(row)))
         axes.set_yscale("log")
         axes.set_ylim(1e-2, 1e5)
         axes.set_ylabel(f"{scenario}, {joint}\n|error| / µm", fontsize=9)
-        tidied(axes)
+        tidy_axes(axes)
     grid[-1, 0].set_xlabel("time / s", fontsize=9)
     from matplotlib.lines import Line2D
 
@@ -155,8 +155,8 @@ def _robustness(result: CompareData) -> "Figure":
     for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
         found = {
             (case, entrant): one
-            for (case,), own in grouped(rows, "case").items()
-            for entrant, one in summaries(own).items()
+            for (case,), own in group_rows(rows, "case").items()
+            for entrant, one in group_by_variant(own).items()
         }
         values = np.array([[_error(found.get((c, e))) for e in result.entrants] for c in cases])
         picture = axes.pcolormesh(
@@ -174,7 +174,7 @@ def _robustness(result: CompareData) -> "Figure":
     return figure
 
 
-def _error(one: Summary | None) -> float:
+def _error(one: SeedStatistics | None) -> float:
     mean = None if one is None or not one.is_held else one.mean("position_error_m")
     return np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
 
@@ -185,12 +185,12 @@ def _limits(errors: Vector) -> Vector:
     return np.array([low, max(high, 10.0 * low)])
 
 
-def _write(axes: "Axes", x: int, y: int, one: Summary | None, norm: Any) -> None:
+def _write(axes: "Axes", x: int, y: int, one: SeedStatistics | None, norm: Any) -> None:
     if one is None:
         return
     error = _error(one)
-    lost = lost_text(one, SHOWN["position_error_m"]).replace(" in ", "\nin ").replace(" (", "\n")
-    text = rounded(error) if one.is_held else lost.removesuffix(")")
+    lost = format_lost(one, SHOWN["position_error_m"]).replace(" in ", "\nin ").replace(" (", "\n")
+    text = format_rounded(error) if one.is_held else lost.removesuffix(")")
     dark = not one.is_held or norm(error) < 0.45
     axes.text(
         x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6, color="white" if dark else "black"
@@ -218,7 +218,7 @@ def _maps(result: CompareData) -> "dict[str, Figure]":
         figure, grid = new_figure(len(joints), len(result.entrants), 1.7, 1.7, sharex="none")
         for axes_row, joint in zip(grid, joints, strict=True):
             for axes, entrant in zip(axes_row, result.entrants, strict=True):
-                _draw_map(axes, [r for r in rows if r["joint"] == joint and of_entrant(r) == entrant])
+                _draw_map(axes, [r for r in rows if r["joint"] == joint and label_variant(r) == entrant])
                 axes.label_outer()
                 if joint == joints[0]:
                     axes.set_title(entrant.replace("/", "\n"), fontsize=9)

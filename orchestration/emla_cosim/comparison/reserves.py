@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ..base.errors import CommandError
-from ..base.values import converted
-from ..sweeps.factors import start_number
-from ..sweeps.shipment import Preparation
+from ..base.values import convert_value
+from ..sweeps.factors import find_start_number
+from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
 
 CURRENT, VOLTAGE = "limit.i_reserve", "limit.u_reserve"
@@ -25,11 +25,11 @@ class Reserves(NamedTuple):
         return " and ".join("no limit" if part is None else f"{100.0 * part:.3g} %" for part in self)
 
 
-def checked_reserves(reserves: Sequence[float] | None) -> Reserves | None:
+def parse_reserves(reserves: Sequence[float] | None) -> Reserves | None:
     """Return reserves as parts of current and voltage; CommandError for what is none."""
     if reserves is None:
         return None
-    found = converted(list(reserves), Sequence[float], "the reserves")
+    found = convert_value(list(reserves), Sequence[float], "the reserves")
     if len(found) != 2 or not all(0.0 <= part <= 0.9 for part in found):
         raise CommandError(
             f"the reserves are {reserves!r}; they must be parts of current and voltage from 0 to 0.9, "
@@ -49,7 +49,7 @@ def reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, Value
     }
 
 
-def stated(prepared: Preparation, values: Mapping[str, Value]) -> str:
+def describe_reserves(prepared: Preparation, values: Mapping[str, Value]) -> str:
     """Say what the controllers of a system keep in reserve; `values` has start values of the run."""
     found = [_of(controller, prepared, values) for controller in _controllers(prepared)]
     return ", ".join(dict.fromkeys("not stated" if one is None else str(one) for one in found))
@@ -68,7 +68,7 @@ def _of(controller: str, prepared: Preparation, values: Mapping[str, Value]) -> 
         full, start = f"{controller}.{name}", str(variables[name].start).lower()
         if full in values:
             return float(values[full])
-        number = start_number(full, prepared.system, prepared.interfaces)
+        number = find_start_number(full, prepared.system, prepared.interfaces)
         return _TRUTHS.get(start) if number is None else number
 
     current, voltage = value(CURRENT), value(VOLTAGE)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import polars
 
 from .data import CompareData
-from .grid import Grid
-from .pictures import pictures
-from .tables import grids, lost_lines
+from .pictures import draw_pictures
+from .tables import build_tables, describe_lost_joints
+from .text_table import TextTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,9 +29,9 @@ class CompareResult(CompareData):
     """
 
     @property
-    def grids(self) -> list[Grid]:
+    def grids(self) -> list[TextTable]:
         """The tables, in the order in which they are shown."""
-        return grids(self)
+        return build_tables(self)
 
     @property
     def lost(self) -> polars.DataFrame:
@@ -41,10 +41,10 @@ class CompareResult(CompareData):
     def markdown(self) -> str:
         """All tables as Markdown: what comparison.md holds."""
         tables = "\n".join(grid.markdown() for grid in self.grids)
-        lines = "".join(f"- {line}\n" for line in lost_lines(self))
+        lines = "".join(f"- {line}\n" for line in describe_lost_joints(self))
         lost = f"\nNot held:\n\n{lines}" if lines else ""
         return tables + lost + "".join(f"\n{note}\n" for note in self.notes)
 
     def figures(self) -> "dict[str, Figure]":
         """The pictures by name."""
-        return pictures(self)
+        return draw_pictures(self)

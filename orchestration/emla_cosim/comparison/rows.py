@@ -9,8 +9,8 @@ import polars
 from ..recorders.metrics import Shown
 from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
 from ..sweeps.data import DIED, DONE
-from ..sweeps.worker import Outcome
-from .contest import Contest, Heat
+from ..sweeps.worker import VariantOutcome
+from .plan import ComparisonPlan, ComparisonRun
 
 _NO_NUMBERS = ("held", "reason", "excursions", "trip", "limits_touched", "oscillation")
 
@@ -42,27 +42,27 @@ SHOWN: Mapping[str, Shown] = {shown.name: shown for shown in (*JointMetrics.show
 Row = Mapping[str, Any]
 
 
-def table(contest: Contest, outcomes: Mapping[int, Outcome]) -> polars.DataFrame:
+def build_rows(contest: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]) -> polars.DataFrame:
     """The rows of all heats that came to an end, in the order of the heats."""
-    found = [row for number in sorted(outcomes) for row in _rows(contest.heats[number], outcomes[number])]
+    found = [row for number in sorted(outcomes) for row in _rows(contest.runs[number], outcomes[number])]
     return polars.DataFrame(found, schema=dict(COLUMNS), orient="row")
 
 
-def _rows(heat: Heat, outcome: Outcome) -> list[dict[str, Any]]:
+def _rows(heat: ComparisonRun, outcome: VariantOutcome) -> list[dict[str, Any]]:
     return [_row(heat, joint, outcome) for joint in heat.joints]
 
 
-def _row(heat: Heat, joint: str, outcome: Outcome) -> dict[str, Any]:
+def _row(heat: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, Any]:
     figures = outcome.figures.get(joint, {})
-    is_held, at, why = verdict(figures, outcome)
+    is_held, at, why = read_verdict(figures, outcome)
     x, y = heat.case.at or (None, None)
     return {
         "run": outcome.number,
         "scenario": heat.scenario,
         "case": heat.case.name,
         "joint": joint,
-        "controller": heat.entrant.called,
-        "gains": heat.entrant.gains,
+        "controller": heat.controller_variant.label,
+        "gains": heat.controller_variant.gains,
         SEED: heat.seed,
         HELD: is_held,
         LOST_AT: at,
@@ -73,7 +73,9 @@ def _row(heat: Heat, joint: str, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def verdict(figures: Mapping[str, Any], outcome: Outcome) -> tuple[bool, float | None, str | None]:
+def read_verdict(
+    figures: Mapping[str, Any], outcome: VariantOutcome
+) -> tuple[bool, float | None, str | None]:
     """Return whether a joint was held; if not, when that was seen in s, and why."""
     is_done = outcome.status == DONE
     if is_done and figures.get(HELD):
@@ -84,6 +86,6 @@ def verdict(figures: Mapping[str, Any], outcome: Outcome) -> tuple[bool, float |
     return False, cause.get("time_s", outcome.end_s), why.rstrip(".")
 
 
-def of_entrant(row: Row) -> str:
+def label_variant(row: Row) -> str:
     """The controller of a row with its gains."""
     return f"{row['controller']}/{row['gains']}"

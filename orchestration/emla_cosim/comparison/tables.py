@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
-from .grid import Cell, Grid
-from .paper_tables import paper_grids
-from .rows import HELD, LOST_AT, SHOWN, WHY, Row, of_entrant
-from .summary import Summary, marked, mean_text, summaries
+from .paper_tables import build_paper_tables
+from .rows import HELD, LOST_AT, SHOWN, WHY, Row, label_variant
+from .statistics import SeedStatistics, format_mean, group_by_variant, mark_winner
+from .text_table import Cell, TextTable
 
 _FIGURES = (
     "position_error_m",
@@ -22,10 +22,10 @@ _FIGURES = (
 _COMPACT = ("position_error_m", "torque_peak_N_m", "saturated_after_settling")
 
 
-def grids(result: CompareData) -> list[Grid]:
+def build_tables(result: CompareData) -> list[TextTable]:
     """All tables of a result."""
     if result.table == PAPER:
-        return paper_grids(result)
+        return build_paper_tables(result)
     if result.table == ROBUSTNESS:
         return list(_robustness(result))
     if result.table == STABILITY:
@@ -33,16 +33,20 @@ def grids(result: CompareData) -> list[Grid]:
     return list(_plain(result))
 
 
-def lost_lines(result: CompareData) -> list[str]:
+def describe_lost_joints(result: CompareData) -> list[str]:
     """For each joint that was not held a line that says with which controller, in how many runs, and why."""
     if result.table == STABILITY:
         return []  # that is what the maps show
     several = {name: result.rows[name].n_unique() > 1 for name in ("scenario", "case")}
-    found = grouped(result.rows.rows(named=True), "scenario", "case", "joint", "controller", "gains")
-    return [_lost_line(Summary(rows), several) for rows in found.values() if not Summary(rows).is_held]
+    found = group_rows(result.rows.rows(named=True), "scenario", "case", "joint", "controller", "gains")
+    return [
+        _describe_lost_joint(SeedStatistics(rows), several)
+        for rows in found.values()
+        if not SeedStatistics(rows).is_held
+    ]
 
 
-def grouped(rows: Sequence[Row], *by: str) -> dict[tuple[Any, ...], list[Row]]:
+def group_rows(rows: Sequence[Row], *by: str) -> dict[tuple[Any, ...], list[Row]]:
     """Rows by the values of these columns, in their order."""
     found: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
@@ -50,12 +54,12 @@ def grouped(rows: Sequence[Row], *by: str) -> dict[tuple[Any, ...], list[Row]]:
     return found
 
 
-def _lost_line(summary: Summary, several: Mapping[str, bool]) -> str:
+def _describe_lost_joint(summary: SeedStatistics, several: Mapping[str, bool]) -> str:
     """The earliest of the runs in which a joint was not held, and how many there are."""
     first = min(summary.lost, key=lambda row: math.inf if row[LOST_AT] is None else row[LOST_AT])
     where = "".join(f"{first[name]}, " for name, many in several.items() if many)
     runs = f" ({len(summary.lost)} of {len(summary.rows)} runs)" if len(summary.rows) > 1 else ""
-    return f"{where}{first['joint']} with {summary.entrant}{runs}: {first[WHY]}."
+    return f"{where}{first['joint']} with {summary.controller_variant}{runs}: {first[WHY]}."
 
 
 def _header(result: CompareData, first: str) -> list[str]:
@@ -73,16 +77,16 @@ def _under(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def _plain(result: CompareData) -> Iterator[Grid]:
+def _plain(result: CompareData) -> Iterator[TextTable]:
     """For each joint its figures in rows, and the controllers in columns."""
     shown = [SHOWN[name] for name in _FIGURES]
-    for (scenario,), rows in grouped(result.rows.rows(named=True), "scenario").items():
+    for (scenario,), rows in group_rows(result.rows.rows(named=True), "scenario").items():
         body, lines = list[Sequence[Cell]](), list[int]()
-        for (joint,), own in grouped(rows, "joint").items():
+        for (joint,), own in group_rows(rows, "joint").items():
             lines.append(len(body))
-            found = summaries(own)
+            found = group_by_variant(own)
             for figure in shown:
-                cells = marked(found, figure)
+                cells = mark_winner(found, figure)
                 body.append(
                     [
                         Cell(f"{joint}: {figure.label} / {figure.unit}"),
@@ -90,45 +94,45 @@ def _plain(result: CompareData) -> Iterator[Grid]:
                     ]
                 )
         title = f"Controllers on {scenario}; the winner of each row is marked"
-        yield Grid(title, _header(result, ""), body, _under(rows), lines)
+        yield TextTable(title, _header(result, ""), body, _under(rows), lines)
 
 
-def _robustness(result: CompareData) -> Iterator[Grid]:
+def _robustness(result: CompareData) -> Iterator[TextTable]:
     """For each joint the cases in rows, and the controllers in columns; then how many of these hold."""
     first, *others = (SHOWN[name] for name in _COMPACT)
     meaning = ", ".join(f"{one.label} / {one.unit}" for one in (first, *others))
-    for (scenario, joint), rows in grouped(result.rows.rows(named=True), "scenario", "joint").items():
+    for (scenario, joint), rows in group_rows(result.rows.rows(named=True), "scenario", "joint").items():
         body = list[Sequence[Cell]]()
-        for (case,), own in grouped(rows, "case").items():
-            found = summaries(own)
-            cells = marked(found, first)
+        for (case,), own in group_rows(rows, "case").items():
+            found = group_by_variant(own)
+            cells = mark_winner(found, first)
             for name, one in found.items():
                 if one.is_held:
-                    means = [mean_text(one, figure) for figure in others]
+                    means = [format_mean(one, figure) for figure in others]
                     cells[name] = cells[name]._replace(text=" / ".join([cells[name].text, *means]))
             body.append([Cell(case), *(cells.get(name, Cell("")) for name in result.entrants)])
-        yield Grid(f"{joint} of {scenario}: {meaning}", _header(result, "case"), body, _under(rows))
-    for (scenario,), rows in grouped(result.rows.rows(named=True), "scenario").items():
-        yield Grid(f"Cases of {scenario} that hold", _header(result, "joint"), _shares(result, rows))
+        yield TextTable(f"{joint} of {scenario}: {meaning}", _header(result, "case"), body, _under(rows))
+    for (scenario,), rows in group_rows(result.rows.rows(named=True), "scenario").items():
+        yield TextTable(f"Cases of {scenario} that hold", _header(result, "joint"), _shares(result, rows))
 
 
-def _stability(result: CompareData) -> Iterator[Grid]:
+def _stability(result: CompareData) -> Iterator[TextTable]:
     """For each map how many of its points hold."""
     rows = [{**row, "map": row["case"].partition(":")[0]} for row in result.rows.rows(named=True)]
-    for (name,), own in grouped(rows, "map").items():
+    for (name,), own in group_rows(rows, "map").items():
         title = f"Points of the map of {name} that hold"
-        yield Grid(title, _header(result, "joint"), _shares(result, own))
+        yield TextTable(title, _header(result, "joint"), _shares(result, own))
 
 
 def _shares(result: CompareData, rows: Sequence[Row]) -> list[Sequence[Cell]]:
     """For each joint in how many cases each controller holds it, with all seeds."""
     return [
-        [Cell(str(joint)), *(_share([r for r in own if of_entrant(r) == e]) for e in result.entrants)]
-        for (joint,), own in grouped(rows, "joint").items()
+        [Cell(str(joint)), *(_share([r for r in own if label_variant(r) == e]) for e in result.entrants)]
+        for (joint,), own in group_rows(rows, "joint").items()
     ]
 
 
 def _share(rows: Sequence[Row]) -> Cell:
-    points = grouped(rows, "case").values()
+    points = group_rows(rows, "case").values()
     held = sum(all(row[HELD] for row in point) for point in points)
     return Cell(f"{held} of {len(points)}", lost=not held)

@@ -7,10 +7,10 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..base.errors import CommandError
-from ..base.files import sha256
-from ..base.wording import counted
+from ..base.files import hash_file
+from ..base.wording import format_count
 from .interface import Interface, read_interface
-from .library import find_library, missing_bytes
+from .shared_library import find_library, missing_bytes
 from .unpack import UnsafeArchiveError, unpack
 
 
@@ -39,7 +39,7 @@ class FmuFile:
         """Variables by name."""
         return self.interface.variables
 
-    def can(self, capability: str) -> bool:
+    def has_capability(self, capability: str) -> bool:
         """Whether the FMU has a capability flag of the standard set, such as `canGetAndSetFMUstate`."""
         return bool(getattr(self.description.coSimulation, capability))
 
@@ -65,8 +65,8 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
         path=path,
         folder=folder,
         interface=interface,
-        library=_whole(path, _library(path, folder, interface.model_identifier)),
-        sha256=sha256(path),
+        library=_check_complete(path, _library(path, folder, interface.model_identifier)),
+        sha256=hash_file(path),
     )
 
 
@@ -81,11 +81,11 @@ def _library(path: Path, folder: Path, identifier: str) -> Path:
     )
 
 
-def _whole(path: Path, library: Path) -> Path:
+def _check_complete(path: Path, library: Path) -> Path:
     """The library, unless it is cut off."""
     if missing := missing_bytes(library):
         raise CommandError(
             f"the library '{library.parent.name}/{library.name}' of the FMU '{path}' is cut off: its last "
-            f"{counted(missing, 'byte is', 'bytes are')} missing; get the FMU anew."
+            f"{format_count(missing, 'byte is', 'bytes are')} missing; get the FMU anew."
         )
     return library

@@ -11,7 +11,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2Terminated
 from fmpy.model_description import ModelVariable
 
-from ..base.files import coming_back
+from ..base.files import restore_working_folder
 from .variables import TypedValue
 
 STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
@@ -21,7 +21,7 @@ FINE = (OK, WARNING)
 _WITHOUT_STATUS = ("fmi2GetTypesPlatform", "fmi2GetVersion", "fmi2Instantiate", "fmi2FreeInstance")
 
 
-class FmuInstance(ABC):
+class FmiInstance(ABC):
     """An instance of an FMU; a class derived from it says what it does with calls and refusals.
 
     `fmu` is fmpy's object, for calls that have no method here: `with instance.calling(): ...` turns
@@ -103,7 +103,7 @@ class FmuInstance(ABC):
 class _Announced:
     """Announces each call, and takes no answer for fine that is no status."""
 
-    instance: FmuInstance
+    instance: FmiInstance
 
     def _call(self, fname: str, *args: Any) -> Any:
         self.instance.announce(fname, args)
@@ -131,7 +131,7 @@ def load(kind: str, library: Path, folder: Path, identifier: str, guid: str | No
     `instance` and `instanceName`. Raises what fmpy raises where the library cannot be loaded.
     """
     made = FMU2AnnouncedSlave if kind == "CoSimulation" else FMU2AnnouncedModel
-    with coming_back():  # fmpy goes to the library's folder
+    with restore_working_folder():  # fmpy goes to the library's folder
         return made(
             guid=guid, unzipDirectory=str(folder), modelIdentifier=identifier, libraryPath=str(library)
         )

@@ -12,7 +12,7 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
 
 from ..base.errors import CommandError
-from ..base.units import BASE_UNITS, Unit
+from ..base.units import BASE_UNITS, SiUnit
 from .dependencies import Dependencies
 
 _DESCRIPTION = "modelDescription.xml"
@@ -38,7 +38,7 @@ class Interface:
         return {str(v.name): v for v in self.description.modelVariables}
 
     @cached_property
-    def units(self) -> dict[str, Unit]:
+    def units(self) -> dict[str, SiUnit]:
         """Units that the FMU defines, by name."""
         return {str(u.name): _unit(u) for u in self.description.unitDefinitions}
 
@@ -52,13 +52,13 @@ class Interface:
         """What unknowns depend on in initialization mode."""
         return Dependencies(self.description.initialUnknowns)
 
-    def settable(self, name: str) -> bool:
+    def is_settable(self, name: str) -> bool:
         """Whether a variable may get a start value."""
         variable = self.variables[name]
         free = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
         return free and variable.variability != "constant"
 
-    def unit(self, name: str) -> Unit | None:
+    def unit(self, name: str) -> SiUnit | None:
         """The unit of a variable; None where it has none.
 
         The unit of a difference, as of two temperatures, has no offset.
@@ -68,20 +68,20 @@ class Interface:
         unit = variable.unit or (declared.unit if declared is not None else None)
         if not unit:
             return None
-        found = self.units.get(unit, Unit(unit))
+        found = self.units.get(unit, SiUnit(unit))
         relative = variable.relativeQuantity or (declared is not None and declared.relativeQuantity)
-        return Unit(found.name, found.exponents, found.factor) if relative in (True, "true") else found
+        return SiUnit(found.name, found.exponents, found.factor) if relative in (True, "true") else found
 
 
 def read_interface(path: Path) -> Interface:
     """Read it from an FMU file; CommandError where that is missing, or nothing this master can run."""
     try:
-        interface = described(path)
+        interface = read_description(path)
     except ValidationError as error:
         raise CommandError(
             f"'{path}' is not a valid FMU: {first_problem(error)} (`fmpy validate` shows more)."
         ) from error
-    if (reason := unfit(interface)) is not None:
+    if (reason := explain_unsupported(interface)) is not None:
         raise CommandError(f"'{path}' {reason}.")
     for unit in interface.description.unitDefinitions:
         if unit.baseUnit is not None and not (math.isfinite(f := float(unit.baseUnit.factor)) and f != 0.0):
@@ -89,7 +89,7 @@ def read_interface(path: Path) -> Interface:
     return interface
 
 
-def described(path: Path, validate: bool = True) -> Interface:
+def read_description(path: Path, validate: bool = True) -> Interface:
     """What any FMU says of itself, of whatever version and kind.
 
     Raises CommandError for what is missing or unreadable, and, with `validate`, fmpy's ValidationError for
@@ -112,7 +112,7 @@ def described(path: Path, validate: bool = True) -> Interface:
     return Interface(description)
 
 
-def unfit(interface: Interface) -> str | None:
+def explain_unsupported(interface: Interface) -> str | None:
     """Why this master cannot run an FMU, as the end of a sentence; None where its kind is right."""
     description = interface.description
     if description.fmiVersion != "2.0":
@@ -156,9 +156,9 @@ def first_problem(error: ValidationError) -> str:
     return " ".join(problems[0].split()).rstrip(".") if problems else "it has problems"
 
 
-def _unit(definition: Any) -> Unit:
+def _unit(definition: Any) -> SiUnit:
     base = definition.baseUnit
     if base is None:
-        return Unit(str(definition.name))
+        return SiUnit(str(definition.name))
     exponents = tuple(int(getattr(base, b)) for b in BASE_UNITS)
-    return Unit(str(definition.name), exponents, float(base.factor), float(base.offset))
+    return SiUnit(str(definition.name), exponents, float(base.factor), float(base.offset))

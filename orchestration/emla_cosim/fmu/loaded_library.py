@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from ..base.errors import CommandError
 from .file import FmuFile
-from .instance import FmuInstance, load
+from .instance import FmiInstance, load
 
 _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
 _VALUES = (_POINTER, _POINTER, _SIZE, _POINTER)
@@ -43,7 +43,9 @@ class LoadedLibrary:
         guid = file.description.guid
         self._bound = load("CoSimulation", file.library, file.folder, file.model_identifier, guid)
         types = dict(_PROTOTYPES)
-        if file.can("providesDirectionalDerivative") and hasattr(self._bound.dll, _c_name(DERIVATIVE)):
+        if file.has_capability("providesDirectionalDerivative") and hasattr(
+            self._bound.dll, _c_name(DERIVATIVE)
+        ):
             types[DERIVATIVE] = _DERIVATIVE_TYPES
         self.functions: Mapping[str, Any] = {n: self._function(n, t) for n, t in types.items()}
         self.addresses = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self.functions.items()}
@@ -59,7 +61,7 @@ class LoadedLibrary:
         library = cls._loaded.get(file.library)
         if library is None:
             library = cls._loaded[file.library] = cls(file)
-        elif file.can("canBeInstantiatedOnlyOncePerProcess"):
+        elif file.has_capability("canBeInstantiatedOnlyOncePerProcess"):
             raise CommandError(
                 "it says that a process can have one instance of it, which this one has; "
                 "`isolate` gives a component a process of its own."
@@ -67,7 +69,7 @@ class LoadedLibrary:
         library._inside += 1
         return library
 
-    def calls_of(self, instance: FmuInstance) -> Any:
+    def calls_of(self, instance: FmiInstance) -> Any:
         """Return fmpy's object for an instance; nothing is called yet."""
         made = copy.copy(self._bound)  # what differs between instances is their name, callbacks and address
         made.instance, made.instanceName = instance, instance.name

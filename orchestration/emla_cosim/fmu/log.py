@@ -12,7 +12,7 @@ LINES = 5
 """How many of its last lines are kept of each instance."""
 
 
-class Line(NamedTuple):
+class LogLine(NamedTuple):
     """One message: of which instance, with which status, in which category."""
 
     instance: str
@@ -41,7 +41,7 @@ class FmuLog:
         """The last warnings and errors of an instance, oldest first."""
         return list(self._last[instance])
 
-    def take(self, line: Line) -> None:
+    def take(self, line: LogLine) -> None:
         """Take a message."""
         if line.status >= fmi2.fmi2Warning and line.text:
             self._last[line.instance].append(line.text)
@@ -53,7 +53,7 @@ class FmuLog:
             name, kind, text = (
                 (x or b"").decode(errors="replace").strip() for x in (instance, category, message)
             )
-            cls._listening.take(Line(name, status, kind, text))
+            cls._listening.take(LogLine(name, status, kind, text))
 
 
 # kept for ever: fmpy's proxy does not let go of what it was given last, whoever logs next

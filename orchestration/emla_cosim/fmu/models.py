@@ -14,7 +14,7 @@ import emla_fmu
 import hdrm_fmu
 import rsba_fmu
 from fmublock import Block
-from fmublock.archive import Built, read_built
+from fmublock.archive import BuiltFmu, read_built
 from fmublock.cache import cache_folder
 from fmublock.errors import BuildError, LoadError
 from fmublock.platforms import TARGETS, host_platform
@@ -23,7 +23,7 @@ from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe
 from ..base.errors import CommandError, RunError, check_choice
 from ..base.ownership import check_replaceable
 
-__all__ = ["FLAVOURS", "FMU_FOLDER", "MODELS", "PLATFORMS", "block_of", "build", "fmu_path"]
+__all__ = ["FLAVOURS", "FMU_FOLDER", "MODELS", "PLATFORMS", "build", "find_block", "fmu_path"]
 
 MODELS: dict[str, type[Block]] = {
     b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS, *hdrm_fmu.BLOCKS)
@@ -37,7 +37,7 @@ FMU_FOLDER = Path("fmus")
 """Where `emla build` builds to, and whose FMUs come before those of the user's cache."""
 
 
-def block_of(name: str) -> type[Block]:
+def find_block(name: str) -> type[Block]:
     """The block that a name means: one of our models, or FILE.py:BLOCK. Raises CommandError."""
     if ".py:" not in name:
         check_choice("model", name, MODELS)
@@ -89,7 +89,7 @@ def build(
         raise RunError(f"{name} could not be built: {error}.") from error
 
 
-def check_place(
+def check_build_path(
     model: str | type[Block], flavour: str, folder: Path | None = None, overwrite: bool = False
 ) -> None:
     """Raise CommandError where building an FMU would replace what is no FMU of ours; see `build`.
@@ -128,7 +128,7 @@ def _build(
     path = _place(recipe, key, folder)
     if _is_current(read_built(path), recipe, key, platforms):
         return path
-    with _alone(path):
+    with _lock_build(path):
         built = read_built(path)  # another process may have built it meanwhile
         if not _is_current(built, recipe, key, platforms):
             if os.path.lexists(path) and (folder is not None or not path.is_absolute()):  # not in the cache
@@ -140,7 +140,7 @@ def _build(
     return path
 
 
-def _is_current(built: Built, recipe: Recipe, key: str, platforms: Sequence[str]) -> bool:
+def _is_current(built: BuiltFmu, recipe: Recipe, key: str, platforms: Sequence[str]) -> bool:
     wanted = platforms or (host_platform(),)
     return built.key == key and (recipe.flavour != "native" or built.platforms.issuperset(wanted))
 
@@ -155,7 +155,7 @@ def _place(recipe: Recipe, key: str, folder: Path | None) -> Path:
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[None]:
+def _lock_build(path: Path) -> Iterator[None]:
     """Wait until no other process builds the FMU at this path."""
     from filelock import FileLock
 

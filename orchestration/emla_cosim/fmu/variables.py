@@ -8,19 +8,19 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
-from ..base.wording import number as in_digits
+from ..base.wording import format_number as in_digits
 from .interface import Interface
 
 TypedValue = tuple[ModelVariable, Any]
 """A variable, and a value of its type."""
 
 
-def typed_values(component: str, interface: Interface, values: Mapping[str, Any]) -> list[TypedValue]:
+def convert_start_values(component: str, interface: Interface, values: Mapping[str, Any]) -> list[TypedValue]:
     """Start values by name as those of their variables; CommandError for what cannot be set to them."""
     found = []
     for name, value in values.items():
         variable = find_variable(component, interface.variables, name)
-        found.append((variable, start_value(component, interface, variable, value)))
+        found.append((variable, convert_start_value(component, interface, variable, value)))
     return found
 
 
@@ -35,11 +35,13 @@ def find_variable(component: str, variables: Mapping[str, ModelVariable], name: 
     )
 
 
-def start_value(component: str, interface: Interface, variable: ModelVariable, value: Any) -> Any:
+def convert_start_value(component: str, interface: Interface, variable: ModelVariable, value: Any) -> Any:
     """A value as the variable's type, within its range; CommandError otherwise."""
     name = f"{component}.{variable.name}"
-    if not interface.settable(variable.name):
-        near = [n for n in interface.variables if n.endswith(f".{variable.name}") and interface.settable(n)]
+    if not interface.is_settable(variable.name):
+        near = [
+            n for n in interface.variables if n.endswith(f".{variable.name}") and interface.is_settable(n)
+        ]
         meant = f"; did you mean {' or '.join(near)}?" if near else "."
         raise CommandError(f"{name} is computed by the FMU and cannot be set{meant}")
     if variable.type == "String":
@@ -52,7 +54,7 @@ def start_value(component: str, interface: Interface, variable: ModelVariable, v
             raise CommandError(f"{name} = {value} is not a Boolean; write true or false.")
         return booleans[str(value).lower()]
     try:
-        number = float(value) if variable.type == "Real" else _whole(value)
+        number = float(value) if variable.type == "Real" else _convert_integer(value)
     except (ValueError, OverflowError) as error:
         kind = "number" if variable.type == "Real" else "whole number"
         raise CommandError(f"{name} = {value} is not a {kind}.") from error
@@ -74,7 +76,7 @@ def start_value(component: str, interface: Interface, variable: ModelVariable, v
     return number
 
 
-def _whole(value: Any) -> int:
+def _convert_integer(value: Any) -> int:
     """A whole number, which may be written as a float; ValueError for any other."""
     if isinstance(value, float) and not value.is_integer():
         raise ValueError(value)

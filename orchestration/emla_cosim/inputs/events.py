@@ -9,7 +9,7 @@ import numpy as np
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..system.fault import Fault
-from .data import read_data
+from .data_tables import read_data
 from .input import Input
 from .schedules import SCHEDULES
 
@@ -37,7 +37,7 @@ def input_events(
         found += [fault.start, fault.start + (math.inf if fault.duration is None else fault.duration)]
     for source in sources:
         if source.interpolation == "held":
-            found += _repeated(source, _jumps(source), stop)
+            found += _repeat_jumps(source, _jumps(source), stop)
         elif (times := _times(source)).size:
             found += [float(times[0]), float(times[-1])]
     return [t for t in found if math.isfinite(t)]
@@ -66,7 +66,7 @@ def _jumps(source: Input) -> Vector:
     return times[differs]
 
 
-def _repeated(source: Input, jumps: Vector, stop: float) -> list[float]:
+def _repeat_jumps(source: Input, jumps: Vector, stop: float) -> list[float]:
     """The jumps, and those of all repetitions up to the stop time; none where they are too many."""
     times = _times(source)
     period = float(times[-1] - times[0]) if len(times) > 1 else 0.0

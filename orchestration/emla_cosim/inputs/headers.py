@@ -8,8 +8,8 @@ from typing import Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..base.quantities import unit_named
-from ..base.units import COLUMN_UNITS, Unit, conversion, find_unit
+from ..base.quantities import parse_unit_name
+from ..base.units import COLUMN_UNITS, SiUnit, find_conversion, find_unit
 
 _HEADER = re.compile(
     r"(?P<name>.+?)"
@@ -20,7 +20,7 @@ _HEADER = re.compile(
 _ONE = ("-", "–", "none", "")
 """What people write for the unit of a number without one."""
 
-_SECONDS = Unit("s", (0, 0, 1, 0, 0, 0, 0, 0))
+_SECONDS = SiUnit("s", (0, 0, 1, 0, 0, 0, 0, 0))
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Header:
         `asked` is what somebody called the column, who may have named its unit.
         """
         declared = Header.of(asked).unit if asked is not None and asked != self.text else None
-        unit = data_unit(declared or self.unit, f"the time of {label}")
+        unit = parse_data_unit(declared or self.unit, f"the time of {label}")
         try:
-            factor = conversion(unit, _SECONDS)
+            factor = find_conversion(unit, _SECONDS)
         except ValueError as error:
             raise CommandError(
                 f"the time '{self.text}' of {label} has {error}; it must be a time."
@@ -55,29 +55,29 @@ class Header:
         return factor.factor * numbers + factor.offset if unit is not None else numbers
 
 
-def data_unit(name: str | None, label: str) -> Unit | None:
+def parse_data_unit(name: str | None, label: str) -> SiUnit | None:
     """The unit of this name, None without one; CommandError, with `label`, for a name that is none."""
     if name is None:
         return None
-    return unit_named("1" if name.strip() in _ONE else name, label)
+    return parse_unit_name("1" if name.strip() in _ONE else name, label)
 
 
-def same_unit(one: str, other: str) -> bool:
+def is_same_unit(one: str, other: str) -> bool:
     """Whether two names mean the same unit."""
     units = find_unit(one), find_unit(other)
     return one == other or (units[0] is not None and units[1] is not None and units[0].measures_as(units[1]))
 
 
-def rate_of(unit: Unit | None, order: int) -> Unit | None:
+def rate_of(unit: SiUnit | None, order: int) -> SiUnit | None:
     """The unit of a time derivative: a difference, so that an offset is lost."""
     if unit is None or order == 0 or unit.exponents is None:
         return unit
     exponents = list(unit.exponents)
     exponents[_SECONDS.exponents.index(1)] -= order  # type: ignore[union-attr]
-    return Unit(f"{unit.name}/s{order if order > 1 else ''}", tuple(exponents), unit.factor)
+    return SiUnit(f"{unit.name}/s{order if order > 1 else ''}", tuple(exponents), unit.factor)
 
 
-def named_units(metadata: Mapping[str, Any]) -> dict[str, str]:
+def read_metadata_units(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Units by column, as the metadata of results.parquet has them; none where it says nothing of them."""
     try:
         found = json.loads(metadata.get(COLUMN_UNITS, "{}"))

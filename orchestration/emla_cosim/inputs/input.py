@@ -10,8 +10,8 @@ from typing import Any
 from fmublock.table import ENDS, INTERPOLATIONS
 
 from ..base.errors import CommandError, check_choice
-from ..base.files import digest
-from ..base.option import Entered
+from ..base.files import hash_if_readable
+from ..base.option import FileOrObject
 from ..recorders.registry import TABLES
 
 _TEXTS = (".tsv", ".txt", ".dat")
@@ -62,7 +62,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Input(Entered):
+class Input(FileOrObject):
     """Data over time that drive signals.
 
     The data are a `file` (CSV, Parquet, or a format of `TABLES`), or in Python `data`: a frame of polars or
@@ -136,7 +136,7 @@ class Input(Entered):
         if self.file is None:
             return False
         read = Input.of_text(str(self))
-        return (read.file, read._told()) == (self.file, self._told())
+        return (read.file, read._settings_text()) == (self.file, self._settings_text())
 
     def __str__(self) -> str:
         given = {name: getattr(self, name) for name in _SETTINGS}
@@ -147,14 +147,14 @@ class Input(Entered):
     def record(self) -> dict[str, Any]:
         """What run.json says of it, with the hash of the file; None in its place where it cannot be read."""
         if self.file is None:
-            return {"data": "given in Python", **self._told()}
-        return {"file": str(self.file), "sha256": digest(self.file), **self._told()}
+            return {"data": "given in Python", **self._settings_text()}
+        return {"file": str(self.file), "sha256": hash_if_readable(self.file), **self._settings_text()}
 
     def repeatable(self) -> dict[str, Any] | None:
         """Its file, and all that is said of it."""
-        return None if self.file is None else {"file": str(self.file), **self._told()}
+        return None if self.file is None else {"file": str(self.file), **self._settings_text()}
 
-    def _told(self) -> dict[str, Any]:
+    def _settings_text(self) -> dict[str, Any]:
         """What is said of the data beside where they are."""
         told = {"signals": {s: str(c) for s, c in self.signals.items()}, "columns": list(self.columns)}
         return told | {name: getattr(self, name) for name in _SETTINGS}

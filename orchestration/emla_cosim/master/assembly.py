@@ -10,14 +10,14 @@ from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import Interface
 from ..fmu.log import FmuLog
-from ..fmu.variables import TypedValue, typed_values
+from ..fmu.variables import TypedValue, convert_start_values
 from ..system.model import Alias, Component, Connection, System
-from ..system.resolution import in_fmu_terms, refuse_driven, resolved
+from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
+from .instances.described_instance import DescribedInstance
+from .instances.in_process_instance import InProcessInstance
+from .instances.isolated_instance import IsolatedInstance
 from .network import Link, Network
-from .slaves.described_slave import DescribedSlave
-from .slaves.fmu_slave import FmuSlave
-from .slaves.isolated_slave import IsolatedSlave
 
 
 class Assembly:
@@ -38,7 +38,7 @@ class Assembly:
             folder = held.enter_context(temporary_folder("emla-"))
             self.files: Mapping[str, FmuFile] = _open_files(fmus, folder)
             self.system = system
-            self._wired = resolved(system, {name: file.interface for name, file in self.files.items()})
+            self._wired = resolve_system(system, {name: file.interface for name, file in self.files.items()})
             self._instances = held.enter_context(contextlib.ExitStack())
             self._isolated = isolated
             self._used = False
@@ -62,12 +62,12 @@ class Assembly:
         components = self._wired.components
         inputs = {c.name: [x.input for x in self._wired.into(c.name)] for c in components}
         outputs = {c.name: _outputs(self.files[c.name], self._wired, c.name) for c in components}
-        self.slaves: dict[str, DescribedSlave] = {}
+        self.slaves: dict[str, DescribedInstance] = {}
         log = FmuLog()
         for number, name in enumerate(c.name for c in components):
             described = (name, self.files[name], inputs[name], outputs[name])
             isolated = name in self._isolated
-            slave = IsolatedSlave(*described) if isolated else FmuSlave(*described, log, number)
+            slave = IsolatedInstance(*described) if isolated else InProcessInstance(*described, log, number)
             self._instances.callback(slave.close)
             self.slaves[name] = slave
         for slave in self.slaves.values():
@@ -78,7 +78,7 @@ class Assembly:
             i for i, f in enumerate(self.files[n] for n in self.slaves) if f.description.modelName == MODEL
         ]
         self.network = Network(list(self.slaves.values()), links, names, faults)
-        self._order = [self.network.slaves[i].name for i in self.network.order]
+        self._order = [self.network.instances[i].name for i in self.network.order]
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
         self._changed: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
@@ -87,7 +87,7 @@ class Assembly:
         """Bring all instances to where initialization begins, with the start values of this system.
 
         It is the same system but for these values. Instances that have run are reset, or made anew
-        where `fresh` says so. Raises CommandError for a value that does not fit, SlaveError where an
+        where `fresh` says so. Raises CommandError for a value that does not fit, InstanceError where an
         FMU refuses one.
         """
         for component in system.components:
@@ -116,19 +116,19 @@ class Assembly:
             found |= self._parameters[name][1]
         return found
 
-    def changed(self, component: Component) -> dict[str, dict[str, Any]]:
+    def list_non_default_values(self, component: Component) -> dict[str, dict[str, Any]]:
         """Start values of a component that are not those of its FMU, with these and the unit of both.
 
         The same object for the same component, so that many runs share it.
         """
         if self._changed.get(component.name, (None,))[0] is not component:
             interface = self.files[component.name].interface
-            self._changed[component.name] = component, _changed(component, interface)
+            self._changed[component.name] = component, _non_default_values(component, interface)
         return self._changed[component.name][1]
 
     def _parameters_of(self, component: Component, given: Sequence[TypedValue]) -> dict[str, float]:
         found: dict[str, float] = {}
-        known, values = _known(component), {v.name: x for v, x in given}
+        known, values = _map_known_names(component), {v.name: x for v, x in given}
         for variable in self.files[component.name].variables.values():
             value = values.get(variable.name, variable.start)
             number = variable.causality == "parameter" and variable.type in ("Real", "Integer")
@@ -139,12 +139,12 @@ class Assembly:
 
     def _typed(self, component: Component) -> list[TypedValue]:
         """The start values of a component as its FMU has them."""
-        given = in_fmu_terms(component)
+        given = convert_to_fmu_terms(component)
         refuse_driven(given, self._wired)
-        return typed_values(component.name, self.files[component.name].interface, given.parameters)
+        return convert_start_values(component.name, self.files[component.name].interface, given.parameters)
 
 
-def _changed(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:
+def _non_default_values(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:
     """Start values of a component that are not those of its FMU, with these and the unit of both."""
     found = {}
     for name, value in component.parameters.items():
@@ -176,7 +176,7 @@ def _signals(
     """Names of all signals as the system has them, and what makes the system's values of the FMUs'."""
     names, shown = [], {}
     for component in system.components:
-        known = _known(component)
+        known = _map_known_names(component)
         for output in outputs[component.name]:
             name, alias = known.get(output, (output, Alias(output)))
             if alias.transformation != IDENTITY:
@@ -185,7 +185,7 @@ def _signals(
     return names, shown
 
 
-def _known(component: Component) -> dict[str, tuple[str, Alias]]:
+def _map_known_names(component: Component) -> dict[str, tuple[str, Alias]]:
     """What the system calls the FMU's variables that it has by another name or unit."""
     return {a.variable: (n, a) for n, a in component.aliases.items() if a.transformation.factor != 0.0}
 

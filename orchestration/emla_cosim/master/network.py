@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.arrays import Indices, Vector
-from ..base.errors import CommandError, RunError, listed
-from .slaves.slave import Slave
+from ..base.errors import CommandError, RunError, join_names
+from .instances.fmu_instance import FmuInstance
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ class Network:
 
     def __init__(
         self,
-        slaves: Sequence[Slave],
+        slaves: Sequence[FmuInstance],
         links: Sequence[Link],
         names: Sequence[str] = (),
         followers: Collection[int] = (),
     ) -> None:
-        self.slaves = list(slaves)
+        self.instances = list(slaves)
         self.links = list(links)
         self.parts = _parts([len(s.outputs) for s in slaves])
         self.input_parts = _parts([len(s.inputs) for s in slaves])
@@ -82,7 +82,7 @@ class Network:
         self.order = order
         self._place = {i: k for k, i in enumerate(order)}
         self._against: list[list[Link]] = [[] for _ in order]  # the order, by target
-        for link in self.feedback():
+        for link in self.find_feedback_links():
             self._against[link.target].append(link)
 
     def signal(self, link: Link) -> int:
@@ -91,7 +91,7 @@ class Network:
 
     def pass_inputs(self, i: int) -> None:
         """Give slave i the present signals that it reads."""
-        slave = self.slaves[i]
+        slave = self.instances[i]
         self.signals.take(self.sources[i], out=slave.inputs, mode="clip")
         if self.transforms[i]:
             self.transform(i)
@@ -99,7 +99,7 @@ class Network:
 
     def transform(self, i: int) -> None:
         """Turn the signals that stand in the place of slave i's inputs into these inputs."""
-        inputs = self.slaves[i].inputs
+        inputs = self.instances[i].inputs
         inputs *= self.factors[i]
         inputs += self.offsets[i]
 
@@ -110,7 +110,7 @@ class Network:
         """
         offsets = self.offsets[i] + 0.0  # without minus zeros: -0.0 - -0.0 would be 0.0
         with np.errstate(all="ignore"):
-            assumed = (self.slaves[i].inputs - offsets) / self.factors[i]
+            assumed = (self.instances[i].inputs - offsets) / self.factors[i]
         found = np.isfinite(assumed)
         self.signals[self.sources[i][found]] = assumed[found]
 
@@ -120,9 +120,9 @@ class Network:
         Slaves that read nothing may be left out: they come first then. So may followers, all of them: each
         then comes after its source.
         """
-        position = {slave.name: i for i, slave in enumerate(self.slaves)}
+        position = {slave.name: i for i, slave in enumerate(self.instances)}
         named = set(names)
-        reads_nothing = (s.name for s in self.slaves if not len(s.inputs) and s.name not in named)
+        reads_nothing = (s.name for s in self.instances if not len(s.inputs) and s.name not in named)
         names = [*reads_nothing, *names]
         others = {name for name, i in position.items() if i not in self.followers}
         if self.followers and sorted(names) == sorted(others):
@@ -132,8 +132,8 @@ class Network:
         if sorted(names) != sorted(position):
             missing = [n for n in position if n not in named]
             wrong = [n or "''" for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1]
-            problems = [f"lacks {listed(missing)}"] if missing else []
-            problems += [f"has {listed(wrong)}, unknown or twice"] if wrong else []
+            problems = [f"lacks {join_names(missing)}"] if missing else []
+            problems += [f"has {join_names(wrong)}, unknown or twice"] if wrong else []
             raise CommandError(
                 f"the order of stepping must name every component once; it {', '.join(problems)}."
             )
@@ -148,10 +148,10 @@ class Network:
         order = self.order
         if not keep_order:
             seen = [link for link in self.links if link.source not in last or link.target in last]
-            order = order_with_followers(len(self.slaves), seen, self.followers)
+            order = order_with_followers(len(self.instances), seen, self.followers)
         self._use_order(sorted(order, key=lambda i: i in last))
 
-    def feedback(self) -> list[Link]:
+    def find_feedback_links(self) -> list[Link]:
         """Links that run against `order`: stepping one after the other, they are late by a step."""
         place = self._place
         return [link for link in self.links if place[link.source] >= place[link.target]]
@@ -174,7 +174,9 @@ class Network:
         order = networkx.lexicographical_topological_sort(condensed, lambda c: place[members[c][0]])
         return [members[c] for c in order]
 
-    def cut(self, group: Sequence[int], counts: Callable[[Link], bool] = lambda link: True) -> Indices:
+    def find_coupling_variables(
+        self, group: Sequence[int], counts: Callable[[Link], bool] = lambda link: True
+    ) -> Indices:
         """The signals within a group that are read before they are written: what makes it a loop."""
         inside = set(group)
         links = [x for i in inside for x in self._against[i] if x.source in inside and counts(x)]
@@ -194,9 +196,9 @@ class Network:
 
     def loop_name(self, group: Sequence[int]) -> str:
         """The slaves of a group as a loop: a -> b -> a."""
-        return " -> ".join(self.slaves[i].name for i in [*group, group[0]])
+        return " -> ".join(self.instances[i].name for i in [*group, group[0]])
 
-    def not_finite(self, time: float) -> RunError | None:
+    def find_nonfinite_signal(self, time: float) -> RunError | None:
         """The error that names the first signal that is read but is not finite, if there is one."""
         wrong = self.read[~np.isfinite(self.signals[self.read])]
         if not len(wrong):
@@ -205,7 +207,7 @@ class Network:
 
     def check_finite(self, time: float) -> None:
         """Raise RunError where a signal that somebody reads is not a number; `time` in s."""
-        if (failure := self.not_finite(time)) is not None:
+        if (failure := self.find_nonfinite_signal(time)) is not None:
             raise failure
 
 

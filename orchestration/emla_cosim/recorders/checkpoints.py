@@ -7,7 +7,7 @@ from typing import Any
 
 from ..base.errors import CommandError, RunError
 from ..master.stepping.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from ..master.stepping.timing import Timing
+from ..master.stepping.timing import CommunicationPoints
 from .recorder import Pause, Recorder
 
 INTERVAL = 60.0
@@ -43,7 +43,9 @@ class Checkpoints(Recorder):
         self._last = time.monotonic()
 
 
-def resumable(path: Path, identity: Mapping[str, Any], times: Timing, folder: Path) -> Checkpoint:
+def find_resumable_checkpoint(
+    path: Path, identity: Mapping[str, Any], times: CommunicationPoints, folder: Path
+) -> Checkpoint:
     """The checkpoint to continue from, its path relative to `folder`.
 
     Raises CommandError where it does not belong to this run.

@@ -36,7 +36,7 @@ class CsvFile(FileTable):
         header = polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
         real_place(self.path)  # a device or a folder is no place for it
         length, line = (int(memory["bytes"]), str(memory["line"])) if memory is not None else (0, "")
-        continued = memory is not None and _continues(self.path, header, length, line.encode())
+        continued = memory is not None and _can_continue(self.path, header, length, line.encode())
         self.claim(continued)
         if continued:
             self._stream = self.path.open("r+b", buffering=0)
@@ -74,7 +74,7 @@ class CsvFile(FileTable):
 
     def open(self) -> None:
         """Take the names of the columns from the file. Raises OSError."""
-        self.names = columns_of(self.path)
+        self.names = read_column_names(self.path)
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Columns by name; one that the file does not have is left out."""
@@ -102,7 +102,7 @@ class CsvFile(FileTable):
             self._line = text[text.rfind(b"\n", 0, max(written - 1, 0)) + 1 : written].decode() or self._line
 
 
-def _continues(path: Path, header: bytes, length: int, line: bytes) -> bool:
+def _can_continue(path: Path, header: bytes, length: int, line: bytes) -> bool:
     """Whether a file has these columns and was once of this length, with this last line."""
     if not path.is_file():
         return False
@@ -123,7 +123,7 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
     columns = {name: f"column_{i}" for i, name in enumerate(present)}
     chosen = {n: columns[n] for n in names if n in columns}
     every = 1 if most is None else max(-(-(_lines(path) - header.count(b"\n")) // most), 1)
-    source = path if most is None else _thinned(path, every)
+    source = path if most is None else _thin_lines(path, every)
     frame = polars.read_csv(  # whose own reading of a header leaves quotes doubled
         source,
         has_header=False,
@@ -134,7 +134,7 @@ def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[
     return {name: frame[column].to_numpy() for name, column in chosen.items()}
 
 
-def columns_of(path: Path) -> list[str]:
+def read_column_names(path: Path) -> list[str]:
     """The names of the columns of a results.csv. Raises OSError; UnicodeDecodeError where it is no text."""
     with path.open("rb") as stream:
         return _names(_header(stream))
@@ -157,7 +157,7 @@ def _lines(path: Path) -> int:
         return sum(block.count(b"\n") for block in iter(lambda: stream.read(_BLOCK), b""))
 
 
-def _thinned(path: Path, every: int) -> bytes:
+def _thin_lines(path: Path, every: int) -> bytes:
     """The header, and of the lines after it every n-th one, but not one that is still being written."""
     with path.open("rb") as stream:
         header = _header(stream)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.units import LinearTransformation
-from .coupling.coupling import COUPLING, Coupling
+from .coupling.coupling_cost import COUPLING, Coupling
 from .recorder import Outline, Pause, Recorder
 from .signal_figures import SignalFigures
 

@@ -10,7 +10,7 @@ from typing import Any
 import polars
 
 from ..base.arrays import Vector
-from ..base.files import written_whole
+from ..base.files import write_atomically
 from ..base.units import COLUMN_UNITS
 from .file_table import FileTable
 from .recorder import Outline
@@ -66,7 +66,7 @@ class ParquetFile(FileTable):
         parts = sorted(self._parts.glob("*.parquet"))
         empty = polars.LazyFrame(schema=dict.fromkeys(self.names, polars.Float64))
         whole = polars.scan_parquet(parts) if parts else empty
-        with _polars_failures(), written_whole(self.path) as stream:
+        with _polars_failures(), write_atomically(self.path) as stream:
             whole.sink_parquet(stream, metadata=self._metadata)
         self._remove_parts()
         self.settle()
@@ -100,7 +100,7 @@ class ParquetFile(FileTable):
 
     def _close_part(self) -> None:
         if self._blocks:
-            with _polars_failures(), written_whole(self._parts / f"{self._count:06}.parquet") as stream:
+            with _polars_failures(), write_atomically(self._parts / f"{self._count:06}.parquet") as stream:
                 polars.concat(self._blocks).write_parquet(stream)
             self._blocks, self._held, self._count = [], 0, self._count + 1
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import RunError
-from ..base.units import LinearTransformation, Unit
-from ..master.algorithms.exchanged import Exchanged
-from ..master.stepping.stepping import Stepping
-from ..master.stepping.timing import Timing
+from ..base.units import LinearTransformation, SiUnit
+from ..master.algorithms.continuous_connections import ContinuousConnection
+from ..master.stepping.stepping_base import Stepping
+from ..master.stepping.timing import CommunicationPoints
 from ..sandbox import black_box
 from ..system.bond import Bond
 
@@ -31,14 +31,14 @@ class Outline:
     """
 
     names: Sequence[str]
-    units: Sequence[Unit | None]
-    times: Timing
+    units: Sequence[SiUnit | None]
+    times: CommunicationPoints
     recorded: Sequence[int]
     every: int = 1
     parameters: Mapping[str, float] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
     criteria: Mapping[str, float | str] = field(default_factory=dict)
-    exchanged: Sequence[Exchanged] = ()
+    exchanged: Sequence[ContinuousConnection] = ()
     bonds: Mapping[str, Bond] = field(default_factory=dict)
     watched: bool = False
     halved: bool = False
@@ -121,9 +121,9 @@ class RowBuffer:
         self._recorders = recorders
         self._shown = shown or {}
         block_rows = max(min(block_rows, BLOCK_SIZE // (8 * width)), 1)
-        memory = black_box.room(block_rows * width * 8)
+        memory = black_box.reserve_rows(block_rows * width * 8)
         self._block = np.frombuffer(memory).reshape(block_rows, width)
-        self._present = black_box.present()
+        self._present = black_box.current_activity()
         self._filled = 0
 
     def room(self, most: int) -> Vector:

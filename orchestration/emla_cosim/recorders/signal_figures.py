@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Vector, stored
+from ..base.arrays import Vector, read_stored_array
 from .recorder import Outline
 
 MINIMUM, MAXIMUM, RMS, FINAL = NAMES = ("minimum", "maximum", "rms", "final")
@@ -33,16 +33,16 @@ class SignalFigures:
         self._values = np.full((len(NAMES), len(self._names)), np.nan)
         if memory is not None:
             self._rows = int(memory["rows"])
-            self._values = stored([memory[name] for name in NAMES], self._values.shape)
+            self._values = read_stored_array([memory[name] for name in NAMES], self._values.shape)
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
         taken = rows if self._columns is None else np.ascontiguousarray(rows[:, self._columns])
         with np.errstate(all="ignore"):
-            found = np.stack((*_reduced(taken), taken[-1]))
+            found = np.stack((*_reduce_rows(taken), taken[-1]))
             if self._columns is None:
                 found = found[:, 1:]
-            self._values = _joined(self._values, self._rows, found, len(rows)) if self._rows else found
+            self._values = _merge_figures(self._values, self._rows, found, len(rows)) if self._rows else found
         self._rows += len(rows)
 
     def memory(self) -> dict[str, Any]:
@@ -59,7 +59,7 @@ class SignalFigures:
         }
 
 
-def _reduced(rows: Vector) -> tuple[Vector, Vector, Vector]:
+def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
     """Minimum, maximum and root mean square of every column."""
     width = rows.shape[1]
     beside = max(_WIDTH // max(width, 1), 1)
@@ -83,7 +83,7 @@ def _squares(rows: Vector) -> Vector:
     return np.einsum("ij,ij->j", rows, rows)
 
 
-def _joined(before: Vector, rows: int, after: Vector, more: int) -> Vector:
+def _merge_figures(before: Vector, rows: int, after: Vector, more: int) -> Vector:
     """The figures of so many rows and of more that follow, each as rows of `NAMES`."""
     whole = rows + more
     return np.stack(

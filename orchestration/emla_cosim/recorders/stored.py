@@ -32,7 +32,7 @@ class StoredRun:
         return readable(f"{self.what}, '{self.path}',", lambda: self.table.read(names, most))
 
 
-def stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
+def open_stored_run(place: Path, what: str = _REFERENCE) -> StoredRun:
     """The run in a folder of results, or in a table of its own; CommandError where there is none.
 
     Sentences call it `what`.

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..recorders.tubes.comparing import compared, how_it_left, that_left
-from ..recorders.tubes.comparison import Comparison
-from ..recorders.tubes.tolerance import Tolerance, tolerance_of
+from ..recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
+from ..recorders.tubes.signal_comparison import Comparison
+from ..recorders.tubes.tolerance import Tolerance, find_tolerance
 
 if TYPE_CHECKING:  # which loads polars
     from ..recorders.stored import StoredRun
@@ -16,7 +16,7 @@ _NAMED = 3
 """Signals that a sentence tells of; run.json has all."""
 
 
-def common(names: Sequence[str], stored: "StoredRun") -> list[str]:
+def find_common_signals(names: Sequence[str], stored: "StoredRun") -> list[str]:
     """The signals that both have; CommandError where there is none."""
     known = set(stored.names)
     found = [name for name in names if name in known]
@@ -28,7 +28,7 @@ def common(names: Sequence[str], stored: "StoredRun") -> list[str]:
     return found
 
 
-def agreement(
+def compare_with_stored(
     kept: Sequence[str],
     read: Callable[[Sequence[str]], Mapping[str, Vector]],
     units: Mapping[str, Any],
@@ -39,31 +39,31 @@ def agreement(
 
     `kept` are the signals of a result, `units` theirs by name; `read` returns columns by their names.
     """
-    names = common(kept, stored)
+    names = find_common_signals(kept, stored)
     found, reference = read(["time", *names]), stored.read(["time", *names])
     for table, where in ((found, "the result"), (reference, f"the run to compare with, '{stored.path}',")):
         if not len(table["time"]):
             raise CommandError(f"{where} has no rows.")
     return tuple(
-        compared(
+        compare_signal(
             name,
             str(units.get(name) or ""),
             found["time"],
             found[name],
             reference["time"],
             reference[name],
-            tolerance_of(name, tolerance),
+            find_tolerance(name, tolerance),
         )
         for name in names
     )
 
 
-def disagreement(comparisons: Sequence[Comparison], stored: "StoredRun") -> str | None:
+def describe_disagreement(comparisons: Sequence[Comparison], stored: "StoredRun") -> str | None:
     """The sentence that says which signals left their tubes, the first one first; None where none did."""
-    left = that_left(comparisons)
+    left = select_outside(comparisons)
     if not left:
         return None
-    told = "; ".join(how_it_left(c) for c in left[:_NAMED])
+    told = "; ".join(describe_departure(c) for c in left[:_NAMED])
     more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
     return f"{len(left)} of {len(comparisons)} signals do not agree with '{stored.path}': {told}{more}."
 
@@ -82,6 +82,6 @@ def agreement_record(comparisons: Sequence[Comparison], stored: "StoredRun") -> 
                 "tube": c.tube.value,
                 "tube_s": c.tube.time,
             }
-            for c in that_left(comparisons)
+            for c in select_outside(comparisons)
         ],
     }

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..base.errors import CommandError, listed
+from ..base.errors import CommandError, join_names
 from ..base.option import (
     BUILD,
     BUILDING,
@@ -32,14 +32,14 @@ from ..base.option import (
     SYSTEM,
     TRAJECTORY,
     VERIFY,
-    Entered,
+    FileOrObject,
     Option,
     option,
     options_of,
 )
-from ..base.patterns import fits, has_wildcard
-from ..base.quantities import quantity, unit_named
-from ..base.values import converted
+from ..base.patterns import has_wildcard, matches_pattern
+from ..base.quantities import parse_quantity, parse_unit_name
+from ..base.values import convert_value
 from ..fmu.models import FLAVOURS, PLATFORMS
 from ..inputs.input import Input
 from ..master.algorithms.algorithm import Algorithm
@@ -144,11 +144,11 @@ class Options:
         metavar="FILE.json",
         makes="reference",
     )
-    actuator: Mapping[str, Path | Entered] = _prepared(
+    actuator: Mapping[str, Path | FileOrObject] = _prepared(
         {},
         help="Another actuator for a joint, from its data sheets: docs/actuator.md (repeatable).",
         metavar="JOINT=FILE.toml",
-        takes=Entered,
+        takes=FileOrObject,
         makes="actuators",
     )
     flavour: str = _system(
@@ -388,7 +388,7 @@ class Options:
             found[self.trajectory] = "the trajectory"
         found |= {source.file: "the input" for source in self.input if source.file is not None}
         for actuator in self.actuator.values():
-            if (file := actuator.file if isinstance(actuator, Entered) else actuator) is not None:
+            if (file := actuator.file if isinstance(actuator, FileOrObject) else actuator) is not None:
                 found[file] = "the actuator"
         if isinstance(self.controller, str) and self.controller.lower().endswith(".fmu"):
             found[Path(self.controller)] = "the FMU"
@@ -413,14 +413,15 @@ class Options:
         given = {n: v for n, v in self.own.items() if any(n in _names(k) for k in kinds.values())}
         if not isinstance(chosen, str):
             if given:
-                raise CommandError(f"the {what} is given with its options; leave out {listed(given)}.")
+                raise CommandError(f"the {what} is given with its options; leave out {join_names(given)}.")
             return chosen
         for name in given:
             if name not in _names(kinds[chosen]):
                 others = [n for n, k in kinds.items() if name in _names(k)]
                 has = "has" if len(others) == 1 else "have"
                 raise CommandError(
-                    f"the {what} {chosen} has no {table()[name].noun}; {listed(others)} {has}.", option=name
+                    f"the {what} {chosen} has no {list_options()[name].noun}; {join_names(others)} {has}.",
+                    option=name,
                 )
         return kinds[chosen](**given)
 
@@ -444,29 +445,31 @@ class Options:
 _FIXED = {o.name: o for o in options_of(Options)}
 
 
-def table(command: str | None = None) -> dict[str, Option]:
+def list_options(command: str | None = None) -> dict[str, Option]:
     """All options by name, those of registered kinds included; of one command if it is named."""
     kinds = (*ALGORITHMS.values(), *STEP_SIZE_CONTROLS.values(), *RECORDERS.values())
     own = {o.name: o for kind in kinds for o in options_of(kind)}
     return {n: o for n, o in (_FIXED | own).items() if command is None or command in o.about.commands}
 
 
-def repeated(options: Mapping[str, Any]) -> dict[str, Any]:
+def select_repeatable(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options by name, but for those that hold for one command."""
-    known = table()
+    known = list_options()
     return {n: v for n, v in options.items() if n not in known or known[n].about.repeated}
 
 
 def merge(before: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
     """Merge values of options by name: tables are merged, everything else is replaced."""
     tables = {n for n, value in later.items() if isinstance(value, Mapping) and before.get(n)}
-    return {**before, **{n: _merged(before[n], v) if n in tables else v for n, v in later.items()}}
+    return {**before, **{n: _merge_tables(before[n], v) if n in tables else v for n, v in later.items()}}
 
 
-def _merged(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+def _merge_tables(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
     """Two tables as one: what was found later wins, over names that its patterns mean too."""
     patterns = [name for name in found if has_wildcard(name)]
-    kept = {n: v for n, v in before.items() if n not in found and not any(fits(n, p) for p in patterns)}
+    kept = {
+        n: v for n, v in before.items() if n not in found and not any(matches_pattern(n, p) for p in patterns)
+    }
     return {**kept, **found}
 
 
@@ -486,7 +489,7 @@ def read_options(given: Mapping[str, Any], where: str = "", folder: Path | None 
     `where` is what sentences call the place of the values, and paths in them are relative to `folder`.
     Raises CommandError for an unknown name, or a value of another type or range.
     """
-    known, of = table() if given else {}, f" of {where}" if where else ""
+    known, of = list_options() if given else {}, f" of {where}" if where else ""
     return {
         name: read_option(name, value, f"'{name}'{of}" if of else f"the option '{name}'", folder, known)
         for name, value in given.items()
@@ -500,9 +503,9 @@ def read_option(
 
     Raises CommandError for a name that is none of `known`, and for a value of another type or range.
     """
-    options = table() if known is None else known
+    options = list_options() if known is None else known
     if name not in options:
-        raise CommandError(f"there is no option '{name}'{_near(name, options)}", option=name)
+        raise CommandError(f"there is no option '{name}'{_suggest_option(name, options)}", option=name)
     return _read(options[name], value, label, folder)
 
 
@@ -518,7 +521,7 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     if takes is not None and isinstance(value, Mapping):
         objects = {name: one for name, one in value.items() if isinstance(one, takes)}
         value = {name: one for name, one in value.items() if name not in objects}
-    found = converted(value, option.plain_type, label, folder)
+    found = convert_value(value, option.plain_type, label, folder)
     if objects:
         return {**found, **objects}
     for one in found if isinstance(found, list) else [found]:
@@ -543,9 +546,9 @@ def _in_unit(text: str, unit: str, label: str) -> float:
     try:
         return float(text)
     except ValueError:
-        return quantity(text, label).in_unit(unit_named(unit, label), label)
+        return parse_quantity(text, label).in_unit(parse_unit_name(unit, label), label)
 
 
-def _near(name: str, known: Mapping[str, Option]) -> str:
+def _suggest_option(name: str, known: Mapping[str, Option]) -> str:
     near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else f"; there are {listed(sorted(known))}."
+    return f"; did you mean '{near[0]}'?" if near else f"; there are {join_names(sorted(known))}."

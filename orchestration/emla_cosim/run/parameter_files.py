@@ -9,18 +9,18 @@ from pathlib import Path
 from ..base.errors import CommandError
 from ..base.files import read_file
 from ..base.quantities import Quantity
-from ..base.units import Unit, conversion
-from ..base.wording import counted
+from ..base.units import SiUnit, find_conversion
+from ..base.wording import format_count
 from ..fmu.interface import Interface
-from ..fmu.variables import start_value
-from ..inputs.data import Data, read_table
-from ..inputs.headers import data_unit
+from ..fmu.variables import convert_start_value
+from ..inputs.data_tables import DataTable, read_table
+from ..inputs.headers import parse_data_unit
 from ..inputs.input import table_endings
-from ..ssp.documents.parameters import parse_parameter_set
+from ..ssp.documents.parameter_sets import parse_parameter_set
 from ..system.model import Component, System, Value
 
 _INDEX = re.compile(r"\[[0-9]+\]$")
-_ONE = Unit("1", (0,) * 8)
+_ONE = SiUnit("1", (0,) * 8)
 
 
 def file_values(file: Path, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
@@ -29,22 +29,24 @@ def file_values(file: Path, system: System, interfaces: Mapping[str, Interface])
     They are in the units that variables have in the system. Raises CommandError for whatever does not fit.
     """
     if file.name.lower().endswith(table_endings()):
-        return _of_table(read_table(file, "the parameter table"), system, interfaces)
-    return _of_parameter_set(file, system, interfaces)
+        return _read_table_values(read_table(file, "the parameter table"), system, interfaces)
+    return _read_parameter_set(file, system, interfaces)
 
 
-def _of_table(data: Data, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
+def _read_table_values(
+    data: DataTable, system: System, interfaces: Mapping[str, Interface]
+) -> dict[str, Value]:
     values: dict[str, Value] = {}
     for position in range(len(data.headers)):
-        for name, value in _of_column(data, position, system, interfaces).items():
+        for name, value in _read_column_values(data, position, system, interfaces).items():
             if name in values:
                 raise CommandError(f"{data.label} gives {name} a second value.", name=name)
             values[name] = value
     return values
 
 
-def _of_column(
-    data: Data, position: int, system: System, interfaces: Mapping[str, Interface]
+def _read_column_values(
+    data: DataTable, position: int, system: System, interfaces: Mapping[str, Interface]
 ) -> dict[str, Value]:
     """The values of a scalar, or of the first elements of an array."""
     header = data.headers[position]
@@ -61,14 +63,14 @@ def _of_column(
     if len(numbers) > len(elements):
         raise CommandError(
             f"{label} has a value in row {len(numbers)}, but {header.name} has "
-            f"{counted(len(elements), 'element')}.",
+            f"{format_count(len(elements), 'element')}.",
             name=header.name,
         )
-    given, found = data_unit(header.unit, label), dict[str, Value]()
+    given, found = parse_data_unit(header.unit, label), dict[str, Value]()
     for row, (element, number) in enumerate(zip(elements, numbers.tolist(), strict=False), 1):
         value = Quantity(number, given).in_unit(_unit(component, element, interface, given), label)
         try:
-            found[f"{component.name}.{element}"] = _fitting(component, element, interface, value)
+            found[f"{component.name}.{element}"] = _check_value(component, element, interface, value)
         except CommandError as error:
             raise CommandError(f"{label}, row {row}: {error}", row=row, **error.fields) from error
     return found
@@ -88,24 +90,24 @@ def _elements(component: Component, name: str, interface: Interface, label: str)
     return found
 
 
-def _unit(component: Component, name: str, interface: Interface, given: Unit | None) -> Unit | None:
+def _unit(component: Component, name: str, interface: Interface, given: SiUnit | None) -> SiUnit | None:
     """The unit of a variable in the system; that of a pure number where it has none but is given one."""
     alias = component.alias(name)
     return alias.unit or interface.unit(alias.variable) or (None if given is None else _ONE)
 
 
-def _fitting(component: Component, name: str, interface: Interface, value: float) -> Value:
+def _check_value(component: Component, name: str, interface: Interface, value: float) -> Value:
     """The value as it is, once it is known that the variable can have it; CommandError otherwise."""
     alias = component.alias(name)
     variable = interface.variables[alias.variable]
     plain = value if variable.type == "Real" or not value.is_integer() else int(value)
-    start_value(
+    convert_start_value(
         component.name, interface, variable, alias.transformation(plain) if component.aliases else plain
     )
     return plain
 
 
-def _of_parameter_set(file: Path, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
+def _read_parameter_set(file: Path, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
     values: dict[str, Value] = {}
     content = read_file(file, "the parameter set")
     for parameter in parse_parameter_set(content, str(file)).parameters:
@@ -117,7 +119,7 @@ def _of_parameter_set(file: Path, system: System, interfaces: Mapping[str, Inter
         value = parameter.value
         if parameter.unit is not None and unit is not None:
             try:
-                value = conversion(parameter.unit, unit)(float(value))
+                value = find_conversion(parameter.unit, unit)(float(value))
             except ValueError as error:
                 raise CommandError(f"'{parameter.name}' of '{file}' has {error}.") from error
         values[parameter.name] = value

@@ -7,58 +7,60 @@ from pathlib import Path
 
 from ..base.errors import CommandError
 from ..base.progress import Progress
-from ..base.wording import counted
+from ..base.wording import format_count
 from ..fmu.interface import Interface, read_interfaces
-from ..fmu.models import build, check_place
-from ..inputs.placing import Readable, data_end, with_inputs
+from ..fmu.models import build, check_build_path
+from ..inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
 from ..system.model import Replacement, System
-from ..system.signal_faults import with_components, with_faults
-from ..system.start_values import named_plainly, need_interfaces, start_values
+from ..system.signal_faults import add_fault_components, wire_faults
+from ..system.start_values import needs_interfaces, resolve_start_values, select_plain_names
 from .followers import following_values
 from .options import Options
 from .parameter_files import file_values
-from .replacement import fitted
+from .replacement import replace_component
 
 
-def prepared(system: System, options: Options, progress: Progress) -> tuple[System, dict[str, Path]]:
+def prepare_system(system: System, options: Options, progress: Progress) -> tuple[System, dict[str, Path]]:
     """The system with all that the options change, and the FMU file of every component.
 
     Begins a task of preparing that has one unit more, for what follows. Raises CommandError for
     what does not fit, RunError where FMUs cannot be built.
     """
-    tables, as_made = [Readable.of(source) for source in options.input], system
-    system, faults = with_components(system, options.fault)
-    system.with_parameters(named_plainly(options.set))  # unknown names are found before anything is built
+    tables, as_made = [LoadedInput.of(source) for source in options.input], system
+    system, faults = add_fault_components(system, options.fault)
+    system.with_parameters(
+        select_plain_names(options.set)
+    )  # unknown names are found before anything is built
     replacements = options.replacements()
     for name in replacements:
         system.component(name)
     fmus = _fmu_files(system, options, progress)
-    looked_at = options.parameters or replacements or faults or tables or need_interfaces(options.set)
+    looked_at = options.parameters or replacements or faults or tables or needs_interfaces(options.set)
     interfaces = read_interfaces(fmus) if looked_at else {}
-    system = _with_parameters(system, options.parameters, interfaces)
+    system = _apply_parameter_files(system, options.parameters, interfaces)
     if tables:
-        placed = with_inputs(system, tables, interfaces, options.platform)
+        placed = wire_inputs(system, tables, interfaces, options.platform)
         system = placed.system
         fmus |= placed.fmus
         interfaces |= read_interfaces(placed.fmus)
         for note in placed.notes:
             progress.note(f"Note: {note}")
-    system = with_faults(system, faults, interfaces)
+    system = wire_faults(system, faults, interfaces)
     followers = following_values(as_made, options)
-    system = system.with_parameters(start_values(system, interfaces, options.set) | followers)
+    system = system.with_parameters(resolve_start_values(system, interfaces, options.set) | followers)
     others = read_interfaces({name: replacement.fmu for name, replacement in replacements.items()})
     for name, replacement in replacements.items():
-        system = _replaced(system, name, replacement, others[name], interfaces, progress)
+        system = _replace_component(system, name, replacement, others[name], interfaces, progress)
         fmus[name], interfaces[name] = replacement.fmu, others[name]
     return system, fmus
 
 
-def until_data_end(options: Options) -> Options:
+def limit_to_data_end(options: Options) -> Options:
     """The options with a stop time no later than the end of data that stop the run.
 
     Raises CommandError for data that cannot be read, or end before the run begins.
     """
-    end = data_end(options.input)
+    end = find_data_end(options.input)
     if end is None or options.stop_time is None or options.stop_time <= end:
         return options
     start, stop = options.start_time or 0.0, end
@@ -78,7 +80,7 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
     progress.begin("preparing", len(models) + 1)
     built = {}
     for model in models:
-        check_place(model, options.flavour, options.fmus, options.overwrite)
+        check_build_path(model, options.flavour, options.fmus, options.overwrite)
     for model in models:
         built[model] = build(
             model, options.flavour, options.platform, options.fmus, overwrite=options.overwrite
@@ -87,14 +89,16 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
 
 
-def _with_parameters(system: System, files: Sequence[Path], interfaces: Mapping[str, Interface]) -> System:
+def _apply_parameter_files(
+    system: System, files: Sequence[Path], interfaces: Mapping[str, Interface]
+) -> System:
     """The system with the values of parameter files, of which later ones win."""
     for file in files:
         system = system.with_parameters(file_values(file, system, interfaces))
     return system
 
 
-def _replaced(
+def _replace_component(
     system: System,
     name: str,
     replacement: Replacement,
@@ -102,11 +106,11 @@ def _replaced(
     interfaces: Mapping[str, Interface],
     progress: Progress,
 ) -> System:
-    changed, fit = fitted(system, name, replacement, other, interfaces)
-    progress.replaced(fit)
+    changed, fit = replace_component(system, name, replacement, other, interfaces)
+    progress.report_replacement(fit)
     if fit.problems:
         first, *others = fit.problems
-        more = f", and {counted(len(others), 'more does', 'more do')} not fit" if others else ""
+        more = f", and {format_count(len(others), 'more does', 'more do')} not fit" if others else ""
         raise CommandError(
             f"'{replacement.fmu}' does not fit in the place of {name}: {first}{more}; a mapping may help.",
             component=name,

@@ -4,8 +4,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import listed
-from .options import table
+from ..base.errors import join_names
+from .options import list_options
 
 Record = Mapping[str, Any]
 
@@ -13,7 +13,7 @@ MOST = 8
 """So many differences are named."""
 
 
-def differences(before: Record, now: Record, given: Collection[str] = ()) -> list[str]:
+def find_differences(before: Record, now: Record, given: Collection[str] = ()) -> list[str]:
     """What was run otherwise than before, as parts of a sentence, by both runs' run.json.
 
     Settings that are `given` anew, by their names in run.json, may differ, and those that no run repeats.
@@ -26,12 +26,12 @@ def differences(before: Record, now: Record, given: Collection[str] = ()) -> lis
     return found
 
 
-def sentence(found: Sequence[str], where: str) -> str:
+def describe_differences(found: Sequence[str], where: str) -> str:
     """One sentence with all differences to the run whose record this is."""
     named = list(found[:MOST])
     if len(found) > MOST:
         named.append(f"{len(found) - MOST} more")
-    return f"Not as in {where}: {listed(named)}."
+    return f"Not as in {where}: {join_names(named)}."
 
 
 def _versions(before: Record, now: Record) -> Iterator[str]:
@@ -59,12 +59,12 @@ def _fmus(before: Record, now: Record) -> Iterator[str]:
 
 def _settings(before: Record, now: Record, given: Iterable[str]) -> Iterator[str]:
     then, here = _table(before, "settings"), _table(now, "settings")
-    may_differ = {*given, *(o.record for o in table().values() if not o.about.repeated)}
+    may_differ = {*given, *(o.record for o in list_options().values() if not o.about.repeated)}
     for name in (n for n in here if n in then and n not in may_differ):
-        yield from _changed(f"the setting {name}", then[name], here[name])
+        yield from _describe_change(f"the setting {name}", then[name], here[name])
 
 
-def _changed(name: str, then: Any, here: Any) -> Iterator[str]:
+def _describe_change(name: str, then: Any, here: Any) -> Iterator[str]:
     """What became of a setting, where names of files count by their last part: where they lie may differ."""
     if isinstance(then, dict) and isinstance(here, dict):
         if "sha256" in here and "sha256" in then:
@@ -72,11 +72,13 @@ def _changed(name: str, then: Any, here: Any) -> Iterator[str]:
                 yield f"the content of '{here.get('file')}'"
             return
         if then.keys() == here.keys():
-            found = (text for key in here for text in _changed(name, then[key], here[key]))
+            found = (text for key in here for text in _describe_change(name, then[key], here[key]))
             yield from dict.fromkeys(found)
             return
     if isinstance(then, list) and isinstance(here, list) and len(then) == len(here):
-        found = (text for old, new in zip(then, here, strict=True) for text in _changed(name, old, new))
+        found = (
+            text for old, new in zip(then, here, strict=True) for text in _describe_change(name, old, new)
+        )
         yield from dict.fromkeys(found)
     elif then != here and not _same_file(then, here):
         yield name

@@ -5,43 +5,43 @@ from dataclasses import replace
 
 from fmpy.model_description import ModelVariable
 
+from ..base.compatibility import FITS, CompatibilityReport, VariableMatch
 from ..base.errors import CommandError
 from ..base.files import read_file
-from ..base.fit import FITS, Fit, Match
-from ..base.units import IDENTITY, LinearTransformation, Unit, conversion
+from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
 from ..fmu.interface import Interface
-from ..ssp.documents.parameters import parse_mapping
-from ..ssp.documents.structure import MappingEntry, TableTransformation
+from ..ssp.documents.parameter_sets import parse_mapping
+from ..ssp.documents.ssd_data import MappingEntry, TableTransformation
 from ..system.model import Alias, Component, Connection, Replacement, System
-from ..system.resolution import in_fmu_terms, transformed
+from ..system.resolution import convert_to_fmu_terms, find_transformation
 
 
-def fitted(
+def replace_component(
     system: System,
     name: str,
     replacement: Replacement,
     other: Interface,
     interfaces: Mapping[str, Interface],
-) -> tuple[System, Fit]:
+) -> tuple[System, CompatibilityReport]:
     """The system with one component replaced by an FMU with the interface `other`, and how it fits.
 
     `interfaces` are those of the FMUs that were there, by component. Start values and results keep
     their names and units, connections get those of the other FMU. Raises CommandError for a mapping
     that cannot be read, or that names what neither FMU has.
     """
-    component, original = in_fmu_terms(system.component(name)), interfaces[name]
+    component, original = convert_to_fmu_terms(system.component(name)), interfaces[name]
     entries = _entries(replacement, original, other)
-    matching = _Matching(system, component, original, other, entries)
-    fit = Fit(name, replacement.fmu, matching.matches, matching.same)
+    matching = _VariableMatcher(system, component, original, other, entries)
+    fit = CompatibilityReport(name, replacement.fmu, matching.matches, matching.same)
     if fit.problems:
         return system, fit
     kept = {n: v for n, v in component.parameters.items() if n not in matching.left_out}
     changed = replace(component, model="", fmu=replacement.fmu, parameters=kept, aliases=matching.aliases)
-    connections = tuple(_reconnected(x, changed, interfaces) for x in system.connections)
+    connections = tuple(_reconnect(x, changed, interfaces) for x in system.connections)
     return replace(system.with_component(changed), connections=connections), fit
 
 
-def _reconnected(
+def _reconnect(
     connection: Connection, component: Component, interfaces: Mapping[str, Interface]
 ) -> Connection:
     """A connection in the terms of the FMU that a component has now."""
@@ -49,7 +49,7 @@ def _reconnected(
     arriving = component.aliases.get(connection.input) if connection.target == component.name else None
     if leaving is None and arriving is None:
         return connection
-    between = transformed(connection, interfaces)
+    between = find_transformation(connection, interfaces)
     if leaving is not None:
         between = between.after(leaving.transformation.inverse())
         connection = replace(connection, output=leaving.variable)
@@ -81,7 +81,7 @@ def _entries(replacement: Replacement, original: Interface, other: Interface) ->
     return entries
 
 
-class _Matching:
+class _VariableMatcher:
     """Matches all variables that the system uses of a component, or could show."""
 
     def __init__(
@@ -95,7 +95,7 @@ class _Matching:
         self._original, self._other, self._entries = original, other, entries
         self._taken = {entry.target for entry in entries.values()}
         self.aliases: dict[str, Alias] = {}
-        self.matches: list[Match] = []
+        self.matches: list[VariableMatch] = []
         self.left_out: set[str] = set()
         self._same: set[str] = set()
         inputs = [x.input for x in system.into(component.name)]
@@ -155,19 +155,19 @@ class _Matching:
             if theirs.causality == "output" and theirs.type == variable.type == "Real":
                 self._converted("output", name, theirs)
 
-    def _free(self, inputs: Sequence[str]) -> Iterator[Match]:
+    def _free(self, inputs: Sequence[str]) -> Iterator[VariableMatch]:
         """Inputs of the other FMU that nothing drives."""
         driven = {self._target(name) for name in inputs}
         for name, variable in self._other.variables.items():
             if variable.causality == "input" and name not in driven:
-                yield Match("input", "", self._with_unit(name, self._other), "keeps its start value")
+                yield VariableMatch("input", "", self._with_unit(name, self._other), "keeps its start value")
 
-    def _unused(self) -> Iterator[Match]:
+    def _unused(self) -> Iterator[VariableMatch]:
         """Outputs and parameters of the other FMU that a mapping could still name."""
         used = {*self._taken, *self._same}
         for name, variable in self._other.variables.items():
             if variable.causality in ("output", "parameter") and name not in used:
-                yield Match(variable.causality, "", self._with_unit(name, self._other), "is not used")
+                yield VariableMatch(variable.causality, "", self._with_unit(name, self._other), "is not used")
 
     def _converted(self, kind: str, name: str, variable: ModelVariable) -> None:
         if name in self.aliases:
@@ -186,17 +186,17 @@ class _Matching:
         self.aliases[name] = Alias(variable.name, transformation, ours)
         self._say(kind, name, variable.name, FITS if transformation == IDENTITY else str(transformation))
 
-    def _transformation(self, name: str, ours: Unit | None, theirs: Unit | None) -> LinearTransformation:
+    def _transformation(self, name: str, ours: SiUnit | None, theirs: SiUnit | None) -> LinearTransformation:
         entry = self._entries.get(name)
         if entry is None:
-            return conversion(ours, theirs)
+            return find_conversion(ours, theirs)
         prescribed = entry.transformation
         linear = prescribed if isinstance(prescribed, LinearTransformation) else IDENTITY
-        return linear if entry.suppress_unit_conversion else linear.after(conversion(ours, theirs))
+        return linear if entry.suppress_unit_conversion else linear.after(find_conversion(ours, theirs))
 
     def _say(self, kind: str, ours: str, theirs: str, verdict: str, fatal: bool = False) -> None:
         their = self._with_unit(theirs, self._other) if theirs else ""
-        self.matches.append(Match(kind, self._with_unit(ours, self._original), their, verdict, fatal))
+        self.matches.append(VariableMatch(kind, self._with_unit(ours, self._original), their, verdict, fatal))
 
     def _with_unit(self, name: str, interface: Interface) -> str:
         unit = interface.unit(name) if name in interface.variables else None

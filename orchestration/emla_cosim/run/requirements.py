@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..base.errors import CommandError, listed, near_or_some
+from ..base.errors import CommandError, join_names, suggest_names
 
 _COMPARISONS = {
     "<=": operator.le,
@@ -46,13 +46,14 @@ class Requirement:
         return not math.isnan(figure) and bool(_COMPARISONS[self.sign](figure, self.value))
 
 
-def requirement(text: str) -> Requirement:
+def parse_requirement(text: str) -> Requirement:
     """Read one; CommandError for a text that is none."""
     figure, sign, right, *more = [part.strip() for part in _SIGN.split(text)] + ["", ""]
     value = _value(right)
     if any(more) or not figure or value is None:
         raise CommandError(
-            f"the requirement '{text}' must be FIGURE, one of {listed(_COMPARISONS)}, and a number, true or "
+            f"the requirement '{text}' must be FIGURE, one of {join_names(_COMPARISONS)}, and a number, true "
+            "or "
             "false, such as 'lift.position_error_m < 2e-5'.",
             requirement=text,
         )
@@ -69,25 +70,27 @@ def check_requirements(requirements: Sequence[Requirement], figures: Figures, ru
 
     `figures` are those before the first row. Where some kind has none yet, any name may still come.
     """
-    known = by_name(figures, run)
+    known = flatten_figures(figures, run)
     complete = all(figures.values())
     for required in requirements:
         name = required.figure
         if name not in known:
             if not complete:
                 continue
-            raise CommandError(f"there is no figure '{name}' to require; {instead(name, known)}", name=name)
+            raise CommandError(
+                f"there is no figure '{name}' to require; {suggest_figure(name, known)}", name=name
+            )
         if isinstance(known[name], bool) != isinstance(required.value, bool):
             right = "true or false" if isinstance(known[name], bool) else "a number"
             raise CommandError(f"the requirement '{required}' does not fit: {name} is {right}.", name=name)
 
 
-def instead(name: str, known: Collection[str]) -> str:
+def suggest_figure(name: str, known: Collection[str]) -> str:
     """Return what a message says after that there is no such figure: its new name, similar ones, or some."""
     of, _, figure = name.rpartition(".")
     if figure in RENAMED:
         return f"'{figure}' is called '{of}{'.' if of else ''}{RENAMED[figure]}' now: docs/metrics.md."
-    return near_or_some(name, known)
+    return suggest_names(name, known)
 
 
 class UnknownFigureError(CommandError, KeyError):
@@ -104,20 +107,25 @@ class NamedFigures(dict[str, Any]):
 
     def __missing__(self, name: str) -> Any:
         if name in RENAMED:
-            raise UnknownFigureError(f"there is no figure '{name}'; {instead(name, self)}", name=name)
+            raise UnknownFigureError(f"there is no figure '{name}'; {suggest_figure(name, self)}", name=name)
         raise KeyError(name)
 
 
-def unmet(requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]) -> str | None:
+def describe_unmet(
+    requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]
+) -> str | None:
     """A sentence with all that is not as required, and what it is; None where everything is."""
-    known = by_name(figures, run) if requirements else {}
+    known = flatten_figures(figures, run) if requirements else {}
     failing = [r for r in requirements if not r.met_by(known.get(r.figure))]
     if not failing:
         return None
-    return f"not as required: {'; '.join(f'{r}, but {_told(known.get(r.figure), r)}' for r in failing)}."
+    return (
+        "not as required: "
+        f"{'; '.join(f'{r}, but {_format_figure(known.get(r.figure), r)}' for r in failing)}."
+    )
 
 
-def by_name(figures: Figures, run: Mapping[str, Any]) -> dict[str, Any]:
+def flatten_figures(figures: Figures, run: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers and truths by name.figure."""
     all_ = [of for kind in figures.values() for of in kind.items()] + [("run", run)]
     return {f"{of}.{name}": value for of, found in all_ for name, value in found.items() if _is_figure(value)}
@@ -138,7 +146,7 @@ def _value(text: str) -> float | bool | None:
     return number if math.isfinite(number) else None
 
 
-def _told(figure: Any, required: Requirement) -> str:
+def _format_figure(figure: Any, required: Requirement) -> str:
     if figure is None or figure != figure:
         return "it is missing"
     if isinstance(figure, bool):

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..base.units import Unit
-from ..base.values import converted
-from ..master.stepping.timing import Timing
+from ..base.units import SiUnit
+from ..base.values import convert_value
+from ..master.stepping.timing import CommunicationPoints
 from ..recorders.metrics import Figures, Shown
 from ..recorders.table import Table
-from ..recorders.tubes.comparison import Comparison
+from ..recorders.tubes.signal_comparison import Comparison
 from ..recorders.tubes.tolerance import Tolerance
-from .agreement import agreement
+from .agreement import compare_with_stored
 
 if TYPE_CHECKING:
     import pandas
@@ -43,8 +43,8 @@ class Result:
     """
 
     name: str
-    units: Mapping[str, Unit | None]
-    times: Timing
+    units: Mapping[str, SiUnit | None]
+    times: CommunicationPoints
     table: Table | None
     metrics: Mapping[str, Figures]
     shown: Mapping[str, Sequence[Shown]]
@@ -116,9 +116,9 @@ class Result:
 
     def plot(self, *names: str) -> "Figure":
         """Draw signals over time, a panel per unit; a pattern such as `lift.*.x_*` means all that fit."""
-        from ..views.plots.overlay import plotted
+        from ..views.plots.overlay import plot_signals
 
-        return plotted(self, names)
+        return plot_signals(self, names)
 
     def compare(
         self, reference: str | Path, tolerance: Mapping[str, Tolerance | float] | None = None
@@ -128,11 +128,11 @@ class Result:
         `reference` is a folder of results, or a table; `tolerance` says how wide tubes are, by name or
         pattern, a number relative to the signal's range. Raises CommandError where there is no such run.
         """
-        from ..recorders.stored import stored_run  # which loads polars
+        from ..recorders.stored import open_stored_run  # which loads polars
 
-        given = converted(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
-        stored = stored_run(converted(reference, Path, "the reference"))
-        return agreement(self.names, self.read, self.units, stored, given)
+        given = convert_value(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
+        stored = open_stored_run(convert_value(reference, Path, "the reference"))
+        return compare_with_stored(self.names, self.read, self.units, stored, given)
 
     def save(
         self,
@@ -154,7 +154,7 @@ class Result:
         if animate:
             check_animated(self.name, self.names, self.names)
         output = OutputFolder(
-            converted(folder, Path, "the folder"),
+            convert_value(folder, Path, "the folder"),
             self.record["settings"]["output_format"],
             plots=plots,
             animated=animate,

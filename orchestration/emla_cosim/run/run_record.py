@@ -8,14 +8,14 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from ..base.files import digest
-from ..base.option import Entered, Option
+from ..base.files import hash_if_readable
+from ..base.option import FileOrObject, Option
 from ..master.algorithms.algorithm import Algorithm
 from ..master.assembly import Assembly
-from ..master.stepping.timing import Timing
+from ..master.stepping.timing import CommunicationPoints
 from ..system.model import System
-from .options import Options, table
-from .origin import Origin
+from .options import Options, list_options
+from .origin import RunOrigin
 
 PYTHON = "python"
 """The key of an object that exists in Python alone, by the name of its class."""
@@ -69,18 +69,18 @@ class RunDefinition:
             "step_size_control": self.options.step_size_control_name,
         }
         return {
-            name(o): chosen[o.name] if o.name in chosen else plain(value)
+            name(o): chosen[o.name] if o.name in chosen else to_plain(value)
             for o, value in self.options.in_effect()
             if name(o)
         }
 
 
-def run_record(
+def build_run_record(
     scenario: str,
-    origin: Origin,
+    origin: RunOrigin,
     definition: RunDefinition,
     assembly: Assembly,
-    times: Timing,
+    times: CommunicationPoints,
     every: int,
     units: Mapping[str, Any],
     stepping: Mapping[str, Any],
@@ -96,18 +96,18 @@ def run_record(
         "scenario": scenario,
         "source": origin.source,
         "source_sha256": origin.sha256,
-        "changed": changed(origin),
+        "changed": list_overrides(origin),
         "status": COMPLETED if problem is None else problem,
         "settings": _settings(definition, times, every),
         "stepping": stepping,
-        "versions": dict(versions()),
+        "versions": dict(list_versions()),
         "components": {
             c.name: {
                 "fmu": _file(assembly.files[c.name].path, unpacked),
                 "sha256": definition.fmus[c.name],
                 "guid": assembly.files[c.name].description.guid,
                 "parameters": dict(c.parameters),
-                "changed": assembly.changed(c),
+                "changed": assembly.list_non_default_values(c),
                 "mapping": {n: f"{a.variable} = {n} {a.transformation}" for n, a in c.aliases.items()},
             }
             for c in system.components
@@ -119,7 +119,7 @@ def run_record(
     }
 
 
-def _settings(definition: RunDefinition, times: Timing, every: int) -> dict[str, Any]:
+def _settings(definition: RunDefinition, times: CommunicationPoints, every: int) -> dict[str, Any]:
     """The options that applied, as they were in effect."""
     options, found = definition.options, definition.values(lambda o: o.record if o.about.recorded else "")
     del found["mapping"]  # which is told with the replacement
@@ -130,19 +130,19 @@ def _settings(definition: RunDefinition, times: Timing, every: int) -> dict[str,
         "stop_time_s": times.stop,
         "step_size_s": times.step,
         "output_interval_s": interval,
-        "replace": {name: plain(r) for name, r in options.replacements().items()},
+        "replace": {name: to_plain(r) for name, r in options.replacements().items()},
         "parameters": [_content(file) for file in options.parameters],
         "trajectory": None if options.trajectory is None else _content(options.trajectory),
     }
 
 
-def changed(origin: Origin) -> dict[str, Any]:
+def list_overrides(origin: RunOrigin) -> dict[str, Any]:
     """What was given beside the scenario, by option, but for what no result depends on.
 
     In the place of an object of Python there is the name of its class, as `{"python": name}`.
     """
-    known = table()
-    given = {name: value for name, value in origin.changed.items() if known[name].about.recorded}
+    known = list_options()
+    given = {name: value for name, value in origin.overrides.items() if known[name].about.recorded}
     return {name: _repeatable(value, known[name].about.takes) for name, value in given.items()}
 
 
@@ -152,18 +152,18 @@ def _repeatable(value: Any, takes: type | None) -> Any:
         return {key: _repeatable(inner, takes) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
         return [_repeatable(inner, takes) for inner in value]
-    if isinstance(value, Entered) and (found := value.repeatable()) is not None:
+    if isinstance(value, FileOrObject) and (found := value.repeatable()) is not None:
         return found
-    if isinstance(value, Entered):
-        return {PYTHON: plain(type(value))}
+    if isinstance(value, FileOrObject):
+        return {PYTHON: to_plain(type(value))}
     if takes not in (None, bool) and isinstance(value, takes):
-        return {PYTHON: plain(value if isinstance(value, type) else type(value))}
-    return plain(value)
+        return {PYTHON: to_plain(value if isinstance(value, type) else type(value))}
+    return to_plain(value)
 
 
 def _content(path: Path) -> dict[str, str | None]:
     """A file with the hash of its content; None in its place where it cannot be read any more."""
-    return {"file": str(path), "sha256": digest(path)}
+    return {"file": str(path), "sha256": hash_if_readable(path)}
 
 
 def _file(path: Path, unpacked: Path | None) -> str:
@@ -173,7 +173,7 @@ def _file(path: Path, unpacked: Path | None) -> str:
 
 
 @cache
-def versions() -> dict[str, str | None]:
+def list_versions() -> dict[str, str | None]:
     """Versions of what runs; None for a package that this host lacks."""
     found: dict[str, str | None] = {
         "python": platform.python_version(),
@@ -187,18 +187,18 @@ def versions() -> dict[str, str | None]:
     return found
 
 
-def plain(value: Any) -> Any:
+def to_plain(value: Any) -> Any:
     """A value of an option as JSON has it."""
     if isinstance(value, Algorithm):
-        return plain(type(value))
-    if isinstance(value, Entered):
-        return plain(value.record())
+        return to_plain(type(value))
+    if isinstance(value, FileOrObject):
+        return to_plain(value.record())
     if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
+        return {str(k): to_plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
+        return [to_plain(v) for v in value]
     if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
+        return to_plain(asdict(value))
     if isinstance(value, type):
         return f"{value.__module__}.{value.__qualname__}"
     return str(value) if isinstance(value, Path) else value

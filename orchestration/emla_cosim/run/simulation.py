@@ -10,43 +10,43 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import CommandError, RunError, called_as_in
-from ..base.files import present_folder
+from ..base.errors import CommandError, RunError, show_paths_relative_to
+from ..base.files import get_working_folder
 from ..base.option import SHOWING
 from ..base.progress import Progress
-from ..base.units import Unit
-from ..base.values import converted
-from ..fmu.variables import find_variable, start_value
+from ..base.units import SiUnit
+from ..base.values import convert_value
+from ..fmu.variables import convert_start_value, find_variable
 from ..inputs.events import input_events, row_distance
-from ..master.algorithms.exchanged import list_exchanged
+from ..master.algorithms.continuous_connections import list_continuous_connections
 from ..master.assembly import Assembly
 from ..master.stepping.checkpoint import checkpoint_place
 from ..master.stepping.compilation import compile_kernel
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.pacing import Pacing
 from ..master.stepping.step_size_control import StepRequest
-from ..master.stepping.stepping import ROUNDING, Stepping
-from ..recorders.checkpoints import Checkpoints, resumable
-from ..recorders.coupling.bond_energy import applicable
-from ..recorders.coupling.coupling import COUPLING
+from ..master.stepping.stepping_base import ROUNDING, Stepping
+from ..recorders.checkpoints import Checkpoints, find_resumable_checkpoint
+from ..recorders.coupling.bond_energy import select_applicable
+from ..recorders.coupling.coupling_cost import COUPLING
 from ..recorders.metrics import SIGNALS, MetricsRecorder
 from ..recorders.recorder import Outline, Recorder
-from ..recorders.stored import StoredRun, stored_run
+from ..recorders.stored import StoredRun, open_stored_run
 from ..recorders.table import Table
 from ..recorders.time_series import TimeSeries
 from ..system.bond import Bond
 from ..system.model import System, Value
-from ..system.start_values import start_values
-from .agreement import agreement, agreement_record, common, disagreement
-from .experiment import isolated, run_times, selected, steps_per_row
+from ..system.start_values import resolve_start_values
+from .agreement import agreement_record, compare_with_stored, describe_disagreement, find_common_signals
+from .execution import Run
 from .followers import following_values
-from .options import Options, read_options, table
-from .origin import Origin
-from .preparation import prepared, until_data_end
-from .requirements import Requirement, check_requirements, requirement, unmet
+from .options import Options, list_options, read_options
+from .origin import RunOrigin
+from .preparation import limit_to_data_end, prepare_system
+from .requirements import Requirement, check_requirements, describe_unmet, parse_requirement
 from .result import Result, run_figures
-from .run_record import RunDefinition, run_record
-from .running import Run
+from .run_record import RunDefinition, build_run_record
+from .run_setup import run_times, select_isolated, select_signals, steps_per_row
 
 
 class Simulation:
@@ -66,7 +66,7 @@ class Simulation:
         progress: Progress | None = None,
         unpacked: Path | None = None,
         holds: object = None,
-        origin: Origin | None = None,
+        origin: RunOrigin | None = None,
         notes: Callable[[Options], Sequence[str]] | None = None,
     ) -> None:
         """Prepare a system with these options.
@@ -78,19 +78,21 @@ class Simulation:
         start values.
         """
         self.name = name
-        self.options = until_data_end(options or Options())
+        self.options = limit_to_data_end(options or Options())
         self._unpacked, self._holds = unpacked, holds
-        self._origin = origin or Origin()
+        self._origin = origin or RunOrigin()
         self._notes = notes or (lambda _: ())
         told = progress or Progress()
-        self._here = present_folder()  # an FMU may go elsewhere
+        self._here = get_working_folder()  # an FMU may go elsewhere
         self._as_made = system
-        apart = isolated(self.options.isolated, system)  # a wrong name is told before anything is built
-        with called_as_in(unpacked):
-            self.system, fmus = prepared(system, self.options, told)
+        apart = select_isolated(
+            self.options.isolated, system
+        )  # a wrong name is told before anything is built
+        with show_paths_relative_to(unpacked):
+            self.system, fmus = prepare_system(system, self.options, told)
             self._assembly = Assembly(self.system, fmus, apart)
         self._finalizer = weakref.finalize(self, self._assembly.close)
-        self._run: _Going | None = None
+        self._run: _ActiveRun | None = None
         self._error: RunError | None = None
         self._spent: Stepping | None = None  # freed late: an FMU may fail even there
         self._turn, self._busy = threading.RLock(), False
@@ -106,7 +108,7 @@ class Simulation:
 
     def close(self) -> None:
         """Free the FMUs and what was unpacked; a run that goes on is ended."""
-        with self._alone():
+        with self._lock_use():
             try:
                 self._abandon()
             finally:
@@ -118,7 +120,7 @@ class Simulation:
         return list(self._assembly.network.names)
 
     @cached_property
-    def units(self) -> Mapping[str, Unit | None]:
+    def units(self) -> Mapping[str, SiUnit | None]:
         """The unit of every signal, by name."""
         found = {}
         for name in self._assembly.network.names:
@@ -140,14 +142,14 @@ class Simulation:
         that do not fit; RunError, whose `fields` have the `result` so far, for a run that fails, or whose
         figures are not as `require` says.
         """
-        with self._alone():
-            return self._whole(self._attempt(recorders, fresh, options))
+        with self._lock_use():
+            return self._check_complete(self._attempt(recorders, fresh, options))
 
     def attempt(
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
     ) -> Result:
         """`run`, but a run that fails is a result too: its `problem` says why it ended."""
-        with self._alone():
+        with self._lock_use():
             return self._attempt(recorders, fresh, options)
 
     def _attempt(
@@ -155,7 +157,7 @@ class Simulation:
     ) -> Result:
         self._start(recorders, fresh, options)
         assert self._run is not None
-        with self._abandoning_on_error():
+        with self._abandon_on_error():
             self._run.run.advance(self._run.run.stepping.times.stop)
         return self._ended()
 
@@ -169,7 +171,7 @@ class Simulation:
         self, *, recorders: Sequence[Recorder] | None = None, fresh: bool = False, **options: Any
     ) -> None:
         """Begin a run that `advance` brings forward; what is given is as in `run`."""
-        with self._alone():
+        with self._lock_use():
             self._start(recorders, fresh, options)
 
     def _start(self, recorders: Sequence[Recorder] | None, fresh: bool, options: Mapping[str, Any]) -> None:
@@ -179,8 +181,8 @@ class Simulation:
         chosen, origin = self.options.merged(values), self._origin.updated(values)
         notes = self._notes(chosen)
         self._abandon()
-        required = [requirement(text) for text in chosen.require]
-        stored = stored_run(chosen.reference) if chosen.reference is not None else None
+        required = [parse_requirement(text) for text in chosen.require]
+        stored = open_stored_run(chosen.reference) if chosen.reference is not None else None
         control = chosen.make_step_size_control()
         times = run_times(chosen, self.name)
         every = steps_per_row(chosen, times)
@@ -188,10 +190,10 @@ class Simulation:
         system = self._with_values({name: chosen.set[name] for name in values.get("set", {})}, chosen)
         algorithm = chosen.make_algorithm()
         assembly = self._assembly
-        with called_as_in(self._unpacked):
+        with show_paths_relative_to(self._unpacked):
             assembly.start(system, fresh or self._error is not None)
         self._error = None
-        recorded = selected(chosen.signals, assembly.network.names)
+        recorded = select_signals(chosen.signals, assembly.network.names)
         algorithm.setup(assembly.network)
         sampled = any(c.samples for c in system.components)
         request = StepRequest(
@@ -213,7 +215,7 @@ class Simulation:
             if chosen.resume or chosen.checkpoint:
                 identity = definition.checkpoint_identity
                 if chosen.resume is not None:
-                    resumed = resumable(chosen.resume, identity, times, self._here)
+                    resumed = find_resumable_checkpoint(chosen.resume, identity, times, self._here)
                 if chosen.checkpoint is not None:
                     place = checkpoint_place(
                         chosen.checkpoint, assembly.network, self._here, chosen.overwrite
@@ -222,8 +224,10 @@ class Simulation:
             if stored is not None:
                 _check_comparable(stored, [assembly.network.names[i] for i in recorded], taking)
             units, parameters = list(self.units.values()), assembly.parameters()
-            exchanged = list_exchanged(algorithm, [c.name for c in system.components if c.samples])
-            bonds = applicable(system.bonds, assembly.network.names, exchanged)
+            exchanged = list_continuous_connections(
+                algorithm, [c.name for c in system.components if c.samples]
+            )
+            bonds = select_applicable(system.bonds, assembly.network.names, exchanged)
             outline = Outline(
                 assembly.network.names,
                 units,
@@ -243,10 +247,10 @@ class Simulation:
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed)
             stepping.watch = metrics.watcher(assembly.shown)
         except BaseException:
-            _freed(stepping)
+            _close_stepping(stepping)
             raise
-        self._run = _Going(run, definition, origin, metrics, taking, every, required, stored, notes)
-        with self._abandoning_on_error():
+        self._run = _ActiveRun(run, definition, origin, metrics, taking, every, required, stored, notes)
+        with self._abandon_on_error():
             # the states in a checkpoint would hold a continued run to this run's stop time
             run.begin(times.stop if chosen.checkpoint is None else None)
 
@@ -256,7 +260,7 @@ class Simulation:
         Raises CommandError for another time, RunError where a step fails, and KeyboardInterrupt for
         Ctrl-C, after the step that was being done: the run can go on then, or be finished.
         """
-        with self._alone():
+        with self._lock_use():
             interrupted = self._advance(time)
         if interrupted:
             raise KeyboardInterrupt
@@ -267,7 +271,7 @@ class Simulation:
             self._start(None, False, {})
         assert self._run is not None
         times = self._run.run.stepping.times
-        time = converted(time, float, "the time to advance to")
+        time = convert_value(time, float, "the time to advance to")
         if isinstance(self._run.run.stepping, FixedSteps):
             ahead = (time - times.start) / times.step
             if not math.isfinite(ahead) or abs(ahead - round(ahead)) > ROUNDING * max(1.0, abs(ahead) * 1e-3):
@@ -279,7 +283,7 @@ class Simulation:
                 f"t = {time:.9g} s is beyond the stop time {times.stop:g} s; start with a later stop_time.",
                 time=time,
             )
-        with self._abandoning_on_error():
+        with self._abandon_on_error():
             self._run.run.advance(time)
         if self._run.run.error is not None:
             self._finish()
@@ -287,15 +291,15 @@ class Simulation:
 
     def finish(self) -> Result:
         """End the run that goes on, and return what came out; see `run` for errors."""
-        with self._alone():
+        with self._lock_use():
             return self._finish()
 
     def _finish(self) -> Result:
         if self._run is None:
             raise CommandError("no run goes on; `run`, or `start` and `advance`, begin one.")
-        return self._whole(self._ended())
+        return self._check_complete(self._ended())
 
-    def _whole(self, result: Result) -> Result:
+    def _check_complete(self, result: Result) -> Result:
         """A result, but for that of a run that failed: RunError that has it."""
         if (error := self._error) is not None:
             error.fields["result"] = result
@@ -314,7 +318,7 @@ class Simulation:
 
         Begins a run if none goes on. Raises CommandError for a name that is not there.
         """
-        with self._here_only():
+        with self._lock_to_thread():
             return self._value(name)
 
     def _value(self, name: str) -> Any:
@@ -331,7 +335,7 @@ class Simulation:
 
         Begins a run if none goes on. Raises CommandError for other variables and for values that do not fit.
         """
-        with self._here_only():
+        with self._lock_to_thread():
             self._set(name, value)
 
     def _set(self, name: str, value: Any) -> None:
@@ -349,12 +353,12 @@ class Simulation:
                 f"{name} cannot be set while a run goes on: it is no input. Give start values in `set`."
             )
         given = alias.transformation(float(value)) if component.aliases else value
-        slave.set_value(found, start_value(component.name, slave.file.interface, found, given))
+        slave.set_value(found, convert_start_value(component.name, slave.file.interface, found, given))
 
     @contextlib.contextmanager
-    def _alone(self) -> Iterator[None]:
+    def _lock_use(self) -> Iterator[None]:
         """Nothing else uses the FMUs meanwhile; CommandError where another thread or a recorder does."""
-        with self._here_only():
+        with self._lock_to_thread():
             if self._busy:
                 raise CommandError("the simulation is running; a recorder cannot run, end or close it.")
             self._busy = True
@@ -364,7 +368,7 @@ class Simulation:
                 self._busy = False
 
     @contextlib.contextmanager
-    def _here_only(self) -> Iterator[None]:
+    def _lock_to_thread(self) -> Iterator[None]:
         """No other thread uses the FMUs meanwhile; CommandError where one does."""
         if not self._turn.acquire(blocking=False):
             raise CommandError("another thread uses this simulation; prepare one for each thread.")
@@ -375,7 +379,7 @@ class Simulation:
 
     def _read(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Read the options of a run; CommandError for one that was needed to prepare."""
-        known = table() if given else {}
+        known = list_options() if given else {}
         for option in (known[name] for name in given if name in known):
             if option.is_prepared:
                 raise CommandError(
@@ -391,7 +395,7 @@ class Simulation:
         """The system with further start values, and what follows from them with the options of a run."""
         interfaces = {name: file.interface for name, file in self._assembly.files.items()}
         followers = following_values(self._as_made, chosen) if values else {}
-        return self.system.with_parameters(start_values(self.system, interfaces, values) | followers)
+        return self.system.with_parameters(resolve_start_values(self.system, interfaces, values) | followers)
 
     def _compile(self) -> None:
         """Compile the loop, or load what was compiled, so that no run has to wait for it."""
@@ -405,15 +409,15 @@ class Simulation:
         """End the run that goes on; `_error` is then what made it fail, if anything did."""
         assert self._run is not None
         going = self._run
-        with self._abandoning_on_error():
+        with self._abandon_on_error():
             going.run.end()
         self._run = None
         result = self._result(going)
         self._spent = going.run.stepping
         self._error = going.run.error
         if self._error is None:
-            result = _compared(going, result)
-            if (problem := _unmet(going, result)) is not None:
+            result = _compare_with_stored(going, result)
+            if (problem := _describe_unmet(going, result)) is not None:
                 self._error = RunError(problem)
                 result = replace(result, problem=problem, record={**result.record, "status": problem})
         return result
@@ -423,11 +427,11 @@ class Simulation:
         if self._run is not None:
             self._ended()
         if self._spent is not None:
-            _freed(self._spent)
+            _close_stepping(self._spent)
             self._spent = None
 
     @contextlib.contextmanager
-    def _abandoning_on_error(self) -> Iterator[None]:
+    def _abandon_on_error(self) -> Iterator[None]:
         """Where something raises what is no failure of a run, no run goes on, and its recorders are ended."""
         try:
             yield
@@ -439,12 +443,12 @@ class Simulation:
                 going.run.abandon()
             raise
 
-    def _result(self, going: "_Going") -> Result:
+    def _result(self, going: "_ActiveRun") -> Result:
         run, stepping = going.run, going.run.stepping
         if run.problem is not None:
             going.metrics.ended_early(run.problem)
         report, units = stepping.report(), self.units
-        record = run_record(
+        record = build_run_record(
             self.name,
             going.origin,
             going.definition,
@@ -482,12 +486,12 @@ class Simulation:
 
 
 @dataclass(frozen=True)
-class _Going:
+class _ActiveRun:
     """A run that goes on, and what its result needs."""
 
     run: Run
     definition: RunDefinition
-    origin: Origin
+    origin: RunOrigin
     metrics: MetricsRecorder
     recorders: Sequence[Recorder]
     every: int
@@ -510,23 +514,23 @@ def _recorders(given: Any) -> list[Recorder]:
 
 def _check_comparable(stored: StoredRun, names: Sequence[str], recorders: Iterable[Recorder]) -> None:
     """Raise CommandError where nothing will be there to be held against a run that was kept."""
-    common(names, stored)
+    find_common_signals(names, stored)
     if not any(isinstance(r, Table) for r in recorders):
         raise CommandError("the option 'reference' needs a recorder that keeps a table, such as TimeSeries.")
 
 
-def _compared(going: _Going, result: Result) -> Result:
+def _compare_with_stored(going: _ActiveRun, result: Result) -> Result:
     """The result of a whole run with its signals beside those of the one that it is held against."""
     if going.stored is None or result.interrupted:
         return result
-    found = agreement(
+    found = compare_with_stored(
         result.names, result.read, result.units, going.stored, going.definition.options.tolerance
     )
     record = {**result.record, "reference": agreement_record(found, going.stored)}
     return replace(result, comparisons=found, record=record)
 
 
-def _unmet(going: _Going, result: Result) -> str | None:
+def _describe_unmet(going: _ActiveRun, result: Result) -> str | None:
     """The sentence that says what is not as required; None where everything is."""
     wanted = [str(r) for r in going.required]
     if going.stored is not None:
@@ -536,12 +540,12 @@ def _unmet(going: _Going, result: Result) -> str | None:
             f"interrupted at t = {result.end_s:.6g} s, before it could be judged whether {'; '.join(wanted)}."
         )
     figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
-    found = [unmet(going.required, figures, result.run_figures)]
+    found = [describe_unmet(going.required, figures, result.run_figures)]
     if going.stored is not None:
-        found.append(disagreement(result.comparisons, going.stored))
+        found.append(describe_disagreement(result.comparisons, going.stored))
     return " ".join(filter(None, found)) or None
 
 
-def _freed(stepping: Stepping) -> None:
+def _close_stepping(stepping: Stepping) -> None:
     stepping.close()
     stepping.algorithm.close()

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 
-class Present(ctypes.Structure):
+class Activity(ctypes.Structure):
     """What goes on now.
 
     `code` says which slave does which call (0: none), `time` in s when its doStep begins. `filled` rows
@@ -59,9 +59,9 @@ _BLANK = bytes(_MESSAGES + LONGEST_NOTE)
 """Memory that has room for what threads say and for a short message, but for no rows."""
 
 
-def _presents(memory: Any) -> list[Present]:
+def _map_activities(memory: Any) -> list[Activity]:
     """Where every thread says what it does, at the beginning of a memory of zeros."""
-    presents = [Present.from_buffer(memory, _APART * thread) for thread in range(THREADS)]
+    presents = [Activity.from_buffer(memory, _APART * thread) for thread in range(THREADS)]
     for each in presents:
         each.time = math.nan
     return presents
@@ -71,56 +71,56 @@ class _Box:
     """The memory of this process: its own, until it is shared."""
 
     memory: Any = None
-    presents = _presents(bytearray(_BLANK))
+    presents = _map_activities(bytearray(_BLANK))
 
 
-def present(thread: int = 0) -> Present:
+def current_activity(thread: int = 0) -> Activity:
     """Where a thread of this process says what goes on; the first says it of the process as well."""
     return _Box.presents[thread]
 
 
-def busy() -> list[Present]:
+def list_busy_activities() -> list[Activity]:
     """What all threads say that are in a call of a slave."""
     return [each for each in _Box.presents if each.code]
 
 
-def share(memory: Any) -> None:
-    """Use this memory, all zeros, from now on; who took `present` before does not."""
-    _Box.memory, _Box.presents = memory, _presents(memory)
+def use_shared_memory(memory: Any) -> None:
+    """Use this memory, all zeros, from now on; who took `current_activity` before does not."""
+    _Box.memory, _Box.presents = memory, _map_activities(memory)
 
 
 def share_file(path: Path) -> None:
     """Use the memory of a `BlackBoxFile` from now on."""
     with path.open("r+b") as stream:
-        share(mmap(stream.fileno(), 0))
+        use_shared_memory(mmap(stream.fileno(), 0))
 
 
-def shared() -> bool:
+def is_shared() -> bool:
     """Whether somebody may read a message."""
     return _Box.memory is not None
 
 
-def tell(content: bytes, which: int = RUN) -> bool:
+def write_message(content: bytes, which: int = RUN) -> bool:
     """Leave a message in place of the last one of its kind; none where it is too long. Whether it fits."""
-    told = present().told
+    told = current_activity().told
     told[which] = 0
     first = _MESSAGES + which * _LONGEST
-    if shared() and len(content) <= min(_LONGEST, len(_Box.memory) - first):
+    if is_shared() and len(content) <= min(_LONGEST, len(_Box.memory) - first):
         _Box.memory[first : first + len(content)] = content
         told[which] = len(content)
     return told[which] == len(content)
 
 
-def message(which: int = RUN) -> bytes:
+def read_message(which: int = RUN) -> bytes:
     """The last message; empty if there is none."""
     first = _MESSAGES + which * _LONGEST
-    return _Box.memory[first : first + present().told[which]] if shared() else b""
+    return _Box.memory[first : first + current_activity().told[which]] if is_shared() else b""
 
 
-def room(size: int) -> memoryview:
+def reserve_rows(size: int) -> memoryview:
     """Memory for so many bytes of rows, shared where it is large enough."""
-    fits = shared() and _ROWS + size <= len(_Box.memory)
-    present().room = size if fits else 0
+    fits = is_shared() and _ROWS + size <= len(_Box.memory)
+    current_activity().room = size if fits else 0
     return memoryview(_Box.memory)[_ROWS : _ROWS + size] if fits else memoryview(bytearray(size))
 
 
@@ -133,14 +133,14 @@ class BlackBoxFile:
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(_BLANK)
 
-    def present(self) -> Present:
+    def present(self) -> Activity:
         """What the process is doing, or was doing when it ended."""
-        return Present.from_buffer_copy(self.path.read_bytes())
+        return Activity.from_buffer_copy(self.path.read_bytes())
 
     def message(self) -> bytes:
         """The last message; empty if there is none, or the next one is just being left."""
         content = self.path.read_bytes()
-        return content[_MESSAGES:][: Present.from_buffer_copy(content).told[RUN]]
+        return content[_MESSAGES:][: Activity.from_buffer_copy(content).told[RUN]]
 
     def close(self) -> None:
         """Remove it."""

@@ -15,7 +15,7 @@ _LOOK = 0.5
 """Seconds between two looks at whether the other end is still there."""
 
 
-class SilenceError(Exception):
+class ChannelTimeoutError(Exception):
     """The other end has not answered in time."""
 
 
@@ -52,7 +52,7 @@ class Channel:
     def receive(self, patience: float | None = None) -> Any:
         """Wait for one object; EOFError where nobody will send any, or something else came.
 
-        Raises SilenceError where nothing comes for so many seconds, if the host can tell.
+        Raises ChannelTimeoutError where nothing comes for so many seconds, if the host can tell.
         """
         mark, length = _HEAD.unpack(self._read(_HEAD.size, patience))
         if mark != _MARK:
@@ -87,10 +87,10 @@ class Channel:
             if not self._alive():
                 raise EOFError
             if until is not None and time.monotonic() > until:
-                raise SilenceError
+                raise ChannelTimeoutError
 
 
-def own_channel() -> Channel:
+def open_parent_channel() -> Channel:
     """The channel to the parent, of a process that has it as its standard input and output.
 
     What others print goes where errors go from now on.

@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from .processes import end_with, how_it_ended
+from .processes import describe_exit, watch_parent
 
 _CONTEXT: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn")
 
@@ -38,7 +38,7 @@ class Child:
         """Wait until it ends, so many seconds at most if given; return how it ended."""
         self._process.join(patience)
         code = self._process.exitcode
-        return how_it_ended(code) if code is not None else "its end of the pipe closed"
+        return describe_exit(code) if code is not None else "its end of the pipe closed"
 
     def close(self) -> None:
         """End it, and what it started, whatever they do; it must have been started `apart`."""
@@ -58,7 +58,7 @@ def _called(do: Callable[..., None], arguments: tuple[Any, ...], answers: Connec
         os.setsid()
     parent = multiprocessing.parent_process()
     if parent is not None and parent.pid is not None:
-        end_with(parent.pid, _end_all)
+        watch_parent(parent.pid, _end_all)
     do(answers.send, *arguments)
     answers.close()
     os._exit(0)  # libraries of an FMU have no say in how this process ends

@@ -15,14 +15,14 @@ from collections.abc import Callable
 from mmap import mmap
 
 from . import black_box
-from .interruption import POLITE, ask_no_more, repeated
-from .processes import end_with, how_it_ended
+from .interruption import POLITE, ignore_interrupts, is_repeated_request
+from .processes import describe_exit, watch_parent
 
-_PATIENCE = 3.0
+_TIMEOUT = 3.0
 """Seconds that a run has to end when it was asked to twice."""
 
 
-def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
+def run_supervised(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
     """Do `run` in a child process, and end as that ends.
 
     Where it does not come to an end of its own, one more child calls `rescue` with the way it ended. Without
@@ -33,56 +33,56 @@ def guarded(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
         return
     signal.pthread_sigmask(signal.SIG_BLOCK, POLITE)  # until somebody can answer
     parent = os.getpid()
-    child, folder = _divided()
+    child, folder = _fork_child()
     if child == 0:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
-        _watched(run, parent)
+        _run_watched(run, parent)
         return
     try:
         if child is None:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, POLITE)
             run()
             return
-        status = _waited(child)
-        whole = black_box.present().ended and os.WIFEXITED(status)
+        status = _wait_for_child(child)
+        whole = black_box.current_activity().ended and os.WIFEXITED(status)
         if not whole:
-            _rescued(rescue, how_it_ended(os.waitstatus_to_exitcode(status)))
+            _run_rescue(rescue, describe_exit(os.waitstatus_to_exitcode(status)))
     finally:
-        ask_no_more()
+        ignore_interrupts()
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
     sys.exit(os.WEXITSTATUS(status) if whole else 1)
 
 
-def _divided() -> tuple[int | None, str | None]:
+def _fork_child() -> tuple[int | None, str | None]:
     """The child as `fork` gives it, None where there can be none; and the folder for temporary files."""
     folder = None
     try:
         memory = mmap(-1, black_box.SIZE)
         folder = _temporary_folder()
-        black_box.share(memory)
+        black_box.use_shared_memory(memory)
         return os.fork(), folder
     except OSError:
         return None, folder
 
 
-def _watched(run: Callable[[], None], parent: int) -> None:
+def _run_watched(run: Callable[[], None], parent: int) -> None:
     """The run, which ends at once when its parent does."""
-    end_with(parent, lambda: os.kill(os.getpid(), signal.SIGKILL))
+    watch_parent(parent, lambda: os.kill(os.getpid(), signal.SIGKILL))
     try:
         run()
     except SystemExit:
-        black_box.present().ended = 1
+        black_box.current_activity().ended = 1
         raise
     except Exception:  # nothing can be relied on, not even that Python comes to its end
-        if not black_box.present().ended:  # where memory ends, so does what raises SystemExit
+        if not black_box.current_activity().ended:  # where memory ends, so does what raises SystemExit
             with contextlib.suppress(Exception):
                 traceback.print_exc()
         os._exit(1)
-    black_box.present().ended = 1
+    black_box.current_activity().ended = 1
 
 
-def _waited(child: int) -> int:
+def _wait_for_child(child: int) -> int:
     """The status of the child when it has ended; what asks this process to end is passed on.
 
     A child that is asked twice and does not end, because an FMU does not return, is killed.
@@ -91,9 +91,9 @@ def _waited(child: int) -> int:
 
     def pass_on(number: int, frame: object) -> None:
         nonlocal asked
-        asked += not repeated()
+        asked += not is_repeated_request()
         if asked == 2:
-            signal.setitimer(signal.ITIMER_REAL, _PATIENCE)
+            signal.setitimer(signal.ITIMER_REAL, _TIMEOUT)
         with contextlib.suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL if number == signal.SIGALRM else number)
 
@@ -103,7 +103,7 @@ def _waited(child: int) -> int:
     return os.waitpid(child, 0)[1]
 
 
-def _rescued(rescue: Callable[[str], None], how: str) -> None:
+def _run_rescue(rescue: Callable[[str], None], how: str) -> None:
     """Call `rescue` in one more child: what it loads may end its process, too, where memory has ended."""
     try:
         child = os.fork()
@@ -121,7 +121,7 @@ def _rescued(rescue: Callable[[str], None], how: str) -> None:
     if end := os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]):
         with contextlib.suppress(OSError):
             print(
-                f"Error: the run ended: {how}. What it computed could not be saved: {how_it_ended(end)}.",
+                f"Error: the run ended: {how}. What it computed could not be saved: {describe_exit(end)}.",
                 file=sys.stderr,
             )
 

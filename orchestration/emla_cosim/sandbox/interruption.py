@@ -19,7 +19,7 @@ ONE_REQUEST = 0.3
 
 
 @contextmanager
-def interruption() -> Iterator[Callable[[], bool]]:
+def catch_interrupts() -> Iterator[Callable[[], bool]]:
     """Turn the first of these signals into a flag, given as a function; the second one acts at once.
 
     Within another such block it is one with that: the flag is the same.
@@ -28,11 +28,11 @@ def interruption() -> Iterator[Callable[[], bool]]:
         yield _open[-1]
         return
     requested = False
-    _Last.request = -math.inf  # what came before was meant for something else
+    _LastRequest.request = -math.inf  # what came before was meant for something else
 
     def request(signum: int, frame: FrameType | None) -> None:
         nonlocal requested
-        if repeated():
+        if is_repeated_request():
             return
         requested = True
         for number in POLITE:
@@ -41,7 +41,7 @@ def interruption() -> Iterator[Callable[[], bool]]:
     def asked() -> bool:
         return requested
 
-    with _handled(request) as ours:
+    with _install_handler(request) as ours:
         if not ours:
             yield asked
             return
@@ -57,62 +57,62 @@ _open: list[Callable[[], bool]] = []
 
 
 @contextmanager
-def ending_as_ctrl_c() -> Iterator[None]:
+def raise_on_interrupt() -> Iterator[None]:
     """Let each of these signals raise KeyboardInterrupt, so that everything is tidied up."""
-    with _handled(_end):
+    with _install_handler(_end):
         yield
 
 
 @contextmanager
-def ending_at_once(end: Callable[[], None]) -> Iterator[None]:
+def exit_on_interrupt(end: Callable[[], None]) -> Iterator[None]:
     """Let each of these signals call `end`: while modules are imported an exception would come to anybody."""
 
     def called(signum: int, frame: FrameType | None) -> None:
-        if not repeated():
+        if not is_repeated_request():
             end()
 
-    with _handled(called):
+    with _install_handler(called):
         yield
 
 
 @contextmanager
-def held_back() -> Iterator[None]:
+def defer_interrupts() -> Iterator[None]:
     """Let these signals act at the end of the block: an exception in what C calls would be lost."""
     held: list[int] = []
     try:
-        with _handled(lambda signum, frame: held.append(signum)):
+        with _install_handler(lambda signum, frame: held.append(signum)):
             yield
     finally:
         if held:
             signal.raise_signal(held[0])
 
 
-def ask_no_more() -> None:
+def ignore_interrupts() -> None:
     """From now on these signals do nothing: nothing is left that could be ended early."""
     for number in POLITE:
         signal.signal(number, signal.SIG_IGN)
 
 
 def _end(signum: int, frame: FrameType | None) -> None:
-    if not repeated():
+    if not is_repeated_request():
         raise KeyboardInterrupt
 
 
-class _Last:
+class _LastRequest:
     request = -math.inf
 
 
-def repeated() -> bool:
+def is_repeated_request() -> bool:
     """Whether this is the last request again: it comes to a process and to its parent, which passes it on."""
     now = time.monotonic()
-    if now - _Last.request < ONE_REQUEST:
+    if now - _LastRequest.request < ONE_REQUEST:
         return True
-    _Last.request = now
+    _LastRequest.request = now
     return False
 
 
 @contextmanager
-def _handled(handler: Any) -> Iterator[bool]:
+def _install_handler(handler: Any) -> Iterator[bool]:
     """Let `handler` take the signals; whether it can."""
     try:
         previous = {number: signal.signal(number, handler) for number in POLITE}

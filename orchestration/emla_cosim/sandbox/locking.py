@@ -11,7 +11,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from ..base.errors import CommandError
-from ..base.files import place_of
+from ..base.files import resolve_output_path
 from ..base.ownership import is_new
 
 _LOCK, _HOLDER = ".running", ".running.json"
@@ -20,7 +20,7 @@ _BEGINS = b'{"process": '
 
 
 @contextmanager
-def alone(folder: Path, heir_of: int | None = None) -> Iterator[None]:
+def exclusive_lock(folder: Path, heir_of: int | None = None) -> Iterator[None]:
     """Nobody else writes to this folder meanwhile; CommandError that names the process that does.
 
     The lock goes with its process, however that ends, unless an FMU started another one, which holds it
@@ -33,7 +33,7 @@ def alone(folder: Path, heir_of: int | None = None) -> Iterator[None]:
     try:
         lock.acquire()
     except Timeout as error:
-        if heir_of is None or _written(folder).get("process") != heir_of:
+        if heir_of is None or _read_lock(folder).get("process") != heir_of:
             raise CommandError(
                 f"another run writes to '{folder}'{_holder(folder)}; wait for it, or give another folder."
             ) from error
@@ -60,7 +60,7 @@ def alone(folder: Path, heir_of: int | None = None) -> Iterator[None]:
 def _check_names(folder: Path) -> None:
     """Raise CommandError where a file of the lock is a link, no file, or somebody else's."""
     for name in (_LOCK, _HOLDER):
-        place = place_of(folder / name, "the lock of the output folder")
+        place = resolve_output_path(folder / name, "the lock of the output folder")
         if not (is_new(place) or (name == _HOLDER and _is_holder(place))):
             raise CommandError(
                 f"'{folder / name}' was not written by emla. Choose another output folder.",
@@ -77,13 +77,13 @@ def _is_holder(path: Path) -> bool:
 
 
 def _holder(folder: Path) -> str:
-    found = _written(folder)
+    found = _read_lock(folder)
     if not {"process", "began"} <= set(found):  # it is just beginning, or just over
         return ""
     return f", process {found['process']} since {found['began']}"
 
 
-def _written(folder: Path) -> dict[str, Any]:
+def _read_lock(folder: Path) -> dict[str, Any]:
     """What the holder of the lock wrote of itself; nothing where it did not."""
     try:
         found = json.loads((folder / _HOLDER).read_text(encoding="utf-8"))

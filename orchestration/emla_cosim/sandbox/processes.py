@@ -12,14 +12,14 @@ LOOK = 0.2
 """Seconds between two looks at whether the parent is still there."""
 
 
-def how_it_ended(code: int) -> str:
+def describe_exit(code: int) -> str:
     """How a process ended, by its exit code, or minus the signal that ended it."""
     if code >= 0:
         return f"exit code {code}"
     return signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
 
 
-def end_with(parent: int, end: Callable[[], None]) -> None:
+def watch_parent(parent: int, end: Callable[[], None]) -> None:
     """Call `end` when this process has another parent, whatever else it is doing then."""
 
     def watch() -> None:
@@ -30,7 +30,7 @@ def end_with(parent: int, end: Callable[[], None]) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def environment() -> dict[str, str]:
+def make_environment() -> dict[str, str]:
     """The environment of a process that finds what this one finds.
 
     Each folder once, and none that is gone: FMUs leave theirs behind, and the system limits the length.
@@ -39,6 +39,6 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(x for x in folders if Path(x).exists())}
 
 
-def cores() -> int:
+def count_cores() -> int:
     """How many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

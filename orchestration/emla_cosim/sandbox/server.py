@@ -6,9 +6,9 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from .channel import Channel, SilenceError, own_channel
-from .interruption import ask_no_more
-from .processes import end_with, environment, how_it_ended
+from .channel import Channel, ChannelTimeoutError, open_parent_channel
+from .interruption import ignore_interrupts
+from .processes import describe_exit, make_environment, watch_parent
 
 
 class ServerEndedError(Exception):
@@ -28,7 +28,7 @@ class Server:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
-            env=environment(),
+            env=make_environment(),
             start_new_session=True,
         )
         self._channel = Channel(
@@ -46,7 +46,7 @@ class Server:
         """Wait for an answer; a process that gives none in so many seconds is killed."""
         try:
             return self._channel.receive(patience)
-        except SilenceError as error:
+        except ChannelTimeoutError as error:
             raise self._killed("no answer") from error
         except EOFError as error:
             if error.args:  # what wrote into the stream will not end by itself
@@ -76,7 +76,7 @@ class Server:
         return ServerEndedError(how)
 
     def _ended(self) -> ServerEndedError:
-        return ServerEndedError(how_it_ended(self._process.wait()))
+        return ServerEndedError(describe_exit(self._process.wait()))
 
 
 def serve(answer: Callable[[Any, Callable[[Any], None]], Any]) -> NoReturn:
@@ -84,9 +84,9 @@ def serve(answer: Callable[[Any, Callable[[Any], None]], Any]) -> NoReturn:
 
     `answer` gets a request, and a function that sends what is to be known before the answer.
     """
-    ask_no_more()  # it is the parent who ends this process
-    end_with(os.getppid(), lambda: os._exit(0))  # also where an FMU does not return
-    channel = own_channel()
+    ignore_interrupts()  # it is the parent who ends this process
+    watch_parent(os.getppid(), lambda: os._exit(0))  # also where an FMU does not return
+    channel = open_parent_channel()
     while True:
         try:
             request = channel.receive()

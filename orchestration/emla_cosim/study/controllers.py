@@ -17,8 +17,8 @@ from rsba_fmu import (
     gains,
 )
 
-from ..base.errors import CommandError, check_choice, listed
-from ..fmu.models import block_of
+from ..base.errors import CommandError, check_choice, join_names
+from ..fmu.models import find_block
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ ROBUSTNESS_SETS = ("robust", "rule")
 """Sets that tables of robustness have beside the recommended ones, which were tuned for small errors."""
 
 
-def chosen(controller: str | type | None, gain_set: str | None) -> "ChosenGains":
+def choose_controller(controller: str | type | None, gain_set: str | None) -> "ChosenGains":
     """Return a controller, by its name, as a block or as FILE.fmu or FILE.py:BLOCK, and a set of its gains.
 
     Raises CommandError for a controller or a set of gains that does not exist.
@@ -134,7 +134,7 @@ def _controller(name: str | type) -> Controller:
     if name.lower().endswith(".fmu"):
         return Controller(Path(name))
     if ".py:" in name:
-        return Controller(block_of(name))
+        return Controller(find_block(name))
     sets = dict.fromkeys(s for controller in CONTROLLERS.values() for s in controller.gains)
     if name in sets and name not in CONTROLLERS:
         raise CommandError(
@@ -143,7 +143,7 @@ def _controller(name: str | type) -> Controller:
         )
     if name not in CONTROLLERS:
         raise CommandError(
-            f"there is no controller '{name}'; choose from {listed(CONTROLLERS)}, or name FILE.fmu or "
+            f"there is no controller '{name}'; choose from {join_names(CONTROLLERS)}, or name FILE.fmu or "
             "FILE.py:BLOCK.",
             name=name,
         )

@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from ..base.errors import CommandError, listed, near_or_some
-from ..base.quantities import quantity, unit_named
+from ..base.errors import CommandError, join_names, suggest_names
+from ..base.quantities import parse_quantity, parse_unit_name
 
 ALL_JOINTS = "*"
 
@@ -54,10 +54,10 @@ def criteria_of(joints: Collection[str], given: Mapping[str, float | str]) -> di
     for place in sorted(given, key=lambda place: not place.startswith(f"{ALL_JOINTS}.")):
         joint, _, name = place.rpartition(".")
         if name not in _FIELDS or not joint:
-            right = f"write JOINT.CRITERION, with one of {listed(_FIELDS)}"
+            right = f"write JOINT.CRITERION, with one of {join_names(_FIELDS)}"
             raise CommandError(f"the criterion '{place}' does not exist; {right}.", criterion=place)
         if joint != ALL_JOINTS and joint not in found:
-            meant = near_or_some(joint, list(found)) if found else "this system has no joints."
+            meant = suggest_names(joint, list(found)) if found else "this system has no joints."
             raise CommandError(f"the criterion '{place}' is for '{joint}', which is no joint; {meant}")
         value = _value(place, given[place], _FIELDS[name].metadata["unit"])
         for one in found if joint == ALL_JOINTS else (joint,):
@@ -69,7 +69,7 @@ def _value(place: str, value: float | str, unit: str) -> float:
     label = f"the criterion '{place}'"
     number = value
     if isinstance(value, str):
-        number = quantity(value, label).in_unit(unit_named(unit, label), label)
+        number = parse_quantity(value, label).in_unit(parse_unit_name(unit, label), label)
     number = float(number)
     if not 0.0 < number < float("inf"):
         raise CommandError(f"{label} is {value}; it must be a positive number.", criterion=place)

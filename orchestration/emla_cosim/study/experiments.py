@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any
 
 from ..system.model import System
-from .actuator.fitting import NONE, Actuators, check_joints
-from .joints.library import joint_named
+from .actuator.joint_actuators import NONE, Actuators, check_joints
+from .joints.joint_files import load_joint
 from .systems import Choice, study_joint
 
 EXPERIMENTS = {"experiment-1": "prototype", "experiment-2": "prototype"}
@@ -18,7 +18,7 @@ def _experiment(scenario: str, controller: Choice, gains: Choice, actuators: Act
     """Return a joint with the motion and the load of an experiment."""
     name = EXPERIMENTS[scenario]
     check_joints(actuators, (name,))
-    own = joint_named(name)
+    own = load_joint(name)
     task = own.experiment(scenario)
     measured = _measured((actuators.get(name) or own.actuator).emla.i_range, own.sample_time)
     own = replace(own, load=task.load, plant={**own.plant, **measured})

@@ -2,50 +2,50 @@
 
 from collections.abc import Collection, Mapping
 
-from ..views.plots.plotting import Bound, Curve, Panel, Picture
+from ..views.plots.pictures import Curve, PanelSpec, Picture, RangeLimit
 from ..views.plots.style import GREEN, GREY, ORANGE, PURPLE, RED
-from .roles import variable
+from .roles import find_variable
 
-_STROKE = Bound("stroke", ("q_UB",), ("q_LB",))
-_SPEED = Bound("largest speed", ("v_max",))
-_CURRENT = Bound("largest current of the controller", ("i_limit",))
-_VOLTAGE = Bound("longest voltage vector", ("u_max",))
-_TORQUE = Bound("largest torque of the controller", ("N_p", "Phi_PM", "i_limit"), scale=1.5)
+_STROKE = RangeLimit("stroke", ("q_UB",), ("q_LB",))
+_SPEED = RangeLimit("largest speed", ("v_max",))
+_CURRENT = RangeLimit("largest current of the controller", ("i_limit",))
+_VOLTAGE = RangeLimit("longest voltage vector", ("u_max",))
+_TORQUE = RangeLimit("largest torque of the controller", ("N_p", "Phi_PM", "i_limit"), scale=1.5)
 
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": Picture(
         "Tracking",
         (
-            Panel(
+            PanelSpec(
                 "position / m",
                 (Curve("reference", "x_d", ORANGE, dashed=True), Curve("screw", "x_L")),
                 bound=_STROKE,
             ),
-            Panel(
+            PanelSpec(
                 "speed / (m/s)",
                 (Curve("screw", "v_L"), Curve("reference", "v_d", ORANGE, dashed=True)),
                 bound=_SPEED,
             ),
         ),
         of="joints",
-        find=variable,
+        find=find_variable,
         moving="v_d",
     ),
     "errors": Picture(
         "Tracking errors",
         (
-            Panel("position / mm", (Curve("", "x_L", less="x_d", scale=1e3),)),
-            Panel("position / µm, settled", (Curve("", "x_L", less="x_d", scale=1e6),), True),
-            Panel("speed / (mm/s), settled", (Curve("", "v_L", less="v_d", scale=1e3),), True),
+            PanelSpec("position / mm", (Curve("", "x_L", less="x_d", scale=1e3),)),
+            PanelSpec("position / µm, settled", (Curve("", "x_L", less="x_d", scale=1e6),), True),
+            PanelSpec("speed / (mm/s), settled", (Curve("", "v_L", less="v_d", scale=1e3),), True),
         ),
         of="joints",
-        find=variable,
+        find=find_variable,
         moving="v_d",
     ),
     "currents": Picture(
         "Motor currents",
         (
-            Panel(
+            PanelSpec(
                 "q axis / A",
                 (
                     Curve("actual", "i_q"),
@@ -53,36 +53,36 @@ JOINT_FIGURES: dict[str, Picture] = {
                 ),
                 bound=_CURRENT,
             ),
-            Panel("d axis / A", (Curve("actual", "i_d"),), bound=_CURRENT),
+            PanelSpec("d axis / A", (Curve("actual", "i_d"),), bound=_CURRENT),
         ),
         of="joints",
-        find=variable,
+        find=find_variable,
         moving="v_d",
     ),
     "voltages": Picture(
         "Motor voltages after the inverter's limit",
         (
-            Panel("q axis / V", (Curve("", "u_q"),), bound=_VOLTAGE),
-            Panel("d axis / V", (Curve("", "u_d"),), bound=_VOLTAGE),
+            PanelSpec("q axis / V", (Curve("", "u_q"),), bound=_VOLTAGE),
+            PanelSpec("d axis / V", (Curve("", "u_d"),), bound=_VOLTAGE),
         ),
         of="joints",
-        find=variable,
+        find=find_variable,
         moving="v_d",
     ),
     "torque": Picture(
         "Motor torque and load",
         (
-            Panel("motor torque / (N m)", (Curve("", "tau_m"),), bound=_TORQUE),
-            Panel("load force / kN", (Curve("", "F_L", GREY, scale=1e-3),)),
+            PanelSpec("motor torque / (N m)", (Curve("", "tau_m"),), bound=_TORQUE),
+            PanelSpec("load force / kN", (Curve("", "F_L", GREY, scale=1e-3),)),
         ),
         of="joints",
-        find=variable,
+        find=find_variable,
         moving="v_d",
     ),
     "power": Picture(
         "Power and energy",
         (
-            Panel(
+            PanelSpec(
                 "power / kW",
                 (
                     Curve("electrical", "P_el", scale=1e-3),
@@ -90,7 +90,7 @@ JOINT_FIGURES: dict[str, Picture] = {
                     Curve("into the load", "P_L", GREEN, scale=1e-3),
                 ),
             ),
-            Panel(
+            PanelSpec(
                 "energy / kJ",
                 (
                     Curve("electrical", "P_el", scale=1e-3, integrated=True),
@@ -100,33 +100,33 @@ JOINT_FIGURES: dict[str, Picture] = {
             ),
         ),
         of="joints",
-        find=variable,
+        find=find_variable,
         moving="v_d",
     ),
     "adaptation": Picture(
         "Adaptation of the controller",
         (
-            Panel(
+            PanelSpec(
                 "theta of position and speed",
                 (Curve("position", "theta_1"), Curve("speed", "theta_2", ORANGE)),
             ),
-            Panel(
+            PanelSpec(
                 "theta of currents",
                 (Curve("q axis", "theta_3"), Curve("d axis", "theta_4", ORANGE)),
             ),
         ),
         of="joints",
-        find=variable,
+        find=find_variable,
         moving="v_d",
     ),
     "observer": Picture(
         "Observer errors",
         (
-            Panel("position / µm", (Curve("", "x_hat", less="x_L", scale=1e6),)),
-            Panel("speed / (mm/s)", (Curve("", "v_hat", less="v_L", scale=1e3),)),
+            PanelSpec("position / µm", (Curve("", "x_hat", less="x_L", scale=1e6),)),
+            PanelSpec("speed / (mm/s)", (Curve("", "v_hat", less="v_L", scale=1e3),)),
         ),
         of="joints",
-        find=variable,
+        find=find_variable,
         moving="v_d",
     ),
 }
@@ -134,17 +134,17 @@ JOINT_FIGURES: dict[str, Picture] = {
 
 
 def _in_machine(joint: str, role: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
-    """`variable` where joints move a machine together."""
+    """`find_variable` where joints move a machine together."""
     there = any(name.startswith("machine.") for name in names)
-    return variable(joint, role, names, roles) if there else None
+    return find_variable(joint, role, names, roles) if there else None
 
 
 MACHINE_FIGURES: dict[str, Picture] = {
     "forces": Picture(
         "Forces and speeds of the pistons",
         (
-            Panel("load force / kN", (Curve("", "F_L", scale=1e-3),)),
-            Panel(
+            PanelSpec("load force / kN", (Curve("", "F_L", scale=1e-3),)),
+            PanelSpec(
                 "speed / (mm/s)",
                 (
                     Curve("piston", "v_L", scale=1e3),
@@ -158,8 +158,10 @@ MACHINE_FIGURES: dict[str, Picture] = {
     "motion": Picture(
         "Positions and accelerations of the pistons",
         (
-            Panel("position / m", (Curve("piston", "x_L"), Curve("reference", "x_d", ORANGE, dashed=True))),
-            Panel(
+            PanelSpec(
+                "position / m", (Curve("piston", "x_L"), Curve("reference", "x_d", ORANGE, dashed=True))
+            ),
+            PanelSpec(
                 "acceleration / (m/s²), settled",
                 (Curve("piston", "a_L"), Curve("reference", "a_d", ORANGE, dashed=True)),
                 late=True,

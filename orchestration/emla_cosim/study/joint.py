@@ -53,7 +53,7 @@ class Joint:
         return System(self.components, ()).with_connections(*self.wires)
 
 
-def joint(
+def build_joint(
     name: str,
     *,
     emla: Any,
@@ -114,14 +114,16 @@ def _full_name(
 def _controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any) -> Component:
     for port in ("u_q", "u_d"):
         if port not in _ports(controller):
-            raise CommandError(f"the controller {_called(controller)} has no output '{port}'.", name=port)
+            raise CommandError(
+                f"the controller {_controller_label(controller)} has no output '{port}'.", name=port
+            )
     if isinstance(controller, Path):
         return Component(name, fmu=controller, samples=True)
     model = controller.__name__ if controller.__module__.startswith("rsba_fmu.") else controller
     return Component(name, model, start_values(controller, emla, gains), samples=True)
 
 
-def _called(controller: type[Block] | Path) -> str:
+def _controller_label(controller: type[Block] | Path) -> str:
     return f"'{controller}'" if isinstance(controller, Path) else controller.__name__
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from .criteria import Criteria
-from .roles import Named, variable
+from .roles import RoleNames, find_variable
 
 
 class Range(NamedTuple):
@@ -38,7 +38,7 @@ RANGES = (
 
 
 @dataclass(frozen=True)
-class Exceeded:
+class LimitViolation:
     """A value beyond a limit: `value`, `limit` and `threshold` are in `unit`, `what` says what is limited."""
 
     signal: str
@@ -50,31 +50,31 @@ class Exceeded:
     what: str
 
 
-class Trip(Exceeded):
+class Trip(LimitViolation):
     """The first value beyond the threshold of a limit."""
 
     def sentence(self, joint: str) -> str:
         """Say when the joint tripped, and why."""
-        value, threshold = _told_apart(self.value, self.threshold)
+        value, threshold = _format_distinct(self.value, self.threshold)
         return (
             f"{joint} tripped on its {self.what} at t = {self.time_s:.6g} s: {self.signal} = "
             f"{value} {self.unit}, beyond {threshold} {self.unit} (limit {self.limit:.6g} {self.unit})."
         )
 
 
-class Touch(Exceeded):
+class Touch(LimitViolation):
     """A limit that was exceeded by less than its threshold: when first, and the largest value."""
 
     def sentence(self, joint: str) -> str:
         """Say which limit the joint touched."""
-        value, limit = _told_apart(self.value, self.limit)
+        value, limit = _format_distinct(self.value, self.limit)
         return (
             f"{joint} touched its {self.what} limit, first at t = {self.time_s:.6g} s: {self.signal} reached "
             f"{value} {self.unit}, the limit is {limit} {self.unit}, and it trips at {self.threshold:.6g}."
         )
 
 
-class _Watched(NamedTuple):
+class _WatchedSignal(NamedTuple):
     joint: str
     range: Range
     signal: str
@@ -91,8 +91,8 @@ class LimitWatch:
     def __init__(
         self,
         criteria: Mapping[str, Criteria],
-        columns: Named[int],
-        parameters: Named[float],
+        columns: RoleNames[int],
+        parameters: RoleNames[float],
         roles: Mapping[str, str],
     ) -> None:
         """Take the criteria by joint, the columns of signals and the values of parameters by full name."""
@@ -100,7 +100,8 @@ class LimitWatch:
             watched
             for joint, criteria_of_it in criteria.items()
             for range_ in RANGES
-            if (watched := _watched(joint, range_, criteria_of_it, columns, parameters, roles)) is not None
+            if (watched := _watch_signal(joint, range_, criteria_of_it, columns, parameters, roles))
+            is not None
         ]
         self._trips: dict[str, Trip] = {}
         self._touches: dict[str, dict[str, Touch]] = {joint: {} for joint in criteria}
@@ -133,7 +134,10 @@ class LimitWatch:
             if watched.joint in self._trips or not len(tripping):
                 continue
             if (row := int(tripping[0])) < trips.get(watched.joint, (len(time),))[0]:
-                trips[watched.joint] = row, Trip(*_found(watched, float(time[row]), float(of[row])))
+                trips[watched.joint] = (
+                    row,
+                    Trip(*_violation_fields(watched, float(time[row]), float(of[row]))),
+                )
         for place in places.tolist():
             watched = self._watched[place]
             if watched.joint not in self._trips:
@@ -142,7 +146,7 @@ class LimitWatch:
         for joint, (_, trip) in trips.items():
             self._trips[joint] = trip
 
-    def _look(self, watched: _Watched, time: Vector, values: Vector) -> None:
+    def _look(self, watched: _WatchedSignal, time: Vector, values: Vector) -> None:
         """Remember the first time beyond a limit, and the largest value there."""
         beyond = (values < watched.minimum) | (watched.maximum < values)
         if not beyond.any():
@@ -151,9 +155,9 @@ class LimitWatch:
         largest = float(values[excess.argmax()])
         before = self._touches[watched.joint].get(watched.signal)
         if before is None:
-            touch = Touch(*_found(watched, float(time[beyond.argmax()]), largest))
+            touch = Touch(*_violation_fields(watched, float(time[beyond.argmax()]), largest))
         elif excess.max() > max(before.value - watched.maximum, watched.minimum - before.value):
-            touch = Touch(*_found(watched, before.time_s, largest))
+            touch = Touch(*_violation_fields(watched, before.time_s, largest))
         else:
             return
         self._touches[watched.joint][watched.signal] = touch
@@ -174,26 +178,28 @@ class LimitWatch:
         }
 
 
-def _watched(
+def _watch_signal(
     joint: str,
     range_: Range,
     criteria: Criteria,
     columns: Mapping[str, int],
     parameters: Mapping[str, float],
     roles: Mapping[str, str],
-) -> _Watched | None:
-    signal = variable(joint, range_.role, columns, roles)
-    highest = variable(joint, range_.high, parameters, roles)
+) -> _WatchedSignal | None:
+    signal = find_variable(joint, range_.role, columns, roles)
+    highest = find_variable(joint, range_.high, parameters, roles)
     if signal is None or highest is None:
         return None
     high = parameters[highest]
-    lowest = None if range_.low is None else variable(joint, range_.low, parameters, roles)
+    lowest = None if range_.low is None else find_variable(joint, range_.low, parameters, roles)
     low = -high if range_.low is None else -np.inf if lowest is None else parameters[lowest]
     margin = getattr(criteria, range_.threshold) * (1.0 if range_.is_distance else abs(high))
-    return _Watched(joint, range_, signal, columns[signal], low, high, low - margin, high + margin)
+    return _WatchedSignal(joint, range_, signal, columns[signal], low, high, low - margin, high + margin)
 
 
-def _found(watched: _Watched, time: float, value: float) -> tuple[str, float, float, float, float, str, str]:
+def _violation_fields(
+    watched: _WatchedSignal, time: float, value: float
+) -> tuple[str, float, float, float, float, str, str]:
     """What a trip or a touch has of a value beyond a limit."""
     below = value < watched.minimum
     limit, threshold = (watched.minimum, watched.lowest) if below else (watched.maximum, watched.highest)
@@ -208,7 +214,7 @@ def _read(kind: Any, found: Mapping[str, Any], known: set[str]) -> Any:
     return kind(**read)
 
 
-def _told_apart(value: float, limit: float) -> tuple[str, str]:
+def _format_distinct(value: float, limit: float) -> tuple[str, str]:
     """Two values with as many digits as it takes to see that they differ, but no fewer than 4."""
     texts: Sequence[tuple[str, str]] = [(f"{value:.{n}g}", f"{limit:.{n}g}") for n in range(4, 18)]
     return next(((a, b) for a, b in texts if a != b), (repr(value), repr(limit)))

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ..run.scenarios.reading import load_scenario
+from ..run.scenarios.loading import load_scenario
 from ..run.scenarios.scenario import Scenario
 from ..system.model import System
 from .registration import register

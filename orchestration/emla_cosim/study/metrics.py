@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Mask, Vector, counts, stored
+from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
 from ..recorders.metrics import HELD, Figures, Metrics, Shown
 from ..recorders.recorder import Outline
 from ..run.requirements import NamedFigures
 from .criteria import criteria_of
 from .limits import LimitWatch
 from .oscillation import OscillationWatch
-from .roles import INERTIA, Named, all_joints, check_roles, given_joints, variable
+from .roles import INERTIA, RoleNames, check_roles, find_all_joints, find_variable, list_given_joints
 from .settling import Settling
 from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
 
@@ -125,12 +125,12 @@ class JointMetrics(Metrics):
         roles: Mapping[str, str] | None = None,
         criteria: Mapping[str, float | str] | None = None,
     ) -> None:
-        column = Named((name, i + 1) for i, name in enumerate(names))
-        known, given = Named(parameters or {}), roles or {}
-        told = given_joints(given)
+        column = RoleNames((name, i + 1) for i, name in enumerate(names))
+        known, given = RoleNames(parameters or {}), roles or {}
+        told = list_given_joints(given)
         found = {
-            joint: {role: variable(joint, role, column, given) for role in _ROLES}
-            for joint in all_joints(names, given)
+            joint: {role: find_variable(joint, role, column, given) for role in _ROLES}
+            for joint in find_all_joints(names, given)
         }
         signals = {
             joint: of
@@ -211,7 +211,7 @@ class JointMetrics(Metrics):
             for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(distance).all(axis=1)):
                 self._not_finite[joint] = float(time[(~np.isfinite(distance[joint])).argmax()])
         self._peak = np.fmax(self._peak, torques.max(axis=1))
-        self._limited += counts(limited)
+        self._limited += count_true_per_row(limited)
         self._rows += len(rows)
         self._last, self._final = float(time[-1]), distance[:, -1].copy()
         self.shown = _SHOWN if self._is_short else (_HELD, *_SHOWN)
@@ -269,7 +269,7 @@ class JointMetrics(Metrics):
     def remember(self, memory: Any) -> None:
         """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
         for name in _STATE:
-            value = stored(memory["own"][name], np.shape(getattr(self, name)))
+            value = read_stored_array(memory["own"][name], np.shape(getattr(self, name)))
             setattr(self, name, value if value.ndim else float(value))
         self._rows = int(self._rows)
         for name in _PARTS:
@@ -377,7 +377,7 @@ _STATE = (
 
 def _inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
     """Torque per acceleration of the screw, A_eq in N m / (m/s^2); NaN where it is not known."""
-    named = {role: variable(joint, role, parameters, roles) for role in INERTIA}
+    named = {role: find_variable(joint, role, parameters, roles) for role in INERTIA}
     if any(name is None for name in named.values()):
         return np.nan
     J_m, J_c, J_GB, M_BS, rho, lead = (parameters[str(named[role])] for role in INERTIA)
@@ -389,7 +389,7 @@ def _torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[st
     """Torque in N m at the smaller of the motor's and the controller's current limit; NaN if not known."""
     values = []
     for role in ("N_p", "Phi_PM", "i_max", "i_limit"):
-        name = variable(joint, role, parameters, roles)
+        name = find_variable(joint, role, parameters, roles)
         values.append(np.nan if name is None else parameters[name])
     poles, flux, *currents = values
     return 1.5 * poles * flux * float(np.fmin(*currents))

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Mask, Vector, counts, stored
+from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
 
 WINDOW = 0.1
 """Length in s of the windows that are looked at; the slowest oscillation that is found has 10 Hz."""
@@ -182,7 +182,7 @@ class OscillationWatch:
         joints = len(self._inertias)
         multiplied = factors[: 2 + 2 * joints]
         self._sums[:10] += (multiplied @ multiplied.T)[self._places]
-        self._sums[10] += counts(crossings)
+        self._sums[10] += count_true_per_row(crossings)
         swinging = factors[2 + joints :]
         self._highest = np.maximum(self._highest, swinging.max(axis=1).reshape(2, joints))
         self._lowest = np.minimum(self._lowest, swinging.min(axis=1).reshape(2, joints))
@@ -239,5 +239,5 @@ class OscillationWatch:
         """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
         for name in _STATE:
             before = getattr(self, f"_{name}")
-            value = stored(memory[name], np.shape(before))
+            value = read_stored_array(memory[name], np.shape(before))
             setattr(self, f"_{name}", value if np.ndim(before) else type(before)(value))

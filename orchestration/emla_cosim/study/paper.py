@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from .experiments import EXPERIMENTS
-from .joints.library import joint_named
+from .joints.joint_files import load_joint
 from .joints.schema import Cells
 from .systems import STUDY
 
@@ -39,7 +39,7 @@ REFERENCE = "rsba"
 """The controller that averages are relative to."""
 
 
-def _moves() -> str:
+def _list_moves() -> str:
     return "; ".join(
         f"{name} {s.reference.q_S:g} to {s.reference.q_E:g} m, at most {s.reference.peak:g} m/s, "
         f"against {s.load.largest / 1e3:g} kN"
@@ -49,7 +49,7 @@ def _moves() -> str:
 
 def _cells(places: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Mapping[str, Cells]]:
     """Return the printed cells, from the files of the joints, by scenario and joint."""
-    return {(scenario, joint): joint_named(joint).printed_in(scenario) for scenario, joint in places}
+    return {(scenario, joint): load_joint(joint).printed_in(scenario) for scenario, joint in places}
 
 
 TABLE_VI = PrintedTable(
@@ -61,7 +61,8 @@ TABLE_VI = PrintedTable(
         "anatc": Cells(1.010, 1.100, 1.230, 1.130),
     },
     "The paper does not print the references behind its Table VI. Ours are quintic moves from rest to rest, "
-    f"then at rest to 10 s ({_moves()}), with the disturbances (82) to (84), controller and observer every "
+    f"then at rest to 10 s ({_list_moves()}), with the disturbances (82) to (84), controller and observer "
+    "every "
     "0.1 ms, the position through the observer from an encoder of 20 bits per motor turn, ideal current "
     "sensors, and no computing delay.",
 )

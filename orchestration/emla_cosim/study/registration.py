@@ -12,22 +12,22 @@ from ..run.scenarios.built_in import FOLLOWING, PLANS, READERS, REMARKS, SCENARI
 from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
-from ..views.plots.plotting import FIGURES
-from . import experiments, machine, systems
+from ..views.plots.pictures import FIGURES
+from . import experiments, machine_systems, systems
 from .actuator.actuator import Actuator
-from .actuator.beliefs import followed_model_parameters
+from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
-from .joints.library import joint_names, joint_text
+from .joints.joint_files import list_joint_names, read_joint_text
 from .joints.schema import KEYS, KIND
 from .metrics import RENAMED as RENAMED_FIGURES
 from .metrics import joint_metrics
-from .roles import tracked
+from .roles import find_tracked_joints
 from .schedules import scheduled_times
 from .sketch.film import ManipulatorAnimation
-from .sketch.picture import ManipulatorPicture
+from .sketch.manipulator_picture import ManipulatorPicture
 from .systems import joint_scenario
-from .tuning_plans import tuning_plans
+from .tuning_plans import list_tuning_plans
 
 JOINTS = "joints"
 """What metrics.json calls the part with the figures of joints."""
@@ -35,25 +35,25 @@ JOINTS = "joints"
 
 def register() -> None:
     """Make all of it known under its names; again makes no difference."""
-    own = systems.SYSTEMS | experiments.SYSTEMS | machine.SYSTEMS
+    own = systems.SYSTEMS | experiments.SYSTEMS | machine_systems.SYSTEMS
     SYSTEMS.update(own)
-    FOLLOWING.update(machine.SYSTEMS)
+    FOLLOWING.update(machine_systems.SYSTEMS)
     READERS["actuator"] = Actuator.read
     if remarks not in REMARKS:
         REMARKS.append(remarks)
-    if followed_model_parameters not in FOLLOWERS:
-        FOLLOWERS.append(followed_model_parameters)
+    if follow_plant_changes not in FOLLOWERS:
+        FOLLOWERS.append(follow_plant_changes)
     if scheduled_times not in SCHEDULES:
         SCHEDULES.append(scheduled_times)
     KINDS[KIND] = Kind(KEYS, joint_scenario)
-    joints = joint_names()
+    joints = list_joint_names()
     for name in own:
-        SCENARIOS[name] = partial(joint_text, name) if name in joints else _text("scenarios", name)
+        SCENARIOS[name] = partial(read_joint_text, name) if name in joints else _text("scenarios", name)
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
-    TUNINGS.update(tuning_plans())
+    TUNINGS.update(list_tuning_plans())
     METRICS[JOINTS] = joint_metrics
-    TRACKED[JOINTS] = tracked
+    TRACKED[JOINTS] = find_tracked_joints
     RENAMED.update(RENAMED_FIGURES)
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
     FIGURES["manipulator"] = ManipulatorPicture()

@@ -10,8 +10,8 @@ from typing import TypeVar
 
 from hdrm_fmu.trajectory import JOINTS
 
-from ..base.errors import CommandError, listed, near_or_some
-from ..inputs.naming import data_among
+from ..base.errors import CommandError, join_names, suggest_names
+from ..inputs.data_names import find_data_names
 
 _PLACES: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),
@@ -85,80 +85,80 @@ _PARAMETERS = (
 _T = TypeVar("_T")
 
 
-class Named(dict[str, _T]):
+class RoleNames(dict[str, _T]):
     """Values by the names of variables, in which many roles are looked for."""
 
     @cached_property
     def data(self) -> dict[str, str]:
         """Under which name data are read, by the signal in whose place they are."""
-        return data_among(self)
+        return find_data_names(self)
 
 
-def variable(
+def find_variable(
     joint: str, role: str, names: Collection[str], roles: Mapping[str, str] | None = None
 ) -> str | None:
     """The full name of what plays a role for a joint, one of `names`; None where nothing does.
 
     What `roles` names by joint.role goes before the places above. Where data are read in its place, it is
-    theirs. Who asks for many roles gives `Named`.
+    theirs. Who asks for many roles gives `RoleNames`.
     """
     given = (roles or {}).get(f"{joint}.{role}")
     places = _names(joint, _PLACES[role]) if given is None else (given,)
     found = next((name for name in places if name in names), None)
     if found is None:
         return None
-    data = names.data if isinstance(names, Named) else data_among(names)
+    data = names.data if isinstance(names, RoleNames) else find_data_names(names)
     return data.get(found, found)
 
 
-def all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:
+def find_all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:
     """What may be a joint: the first part of each name, and what has a role."""
-    return list(dict.fromkeys([*(n.partition(".")[0] for n in names), *given_joints(roles)]))
+    return list(dict.fromkeys([*(n.partition(".")[0] for n in names), *list_given_joints(roles)]))
 
 
-def given_joints(roles: Mapping[str, str]) -> list[str]:
+def list_given_joints(roles: Mapping[str, str]) -> list[str]:
     """The joints that have roles."""
     return list(dict.fromkeys(name.rpartition(".")[0] for name in roles))
 
 
 def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: Collection[str]) -> None:
     """Raise CommandError for a role, a signal or a parameter that there is not, and for half a joint."""
-    signals, parameters = Named(dict.fromkeys(signals)), Named(dict.fromkeys(parameters))
+    signals, parameters = RoleNames(dict.fromkeys(signals)), RoleNames(dict.fromkeys(parameters))
     for place, name in roles.items():
         joint, _, role = place.rpartition(".")
         if not joint or role not in _PLACES:
-            right = f"write JOINT.ROLE, with one of {listed(_PLACES)} as the role"
+            right = f"write JOINT.ROLE, with one of {join_names(_PLACES)} as the role"
             raise CommandError(f"there is no role '{place}'; {right}.", role=place)
         bounds = role in _PARAMETERS
         if name not in (parameters if bounds else signals):
             kind, there = ("parameter", parameters) if bounds else ("signal", signals)
-            meant = near_or_some(name, there)
+            meant = suggest_names(name, there)
             raise CommandError(f"there is no {kind} '{name}' for the role {place}; {meant}", name=name)
-    for joint in given_joints(roles):
-        missing = [role for role in ("x_L", "x_d") if variable(joint, role, signals, roles) is None]
+    for joint in list_given_joints(roles):
+        missing = [role for role in ("x_L", "x_d") if find_variable(joint, role, signals, roles) is None]
         if missing:
-            entries = listed(f"{joint}.{role}" for role in missing)
+            entries = join_names(f"{joint}.{role}" for role in missing)
             raise CommandError(f"the joint '{joint}' has roles, but nobody plays {entries}: name it too.")
 
 
-def tracked(names: Collection[str], roles: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+def find_tracked_joints(names: Collection[str], roles: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     """Position and reference of each joint that has both among these names."""
-    names = Named(dict.fromkeys(names))
+    names = RoleNames(dict.fromkeys(names))
     ends = {
-        joint: [variable(joint, role, names, roles) for role in ("x_L", "x_d")]
-        for joint in all_joints(names, roles)
+        joint: [find_variable(joint, role, names, roles) for role in ("x_L", "x_d")]
+        for joint in find_all_joints(names, roles)
     }
     return {joint: (x, x_d) for joint, (x, x_d) in ends.items() if x is not None and x_d is not None}
 
 
-def patterns(*roles: str) -> list[str]:
+def list_role_patterns(*roles: str) -> list[str]:
     """Patterns for all names that these roles may have."""
     return list(
         dict.fromkeys(name.format(joint="*", element="*") for role in roles for name in _PLACES[role])
     )
 
 
-def joints(components: Collection[str]) -> list[str]:
+def find_joints(components: Collection[str]) -> list[str]:
     """The joints that have a position and a reference, of a system with components of these names."""
     branches = dict.fromkeys(name.partition(".")[0] for name in components)
     return [b for b in branches if all(_component(b, role, components) for role in ("x_L", "x_d"))]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Vector, stored
+from ..base.arrays import Vector, read_stored_array
 from .criteria import Criteria
 
 _ROUNDING = 1e-9
@@ -64,5 +64,5 @@ class Settling:
 
     def remember(self, memory: Mapping[str, Any]) -> None:
         """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
-        self._entered = stored(memory["entered"], (len(self._times),)).tolist()
-        self._settled = [bool(x) for x in stored(memory["settled"], (len(self._times),))]
+        self._entered = read_stored_array(memory["entered"], (len(self._times),)).tolist()
+        self._settled = [bool(x) for x in read_stored_array(memory["settled"], (len(self._times),))]

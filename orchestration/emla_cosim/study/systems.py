@@ -13,19 +13,19 @@ from fmublock.noise import MODULUS
 from ..base.errors import CommandError
 from ..run.scenarios.scenario_file import ScenarioFile
 from ..system.model import System
-from .actuator.fitting import (
+from .actuator.joint_actuators import (
     NONE,
     Actuators,
     check_joints,
     controller_gains,
-    drive_plant,
+    default_plant_values,
     observer_gains,
-    usual_plant,
+    realistic_plant_values,
 )
-from .controllers import ChosenGains, chosen
-from .joint import Joint, joint
-from .joints.library import Joints, joint_named, joint_names
-from .joints.schema import JointFile, joint_of
+from .controllers import ChosenGains, choose_controller
+from .joint import Joint, build_joint
+from .joints.joint_files import Joints, list_joint_names, load_joint
+from .joints.schema import JointFile, parse_joint
 
 STUDY = Joints(("lift", "tilt", "telescope"))
 """The joints of the study, whatever other joint files there are."""
@@ -70,19 +70,19 @@ def study_joint(
     if as_printed:
         plant["torque_source"] = int(TorqueSource.COMMAND)
     elif drive or own.is_realistic:
-        plant |= drive_plant(other or own.realistic)
+        plant |= realistic_plant_values(other or own.realistic)
         plant |= {} if own.seed is None else {"seed_i": current_seed(own.seed)}
     else:
-        plant |= usual_plant(actuator)
+        plant |= default_plant_values(actuator)
     if on_machine:  # a joint that loses its power falls until it is stopped
-        stops = drive_plant(other or own.realistic)
+        stops = realistic_plant_values(other or own.realistic)
         plant |= {stop: stops[stop] for stop in ("stop_stiffness", "stop_damping")}
     if electrical:
         settable = {x.attribute for x in EmlaMotor.layout().parameters}
         plant = {name: value for name, value in plant.items() if name in settable}
-    found = chosen(controller, gains if gains is None else str(gains))
+    found = choose_controller(controller, gains if gains is None else str(gains))
     of_controller, of_observer, estimate = _gains(own, found, on_machine)
-    return joint(
+    return build_joint(
         own.name,
         emla=actuator.emla,
         controller=found.controller.model,
@@ -153,7 +153,7 @@ def joint_scenario(content: Mapping[str, Any], where: str, folder: Path) -> Scen
     """
     path = Path(where)
     label = f"the joint file '{where}'" if path.suffix else f"the joint '{where}'"
-    own = joint_of(content, label, path.stem, folder)
+    own = parse_joint(content, label, path.stem, folder)
     system = path.name if path.suffix else where
     return ScenarioFile(own.description, system, own.run, where, folder, partial(joint_system, own))
 
@@ -162,7 +162,7 @@ def _side_by_side(
     joints: Iterable[str], controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
     check_joints(actuators, joints)
-    first, *others = (_alone(joint_named(name), controller, gains, actuators, **variant) for name in joints)
+    first, *others = (_alone(load_joint(name), controller, gains, actuators, **variant) for name in joints)
     return sum(others, first)
 
 
@@ -171,7 +171,7 @@ _three_joints = partial(_side_by_side, tuple(STUDY))
 SYSTEMS: dict[str, Callable[..., System]] = {
     "study": _three_joints,
     "study-drive": partial(_three_joints, drive=True),
-    **{name: partial(_side_by_side, (name,)) for name in dict.fromkeys((*STUDY, *joint_names()))},
+    **{name: partial(_side_by_side, (name,)) for name in dict.fromkeys((*STUDY, *list_joint_names()))},
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
 }

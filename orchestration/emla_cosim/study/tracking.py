@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Mask, Vector, counts, stored
+from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
 
 AT_REST = 1e-6
 """A reference that is slower than this, in m/s, is at rest."""
@@ -86,7 +86,7 @@ class Tracking:
                 continue
             self.largest[row, joints] = np.fmax(self.largest[row, joints], most)
         self.counts[0, joints] += len(time)
-        self.counts[1, joints] += counts(limited)
+        self.counts[1, joints] += count_true_per_row(limited)
         windows = self._windows[joints]
         if (highest[0] > windows).any():
             self._leave(joints, time, error, error > windows[:, np.newaxis])
@@ -95,7 +95,7 @@ class Tracking:
     def _leave(self, joints: slice, time: Vector, error: Vector, outside: Mask) -> None:
         """Count how often joints left their windows, and when each was farthest away."""
         before = np.column_stack([self._was_outside[joints] > 0.0, outside[:, :-1]])
-        self.excursions[0, joints] += counts(outside & ~before)
+        self.excursions[0, joints] += count_true_per_row(outside & ~before)
         most, when = error.max(axis=1), time[error.argmax(axis=1)]
         farther = outside.any(axis=1) & (most > self._farthest[joints])
         self.excursions[1, joints] = np.where(farther, when, self.excursions[1, joints])
@@ -109,7 +109,7 @@ class Tracking:
         """Go on from what `memory` gave; ValueError or KeyError where it is of another run."""
         for name in _STATE:
             values = getattr(self, name)
-            values[...] = stored(memory[name], values.shape)
+            values[...] = read_stored_array(memory[name], values.shape)
 
 
 _STATE = ("largest", "_squares", "_durations", "excursions", "_was_outside", "_farthest", "counts")

@@ -8,27 +8,27 @@ from string import Template
 
 from ..base.errors import CommandError
 from .controllers import CONTROLLERS
-from .joints.library import has_tuning, joint_named, joint_names
+from .joints.joint_files import has_tuning, list_joint_names, load_joint
 from .joints.schema import JointFile
 
 _BEHIND = 0.010
 """So much farther from its reference than in the study a joint starts in one case, in m."""
 
 
-def tuning_plans() -> dict[str, Callable[[], str]]:
+def list_tuning_plans() -> dict[str, Callable[[], str]]:
     """What reads the text of each plan, by controller and joint; of controllers whose gains have a file."""
     folder = files("emla_cosim.study") / "tunings"
     return {
         f"{controller}-{joint}": partial(_text, controller, joint)
         for controller in CONTROLLERS
         if (folder / f"{controller}.toml").is_file()
-        for joint in joint_names()
+        for joint in list_joint_names()
         if has_tuning(joint)
     }
 
 
 def _text(controller: str, joint: str) -> str:
-    folder, known = files("emla_cosim.study") / "tunings", joint_named(joint)
+    folder, known = files("emla_cosim.study") / "tunings", load_joint(joint)
     text = "\n".join((folder / f"{name}.toml").read_text(encoding="utf-8") for name in ("effort", controller))
     behind = math.copysign(_BEHIND, known.reference.q_E - known.reference.q_S)
     return Template(text).substitute(

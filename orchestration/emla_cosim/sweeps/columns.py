@@ -7,7 +7,7 @@ import numpy as np
 import polars
 
 from ..base.arrays import Indices, Vector
-from ..base.errors import CommandError, listed
+from ..base.errors import CommandError, join_names
 from ..recorders.metrics import HELD, Shown, is_verdict
 from .data import DONE, STATUS, VARIANT, SweepData
 
@@ -19,7 +19,7 @@ NOT_HELD = "not held"
 
 
 @dataclass(frozen=True, eq=False)
-class Factor:
+class FactorColumn:
     """What varies: `values` for each variant are numbers, or positions in `levels` where there are some."""
 
     name: str
@@ -32,15 +32,15 @@ class Factor:
         return _varies(self.values)
 
 
-def factor(result: SweepData, name: str) -> Factor:
+def read_factor(result: SweepData, name: str) -> FactorColumn:
     """A factor by its name; what is no number has levels, in the order in which they come."""
     column = result.variants[name]
     if column.dtype.is_numeric():
-        return Factor(name, _numbers(column), None)
+        return FactorColumn(name, _numbers(column), None)
     texts = ["none" if value is None else _text(value) for value in column.to_list()]
     levels = tuple(dict.fromkeys(texts))
     position = {level: float(i) for i, level in enumerate(levels)}
-    return Factor(name, np.array([position[text] for text in texts]), levels)
+    return FactorColumn(name, np.array([position[text] for text in texts]), levels)
 
 
 def check_figure(result: SweepData, figure: str) -> None:
@@ -48,7 +48,7 @@ def check_figure(result: SweepData, figure: str) -> None:
     if figure in result.figures:
         return
     near = difflib.get_close_matches(str(figure), result.figures, n=3, cutoff=0.5)
-    there = f"there are {listed(result.figures)}." if result.figures else "there are none."
+    there = f"there are {join_names(result.figures)}." if result.figures else "there are none."
     meant = f"did you mean {' or '.join(near)}?" if near else there
     raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure, near=near)
 
@@ -68,11 +68,11 @@ def figure_values(result: SweepData, figure: str) -> Vector:
 def figure_by_variant(result: SweepData, figure: str, count: int) -> Vector:
     """The same for the variants 0 to `count` - 1; NaN for one that has no row."""
     values = np.full(count, np.nan)
-    values[numbers(result)] = figure_values(result, figure)
+    values[variant_numbers(result)] = figure_values(result, figure)
     return values
 
 
-def numbers(result: SweepData) -> Indices:
+def variant_numbers(result: SweepData) -> Indices:
     """The number of the variant of each row."""
     return result.variants[VARIANT].to_numpy().astype(np.intp)
 
@@ -82,13 +82,13 @@ def is_truth(result: SweepData, figure: str) -> bool:
     return result.variants[figure].dtype == polars.Boolean
 
 
-def varying(result: SweepData) -> list[str]:
+def find_varying_figures(result: SweepData) -> list[str]:
     """Figures that are not the same for all variants that are done: numbers first, then truths."""
     found = [figure for figure in result.figures if _varies(figure_values(result, figure))]
     return sorted(found, key=lambda figure: is_truth(result, figure))
 
 
-def nothing_varies(result: SweepData, what: str) -> CommandError:
+def nothing_varies_error(result: SweepData, what: str) -> CommandError:
     """That there is no such figure or factor to draw."""
     return CommandError(
         f"no {what} varies between the variants of the sweep '{result.name}' that are done; there is nothing "
@@ -98,7 +98,7 @@ def nothing_varies(result: SweepData, what: str) -> CommandError:
 
 def main_figure(result: SweepData) -> str | None:
     """The figure that is looked at where nobody names one: the first that varies, or the first."""
-    return next(iter([*varying(result), *result.figures]), None)
+    return next(iter([*find_varying_figures(result), *result.figures]), None)
 
 
 def is_done(result: SweepData) -> np.ndarray:
@@ -106,28 +106,28 @@ def is_done(result: SweepData) -> np.ndarray:
     return _statuses(result) == DONE
 
 
-def verdicts(result: SweepData) -> list[str]:
+def find_verdicts(result: SweepData) -> list[str]:
     """Return the figures that are verdicts: truths called `held`, such as `lift.held`."""
     return [figure for figure in result.figures if is_verdict(figure) and is_truth(result, figure)]
 
 
 def good_outcome(result: SweepData) -> str:
     """Return what people call variants without fault: held, or only done where no figure is a verdict."""
-    return HELD if verdicts(result) else DONE
+    return HELD if find_verdicts(result) else DONE
 
 
-def outcomes(result: SweepData) -> np.ndarray:
+def read_outcomes(result: SweepData) -> np.ndarray:
     """Return what became of each variant: its status, or `NOT_HELD`.
 
     A variant that is done is not held where one of its verdicts is false or missing.
     """
     told = _statuses(result)
-    for figure in verdicts(result):
+    for figure in find_verdicts(result):
         told[is_done(result) & (figure_values(result, figure) != 1.0)] = NOT_HELD
     return told
 
 
-def shown_as(result: SweepData, figure: str) -> Shown:
+def display_of(result: SweepData, figure: str) -> Shown:
     """How a person sees a figure; its label begins with what it is of."""
     known = result.shown.get(figure)
     if known is None:
@@ -137,7 +137,7 @@ def shown_as(result: SweepData, figure: str) -> Shown:
     return Shown(figure, label, known.factor, known.unit, known.large)
 
 
-def influence(one: Factor, values: Vector) -> float:
+def influence(one: FactorColumn, values: Vector) -> float:
     """The absolute rank correlation of a factor with values, from 0 to 1; NaN are left out.
 
     For levels it is the root of the part of the ranks' variance that they explain, less what as many levels

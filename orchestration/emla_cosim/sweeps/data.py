@@ -38,4 +38,4 @@ class SweepData:
     targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
     wall_s: float = 0.0
     notes: Sequence[str] = ()
-    holds: object = field(default=None, compare=False, repr=False)
+    resources: object = field(default=None, compare=False, repr=False)

@@ -15,21 +15,21 @@ from ..run.scenarios.scenario import Scenario
 from ..study.loading import load
 from ..system.model import Value
 from .data import VARIANT
-from .factors import Factor, factors
-from .farm import Work
-from .folder import digest
+from .executor import WorkPackage
+from .factors import Factor, resolve_factors
+from .folder import hash_plain_data
 from .plan import Plan
-from .sampling import count, sample
-from .shipment import Preparation
-from .targets import changed_in_run, is_prepared, merged
+from .sampling import count_variants, sample
+from .targets import changed_in_run, merge_options, needs_preparation
 from .worker import Variant
+from .worker_payload import Preparation
 
 _BYTES_PER_VALUE = 64
 """Of memory, for a value as an object and in a table."""
 
 
 @dataclass(frozen=True)
-class Group:
+class VariantGroup:
     """Variants that one prepared simulation can run, and what varies in it."""
 
     preparation: Preparation
@@ -45,7 +45,7 @@ class Design:
 
     plan: Plan
     method: str
-    groups: Sequence[Group]
+    groups: Sequence[VariantGroup]
     drawn: Sequence[Sequence[Value | None]]
     group_of: Sequence[int]
 
@@ -67,19 +67,19 @@ class Design:
     def options(self, number: int) -> dict[str, Any]:
         """All options of a variant that are its own."""
         own = self.groups[self.group_of[number]].factors
-        return merged(f.options(value) for f, value in zip(own, self.values(number), strict=True))
+        return merge_options(f.options(value) for f, value in zip(own, self.values(number), strict=True))
 
     def variant(self, number: int) -> Variant:
         """A variant as it is run: with those options that a prepared simulation takes."""
         return Variant(number, changed_in_run(self.options(number)))
 
-    def work(self, finished: set[int]) -> list[Work]:
+    def work(self, finished: set[int]) -> list[WorkPackage]:
         """All variants that are not finished, by group."""
         left: list[list[int]] = [[] for _ in self.groups]
         for number, group in enumerate(self.group_of):
             if number not in finished:
                 left[group].append(number)
-        return [Work(group, numbers) for group, numbers in enumerate(left) if numbers]
+        return [WorkPackage(group, numbers) for group, numbers in enumerate(left) if numbers]
 
     def table(self) -> polars.DataFrame:
         """Number and values of every variant."""
@@ -99,36 +99,36 @@ class Design:
             for factor, column in zip(self.factors, self.drawn, strict=True)
         ]
         return {
-            "values": digest(drawn),
+            "values": hash_plain_data(drawn),
             "seed": self.plan.seed,
             "sampling": self.method,
-            "FMUs or settings": digest(self.identities),
-            "metrics": digest(metrics),
+            "FMUs or settings": hash_plain_data(self.identities),
+            "metrics": hash_plain_data(metrics),
         }
 
     def provenance(self, metrics: object) -> list[str]:
         """For each variant a hash of all that decides what comes out of it."""
-        parts = [digest((identity, metrics)) for identity in self.identities]
-        return [digest((parts[self.group_of[n]], self.options(n))) for n in range(self.count)]
+        parts = [hash_plain_data((identity, metrics)) for identity in self.identities]
+        return [hash_plain_data((parts[self.group_of[n]], self.options(n))) for n in range(self.count)]
 
 
-def designed(plan: Plan, progress: Progress) -> Design:
+def design_variants(plan: Plan, progress: Progress) -> Design:
     """Lay out a plan: build FMUs, resolve names, draw values.
 
     Raises CommandError for whatever is wrong with it, RunError where FMUs cannot be built.
     """
     plan.check()
     first = Preparation.of(_scenario(plan, {}), progress)
-    found = factors(plan.vary, first.system, first.interfaces, plan.where)
+    found = resolve_factors(plan.vary, first.system, first.interfaces, plan.where)
     method = plan.sampling or ("grid" if plan.runs is None else "random")
     distributions = [f.distribution for f in found]
     _check_memory(plan, _count(plan, method, found), len(found))
     drawn = sample(method, distributions, plan.runs, plan.seed)
-    prepared = [i for i, f in enumerate(found) if any(is_prepared(target) for target in f.targets)]
+    prepared = [i for i, f in enumerate(found) if any(needs_preparation(target) for target in f.targets)]
     keys: dict[str, int] = {}
-    groups, group_of = list[Group](), list[int]()
+    groups, group_of = list[VariantGroup](), list[int]()
     for row in zip(*(drawn[i] for i in prepared), strict=True) if prepared else [()] * len(drawn[0]):
-        options = merged(found[i].options(value) for i, value in zip(prepared, row, strict=True))
+        options = merge_options(found[i].options(value) for i, value in zip(prepared, row, strict=True))
         key = json.dumps(options, sort_keys=True, default=str)
         if key not in keys:
             keys[key] = len(groups)
@@ -143,21 +143,25 @@ def _group(
     made: Preparation | None,
     usual: Sequence[Factor],
     progress: Progress,
-) -> Group:
+) -> VariantGroup:
     """The system with these options, and what varies in it: the same as usual, under other circumstances."""
     preparation = made or Preparation.of(_scenario(plan, options), progress)
-    found = factors(plan.vary, preparation.system, preparation.interfaces, plan.where)
+    found = resolve_factors(plan.vary, preparation.system, preparation.interfaces, plan.where)
     if [f.name for f in found] != [f.name for f in usual]:
-        raise CommandError(f"{plan.where} varies other start values with {_told(options)} than without.")
+        raise CommandError(
+            f"{plan.where} varies other start values with {_format_options(options)} than without."
+        )
     shared = [(f, u) for f, u in zip(found, usual, strict=True) if len(f.targets) > 1]
     if any(f.targets != u.targets for f, u in shared):
-        raise CommandError(f"{plan.where} multiplies other values with {_told(options)} than without.")
-    return Group(preparation, found)
+        raise CommandError(
+            f"{plan.where} multiplies other values with {_format_options(options)} than without."
+        )
+    return VariantGroup(preparation, found)
 
 
 def _scenario(plan: Plan, options: Mapping[str, Any]) -> Scenario:
     """The scenario of a plan with these options over those of the plan."""
-    given = merged([plan.options, options])
+    given = merge_options([plan.options, options])
     if isinstance(plan.scenario, Scenario):
         return plan.scenario.with_options(given)
     return load(plan.scenario, **given)
@@ -166,7 +170,7 @@ def _scenario(plan: Plan, options: Mapping[str, Any]) -> Scenario:
 def _count(plan: Plan, method: str, found: Sequence[Factor]) -> int:
     """How many variants there will be; CommandError, which names the factor where one is at fault."""
     try:
-        return count(method, [f.distribution for f in found], plan.runs)
+        return count_variants(method, [f.distribution for f in found], plan.runs)
     except CommandError as error:
         if "index" in error.fields:
             name = found[error.fields["index"]].name
@@ -184,7 +188,7 @@ def _check_memory(plan: Plan, variants: int, columns: int) -> None:
         )
 
 
-def _told(options: Mapping[str, Any]) -> str:
+def _format_options(options: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} = {value}" for name, value in options.items())
 
 

@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any, NoReturn
 
-from ..base.errors import CommandError, listed
+from ..base.errors import CommandError, join_names
 from ..system.model import Value
-from .kinds.base import Distribution
 from .kinds.continuous import LogNormal, LogUniform, Normal, Triangular, Uniform
-from .kinds.discrete import Integers, Values
+from .kinds.discrete import Integers, ValueList
+from .kinds.distribution import Distribution
 
-__all__ = ["DISTRIBUTIONS", "FORMS", "Distribution", "distribution", "parse"]
+__all__ = ["DISTRIBUTIONS", "FORMS", "Distribution", "parse", "parse_distribution"]
 
 DISTRIBUTIONS: dict[str, type[Distribution]] = {
-    kind.name: kind for kind in (Uniform, LogUniform, Normal, LogNormal, Triangular, Values, Integers)
+    kind.name: kind for kind in (Uniform, LogUniform, Normal, LogNormal, Triangular, ValueList, Integers)
 }
 """Kinds of distributions by the names that plans call them."""
 
@@ -30,7 +30,7 @@ _NAMED = re.compile(r"([\w-]+)\s*\((.*)\)", re.DOTALL)
 _WORDS: dict[str, Value] = {"true": True, "false": False}
 
 
-def distribution(value: Any, where: str) -> Distribution:
+def parse_distribution(value: Any, where: str) -> Distribution:
     """What a plan gives for one thing that varies.
 
     That is a table with `distribution`, its name, and the fields of that kind; a list of values; a text in a
@@ -66,11 +66,11 @@ def _read(value: Any) -> Distribution:
     if hasattr(value, "tolist"):
         value = value.tolist()  # of NumPy
     if isinstance(value, Mapping):
-        return _of_table(value)
+        return _parse_table(value)
     if isinstance(value, (bool, int, float)):
-        return Values((value,))
+        return ValueList((value,))
     if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
-        return Values(value)
+        return ValueList(value)
     raise CommandError(
         f"what varies is {value!r}; it must be a list of values, a text such as '0.1:0.3', or a table "
         'such as { distribution = "normal", mean = 0.14, deviation = 0.01 }.',
@@ -78,83 +78,83 @@ def _read(value: Any) -> Distribution:
     )
 
 
-def _of_table(table: Mapping[str, Any]) -> Distribution:
+def _parse_table(table: Mapping[str, Any]) -> Distribution:
     if "distribution" not in table:
         raise CommandError(
-            f"the table has no distribution; write distribution = one of {listed(DISTRIBUTIONS)}.",
+            f"the table has no distribution; write distribution = one of {join_names(DISTRIBUTIONS)}.",
             choices=list(DISTRIBUTIONS),
         )
     kind = _kind(table["distribution"])
-    return _made(kind, {key: value for key, value in table.items() if key != "distribution"})
+    return _make_distribution(kind, {key: value for key, value in table.items() if key != "distribution"})
 
 
 def _kind(name: Any) -> type[Distribution]:
     if isinstance(name, str) and name in DISTRIBUTIONS:
         return DISTRIBUTIONS[name]
     near = difflib.get_close_matches(str(name), DISTRIBUTIONS, n=1)
-    meant = f"did you mean '{near[0]}'?" if near else f"choose from {listed(DISTRIBUTIONS)}."
+    meant = f"did you mean '{near[0]}'?" if near else f"choose from {join_names(DISTRIBUTIONS)}."
     raise CommandError(f"there is no distribution '{name}'; {meant}", name=name, choices=list(DISTRIBUTIONS))
 
 
-def _made(kind: type[Distribution], given: Mapping[str, Any]) -> Distribution:
+def _make_distribution(kind: type[Distribution], given: Mapping[str, Any]) -> Distribution:
     """A distribution with these fields, which still may be wrong in any way."""
-    known = [*positional(kind), "relative"]
+    known = [*list_positional_fields(kind), "relative"]
     for key in given:
         if key not in known:
             near = difflib.get_close_matches(str(key), known, n=1)
-            meant = f"did you mean '{near[0]}'?" if near else f"it may have {listed(known)}."
+            meant = f"did you mean '{near[0]}'?" if near else f"it may have {join_names(known)}."
             raise CommandError(f"{kind.noun} has no '{key}'; {meant}", key=key)
     needed = [f.name for f in fields(kind) if f.default is MISSING]
     if any(name not in given for name in needed):
-        raise CommandError(f"{kind.noun} needs {listed(needed)}.", needed=needed)
+        raise CommandError(f"{kind.noun} needs {join_names(needed)}.", needed=needed)
     return kind(**given)
 
 
-def positional(kind: type[Distribution]) -> list[str]:
+def list_positional_fields(kind: type[Distribution]) -> list[str]:
     """Return the fields of a kind in the order of its short form."""
     return [f.name for f in fields(kind) if not f.kw_only]
 
 
 def _parse(text: str) -> Distribution:
     if named := _NAMED.fullmatch(text):
-        return _of_call(_kind(named[1]), _parts(text, named[2], ",") if named[2].strip() else [])
+        return _parse_call(_kind(named[1]), _parts(text, named[2], ",") if named[2].strip() else [])
     if "(" in text or ")" in text:
         _refuse(text)
     if text.startswith(("±", "+-")):
-        return _of_tolerance(text)
+        return _parse_tolerance(text)
     if ":" in text:
-        return _of_range(text)
+        return _parse_range(text)
     parts = _parts(text, text, ",")
     factors = [p for p in map(_percent, parts) if p is not None]
     if not factors:
-        return Values([_value(part) for part in parts])
+        return ValueList([_value(part) for part in parts])
     if len(factors) < len(parts):
         _refuse(text)
-    return Values(factors, relative=True)
+    return ValueList(factors, relative=True)
 
 
-def _of_call(kind: type[Distribution], arguments: Sequence[str]) -> Distribution:
+def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> Distribution:
     """NAME(...) by its arguments: those without a name first."""
     named = [tuple(map(str.strip, a.split("=", 1))) for a in arguments if "=" in a]
     plain = [_value(a) for a in arguments if "=" not in a]
     if any("=" in a for a in arguments[: len(plain)]):
         raise CommandError(f"{kind.noun} takes arguments without a name first, then those with one.")
-    names = positional(kind)
-    if kind is Values:
+    names = list_positional_fields(kind)
+    if kind is ValueList:
         plain = [plain] if plain else []
     if len(plain) > len(names):
         raise CommandError(
-            f"{kind.noun} takes {len(names)} arguments at most: {listed(names)}; here are {len(plain)}."
+            f"{kind.noun} takes {len(names)} arguments at most: {join_names(names)}; here are {len(plain)}."
         )
     given: dict[str, Any] = dict(zip(names, plain, strict=False))
     for name, value in named:
         if name in given:
             raise CommandError(f"{kind.noun} has {name} twice; once is right.", name=name)
         given[name] = _value(value)
-    return _made(kind, given)
+    return _make_distribution(kind, given)
 
 
-def _of_tolerance(text: str) -> Distribution:
+def _parse_tolerance(text: str) -> Distribution:
     """±10%."""
     number = _value(text.removeprefix("±").removeprefix("+-").removesuffix("%").strip())
     if not text.endswith("%") or isinstance(number, (bool, str)):
@@ -164,7 +164,7 @@ def _of_tolerance(text: str) -> Distribution:
     return Uniform((100 - number) / 100, (100 + number) / 100, relative=True)
 
 
-def _of_range(text: str) -> Distribution:
+def _parse_range(text: str) -> Distribution:
     """LOW:HIGH and LOW:HIGH:N."""
     low, high, *points = _parts(text, text, ":")
     if len(points) > 1:
@@ -176,7 +176,7 @@ def _of_range(text: str) -> Distribution:
     numbers = [*ends, *map(_value, points)]
     if any(n is None or isinstance(n, (bool, str)) for n in numbers):
         _refuse(text)
-    return _made(
+    return _make_distribution(
         Uniform, dict(zip(("low", "high", "points"), numbers, strict=False)) | {"relative": relative}
     )
 

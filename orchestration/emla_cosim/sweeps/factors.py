@@ -6,20 +6,20 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..base.errors import CommandError
-from ..base.patterns import fits, is_pattern
-from ..base.quantities import quantity, unit_named
-from ..base.units import Unit
-from ..base.values import converted
+from ..base.patterns import is_pattern, matches_pattern
+from ..base.quantities import parse_quantity, parse_unit_name
+from ..base.units import SiUnit
+from ..base.values import convert_value
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
-from ..run.options import table
+from ..run.options import list_options
 from ..system.model import System, Value
 from ..system.resolution import refuse_driven
-from .distributions import Distribution, distribution
-from .kinds.discrete import Values
+from .distributions import Distribution, parse_distribution
+from .kinds.discrete import ValueList
 from .reserved import RESERVED
-from .targets import FMU, OPTION, START, Target, assigned
-from .with_units import without_units
+from .targets import FMU, OPTION, START, Target, assign_value
+from .with_units import convert_units
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class Factor:
 
     def options(self, value: Value | None) -> dict[str, Any]:
         """The options that give a run a value of the table; None gives none."""
-        return assigned(self.targets, value)
+        return assign_value(self.targets, value)
 
 
-def factors(
+def resolve_factors(
     vary: Mapping[str, Any], system: System, interfaces: Mapping[str, Interface], where: str
 ) -> list[Factor]:
     """What varies in this system; a pattern makes a factor of each start value that fits.
@@ -55,19 +55,19 @@ def factors(
     """
     found = list[Factor]()
     for name, given in vary.items():
-        varying = _Varying(str(name), f"'{name}' of {where}", system, interfaces)
+        varying = _FactorResolver(str(name), f"'{name}' of {where}", system, interfaces)
         found += varying.factors(given)
     _check_names(found, where)
     return found
 
 
-def start_values(
+def find_start_values(
     pattern: str, system: System, interfaces: Mapping[str, Interface]
 ) -> dict[str, float | None]:
     """Names of all numbers that fit a pattern and can be set, with start values where these are known."""
-    varying = _Varying(pattern, f"'{pattern}'", system, interfaces)
-    names = varying._matching(pattern, Values((0,)))
-    return {name: start_number(name, system, interfaces) for name in names}
+    varying = _FactorResolver(pattern, f"'{pattern}'", system, interfaces)
+    names = varying._matching(pattern, ValueList((0,)))
+    return {name: find_start_number(name, system, interfaces) for name in names}
 
 
 def _check_names(found: Sequence[Factor], where: str) -> None:
@@ -88,7 +88,7 @@ def _check_names(found: Sequence[Factor], where: str) -> None:
         targets |= {target.name: factor.name for target in factor.targets}
 
 
-def start_number(name: str, system: System, interfaces: Mapping[str, Interface]) -> float | None:
+def find_start_number(name: str, system: System, interfaces: Mapping[str, Interface]) -> float | None:
     """The start value that a variable has in the scenario, in its unit there; None where it is no number."""
     component, variable = system.split(name)
     value = component.parameters.get(variable)
@@ -103,7 +103,7 @@ def start_number(name: str, system: System, interfaces: Mapping[str, Interface])
 
 
 @dataclass(frozen=True)
-class _Varying:
+class _FactorResolver:
     """What a plan calls `name`, in a system; sentences call it `label`."""
 
     name: str
@@ -115,11 +115,11 @@ class _Varying:
         """A factor for each thing that the name means; a single one where `of` names them."""
         of = None
         if isinstance(given, Mapping) and "of" in given:
-            of = converted(given["of"], Sequence[str], f"'of' in {self.label}")
+            of = convert_value(given["of"], Sequence[str], f"'of' in {self.label}")
             if not of:
                 raise CommandError(f"'of' in {self.label} is empty; it must be a list of names.")
             given = {key: value for key, value in given.items() if key != "of"}
-        in_si = distribution(without_units(given, self._in_si, self.label), self.label)
+        in_si = parse_distribution(convert_units(given, self._in_si, self.label), self.label)
         if of is None:
             names = self._names(self.name, in_si)
             return [self._factor(name, [name], self._distribution(given, [name])) for name in names]
@@ -128,7 +128,7 @@ class _Varying:
 
     def _in_si(self, text: str) -> float:
         """Return a quantity as a number in SI units, which has the order that it has in any other."""
-        found = quantity(text, f"{self.label}: {text}")
+        found = parse_quantity(text, f"{self.label}: {text}")
         return found.in_unit(None if found.unit is None else found.unit.si, self.label)
 
     def _distribution(self, given: Any, names: Sequence[str]) -> Distribution:
@@ -142,17 +142,17 @@ class _Varying:
             (unit,) = units
             if unit is None:
                 raise CommandError(f"{label} has a unit, but the variable has none; write a plain number.")
-            return quantity(text, label).in_unit(unit, label)
+            return parse_quantity(text, label).in_unit(unit, label)
 
         if any(self._takes_text(name) for name in names):
-            return distribution(given, self.label)
-        return distribution(without_units(given, convert, self.label), self.label)
+            return parse_distribution(given, self.label)
+        return parse_distribution(convert_units(given, convert, self.label), self.label)
 
     def _takes_text(self, name: str) -> bool:
         """Return whether values that look like quantities may be texts: files, names of levels."""
         kind = self._kind(name)
         if kind == OPTION:
-            return not table()[name].about.unit
+            return not list_options()[name].about.unit
         if kind == FMU:
             return True
         component, variable = self.system.split(name)
@@ -169,14 +169,14 @@ class _Varying:
         return Factor(name, targets, distributed, "" if own is None else str(own))
 
     def _kind(self, name: str) -> str:
-        if name in table():
+        if name in list_options():
             return OPTION
         return FMU if any(c.name == name for c in self.system.components) else START
 
     def _names(self, name: str, distributed: Distribution) -> list[str]:
         """The option, component or start value that a name means, or start values that a pattern does."""
         kind = self._kind(name)
-        if kind == OPTION and not table()[name].can_vary:
+        if kind == OPTION and not list_options()[name].can_vary:
             raise CommandError(f"{self.label}: the option {name} is the same for all variants.")
         if kind == START and is_pattern(name) and (found := self._matching(name, distributed)):
             return found
@@ -195,15 +195,15 @@ class _Varying:
             interface = self.interfaces[component.name]
             for own, variable in interface.variables.items():
                 name = f"{component.name}.{named.get(own, own)}"
-                free = interface.settable(own) and (component.name, own) not in driven
-                if free and variable.type in types and fits(name, pattern):
+                free = interface.is_settable(own) and (component.name, own) not in driven
+                if free and variable.type in types and matches_pattern(name, pattern):
                     found.append(name)
         return found
 
     def _check_start_value(self, name: str) -> None:
         """Raise CommandError for a name that is no start value, or of one that is driven or computed."""
         if "." not in name:
-            everything = [*table(), *(c.name for c in self.system.components)]
+            everything = [*list_options(), *(c.name for c in self.system.components)]
             near = difflib.get_close_matches(name, everything, n=2, cutoff=0.6)
             meant = f"did you mean {' or '.join(near)}?" if near else "write it as component.variable."
             raise CommandError(
@@ -212,26 +212,26 @@ class _Varying:
         component, variable = self.system.split(name)
         interface, own = self.interfaces[component.name], component.alias(variable).variable
         find_variable(component.name, interface.variables, own)
-        if not interface.settable(own):
-            near = [n for n in interface.variables if n.endswith(f".{own}") and interface.settable(n)]
+        if not interface.is_settable(own):
+            near = [n for n in interface.variables if n.endswith(f".{own}") and interface.is_settable(n)]
             meant = f"; did you mean {component.name}.{near[0]}?" if near else "."
             raise CommandError(f"{self.label} is computed by the FMU and cannot be varied{meant}", name=name)
         refuse_driven(replace(component, parameters={own: 0.0}), self.system)
 
     def _nominal(self, name: str) -> float:
         """The start value that the scenario has; CommandError where there is no number to multiply."""
-        number = start_number(name, self.system, self.interfaces) if self._kind(name) == START else None
+        number = find_start_number(name, self.system, self.interfaces) if self._kind(name) == START else None
         if number is None:
             raise CommandError(f"{self.label} is relative, but {name} has no number in the scenario.")
         if number == 0.0:
             raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
         return number
 
-    def _unit(self, kind: str, name: str) -> Unit | None:
+    def _unit(self, kind: str, name: str) -> SiUnit | None:
         """Return the unit of a start value or of an option; None where there is none."""
         if kind == OPTION:
-            unit = table()[name].about.unit
-            return unit_named(unit, self.label) if unit else None
+            unit = list_options()[name].about.unit
+            return parse_unit_name(unit, self.label) if unit else None
         if kind == FMU:
             return None
         component, variable = self.system.split(name)

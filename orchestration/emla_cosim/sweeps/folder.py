@@ -12,13 +12,13 @@ from typing import Any
 import polars
 
 from ..base.errors import CommandError
-from ..base.files import UNFINISHED, read_text, writing_to, written_whole
+from ..base.files import UNFINISHED, read_text, report_write_errors, write_atomically
 from ..base.ownership import has_entries
 from ..views.folder import Folder
 from .data import PROBLEM, STATUS, VARIANT
 from .measures import Measures
 from .pictures import PICTURES
-from .worker import Chunk, parquet
+from .worker import Chunk, to_parquet
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
 WORST = "worst.txt"
@@ -54,7 +54,7 @@ class SweepFolder(Folder):
         self._check_places(begun=bool(found))
         if resume and not found:
             raise CommandError(f"'{self.path}' has no sweep to resume; leave out --resume.")
-        if resume and (differing := _differing(found.get("identity"), identity)):
+        if resume and (differing := _describe_difference(found.get("identity"), identity)):
             raise CommandError(
                 f"the sweep in '{self.path}' cannot be resumed, as it has other {differing}; "
                 "name another folder."
@@ -69,7 +69,7 @@ class SweepFolder(Folder):
         """Raise CommandError where what is in the place of an inner folder is no sweep's."""
         for name in (PARTS, SERIES):
             place = self._place / name
-            with writing_to(self.path):
+            with report_write_errors(self.path):
                 there = list(place.iterdir()) if place.is_dir() else []
             strange = [file for file in there if not begun or not _OURS.fullmatch(file.name)]
             if strange or place.is_symlink() or (place.exists() and not place.is_dir()):
@@ -83,7 +83,7 @@ class SweepFolder(Folder):
     def check_room(self, variants: int, figures: int, values_each: int) -> None:
         """Raise CommandError where the disk cannot hold results; `values_each` are those over time."""
         needed = 8 * variants * (figures + values_each)
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             free = shutil.disk_usage(self._place).free
         if needed > free:
             raise CommandError(
@@ -93,7 +93,7 @@ class SweepFolder(Folder):
 
     def begin(self, record: Mapping[str, Any], resume: bool) -> None:
         """Begin a sweep with this record, or go on with it; see `check`. Raises RunError."""
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             if not resume:
                 self.clear()
             for name in (PARTS, SERIES):
@@ -134,18 +134,18 @@ class SweepFolder(Folder):
 
     def write_record(self, entries: Mapping[str, Any]) -> None:
         """Write sweep.json with these entries and those that it has. Raises RunError."""
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             self.write_json(RECORD, {**self.record(), **entries})
 
     def keep(self, chunk: Chunk, measures: Measures) -> None:
         """Write what the variants of a chunk gave; it is there whole or not at all. Raises RunError."""
         name = f"{chunk.outcomes[0].number:09d}.parquet"
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             if chunk.series is not None:  # before the part, without which it does not count
-                with written_whole(self._place / SERIES / name) as stream:
+                with write_atomically(self._place / SERIES / name) as stream:
                     stream.write(chunk.series)
-            with written_whole(self._place / PARTS / name) as stream:
-                stream.write(parquet(_frame(chunk, measures)))
+            with write_atomically(self._place / PARTS / name) as stream:
+                stream.write(to_parquet(_frame(chunk, measures)))
 
     def finished(self) -> set[int]:
         """Numbers of the variants that are there. Raises CommandError for a part that cannot be read."""
@@ -156,8 +156,8 @@ class SweepFolder(Folder):
         """Write variants.parquet: `about` (columns by variant) beside what came out. Raises RunError."""
         parts = self._parts()
         found = about.head(0) if parts is None else about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
-        with writing_to(self.path):
-            self.write(TABLE, parquet(found))
+        with report_write_errors(self.path):
+            self.write(TABLE, to_parquet(found))
 
     def close(self, whole: bool, wall_s: float) -> None:
         """Say how long it took in s, and whether all variants are there: no parts are needed then."""
@@ -190,7 +190,7 @@ class SweepFolder(Folder):
                 file.unlink()
 
 
-def digest(content: object) -> str:
+def hash_plain_data(content: object) -> str:
     """A short hash of plain data."""
     text = json.dumps(content, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -211,7 +211,7 @@ def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
     return ends.with_columns(columns)
 
 
-def _differing(before: Any, now: Mapping[str, Any]) -> str:
+def _describe_difference(before: Any, now: Mapping[str, Any]) -> str:
     """What is not the same in two identities; empty where all is."""
     if not isinstance(before, Mapping):
         return "contents"

@@ -19,10 +19,10 @@ from typing import Any, NamedTuple, cast
 import psutil
 
 from ..base.errors import RunError
-from ..sandbox.processes import cores, end_with, environment
+from ..sandbox.processes import count_cores, make_environment, watch_parent
 
 
-class Place(NamedTuple):
+class ClusterAddress(NamedTuple):
     """Where a scheduler is, and what it takes to talk to it."""
 
     address: str
@@ -40,7 +40,7 @@ _CONFIG = {
 
 
 @contextlib.contextmanager
-def local_cluster(workers: int | None = None) -> Iterator[Place]:
+def local_cluster(workers: int | None = None) -> Iterator[ClusterAddress]:
     """A cluster of so many worker processes with one thread each, by default one for each core.
 
     Raises RunError where it does not come up.
@@ -52,13 +52,13 @@ def local_cluster(workers: int | None = None) -> Iterator[Place]:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=said,
-            env=environment(),
+            env=make_environment(),
             start_new_session=True,  # Ctrl-C is for who asked for it
         )
         assert process.stdin is not None and process.stdout is not None
         try:
             try:
-                place = Place(*pickle.load(process.stdout))
+                place = ClusterAddress(*pickle.load(process.stdout))
             except Exception as error:
                 said.seek(0)
                 last = said.read().decode(errors="replace").strip().splitlines()[-1:] or ["it said nothing"]
@@ -78,7 +78,7 @@ def local_cluster(workers: int | None = None) -> Iterator[Place]:
 def main() -> None:
     """Serve until standard input ends, or the parent is gone."""
     folder = tempfile.mkdtemp(prefix="emla-cluster-")
-    end_with(os.getppid(), lambda: _gone(folder))
+    watch_parent(os.getppid(), lambda: _remove_after_parent(folder))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ["TMPDIR"] = tempfile.tempdir = folder  # of the workers too, which can be killed
     os.environ.setdefault("POLARS_MAX_THREADS", "1")  # a worker has one core
@@ -89,7 +89,7 @@ def main() -> None:
     configure({**_CONFIG, "temporary-directory": folder})
     security = Security.temporary()
     with LocalCluster(
-        n_workers=int(sys.argv[1]) or cores(),
+        n_workers=int(sys.argv[1]) or count_cores(),
         threads_per_worker=1,
         processes=True,
         host="127.0.0.1",
@@ -105,7 +105,7 @@ def main() -> None:
     sys.stderr.flush()
 
 
-def _gone(folder: str) -> None:
+def _remove_after_parent(folder: str) -> None:
     """The parent was killed: nobody needs this process, its workers and their files any more."""
     for worker in psutil.Process().children(recursive=True):
         with contextlib.suppress(psutil.Error):

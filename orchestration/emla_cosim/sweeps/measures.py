@@ -12,9 +12,9 @@ import polars
 from polars.exceptions import PolarsError
 
 from ..base.errors import CommandError
-from ..base.patterns import fits
+from ..base.patterns import matches_pattern
 from ..recorders.metrics import HELD, is_verdict
-from ..run.requirements import by_name, instead
+from ..run.requirements import flatten_figures, suggest_figure
 from ..run.result import Result
 from .reserved import RESERVED
 
@@ -26,7 +26,7 @@ _TIME = "time"
 
 
 @dataclass(frozen=True)
-class Asked:
+class MetricRequest:
     """What a plan asks to keep: `figures` by name or pattern, the others by the names they get."""
 
     figures: Sequence[str] = ()
@@ -34,14 +34,14 @@ class Asked:
     functions: Mapping[str, Callable[[Result], Any]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, metrics: Sequence[Metric] | Mapping[str, Metric], where: str) -> "Asked":
+    def of(cls, metrics: Sequence[Metric] | Mapping[str, Metric], where: str) -> "MetricRequest":
         """Read what a plan says; CommandError for what is none of these.
 
         In a list an expression is written as "name = expression", and a function has the name that it
         has in Python.
         """
         figures, expressions, functions = list[str](), dict[str, str](), dict[str, Any]()
-        for name, metric in _named(metrics, where):
+        for name, metric in _check_names(metrics, where):
             if name is not None:
                 _check_name(name, [*expressions, *functions], where)
             if callable(metric):
@@ -66,7 +66,9 @@ def _source(function: Callable[..., Any]) -> str:
         return getattr(function, "__qualname__", type(function).__name__)
 
 
-def _named(metrics: Sequence[Metric] | Mapping[str, Metric], where: str) -> list[tuple[str | None, Metric]]:
+def _check_names(
+    metrics: Sequence[Metric] | Mapping[str, Metric], where: str
+) -> list[tuple[str | None, Metric]]:
     if isinstance(metrics, Mapping):
         given: list[tuple[Any, Any]] = list(metrics.items())
     elif isinstance(metrics, str) or not isinstance(metrics, Sequence):
@@ -130,10 +132,10 @@ class Measures:
 
         Raises MeasureError where an expression or a function fails.
         """
-        known = by_name(result.metrics, {})
+        known = flatten_figures(result.metrics, {})
         found: dict[str, float | bool | None] = {name: known.get(name) for name in self.figures}
         if self.expressions:
-            found |= _evaluated(self.expressions, self._frame(result))
+            found |= _evaluate(self.expressions, self._frame(result))
         for name, function in self.functions.items():
             try:
                 found[name] = _number(function(result))
@@ -153,8 +155,8 @@ class MeasureError(Exception):
     """A figure that could not be computed; the sentence says which one, and why."""
 
 
-def resolved(
-    asked: Asked, figures: Mapping[str, bool], signals: Sequence[str], kept: Sequence[str], where: str
+def resolve_measures(
+    asked: MetricRequest, figures: Mapping[str, bool], signals: Sequence[str], kept: Sequence[str], where: str
 ) -> Measures:
     """What is kept, with names instead of patterns; without any metric, all figures are.
 
@@ -171,11 +173,11 @@ def resolved(
         _check_name(name, chosen, where)
     quoted, used = dict[str, str](), set[str]()
     for name, text in asked.expressions.items():
-        quoted[name], inside = _quoted(text, signals)
+        quoted[name], inside = _quote_signals(text, signals)
         used |= inside
     read = sorted({*kept, *used} if not asked.functions else {*kept, *used, *signals})
     measures = Measures(chosen, quoted, asked.functions, list(kept), read)
-    tried = _tried(measures, asked.expressions, signals, where)
+    tried = _check_expressions(measures, asked.expressions, signals, where)
     truths = [name for name in chosen if figures[name]]
     return replace(measures, truths=[*truths, *(n for n, value in tried.items() if isinstance(value, bool))])
 
@@ -183,7 +185,7 @@ def resolved(
 def with_verdicts(measures: Measures, figures: Mapping[str, bool]) -> Measures:
     """Return measures that keep every verdict, named or not: a map cannot say `held` without it.
 
-    `figures` are as in `resolved`.
+    `figures` are as in `resolve_measures`.
     """
     missing = [n for n, truth in figures.items() if truth and is_verdict(n) and n not in measures.figures]
     return replace(measures, figures=[*measures.figures, *missing], truths=[*measures.truths, *missing])
@@ -203,9 +205,9 @@ def reason_not_held(result: Result) -> str | None:
 def _matching(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:
     found = list[str]()
     for pattern in patterns:
-        matching = [name for name in figures if fits(name, pattern)]
+        matching = [name for name in figures if matches_pattern(name, pattern)]
         if not matching:
-            meant = instead(pattern, figures) if figures else "there is none; name an expression."
+            meant = suggest_figure(pattern, figures) if figures else "there is none; name an expression."
             raise CommandError(
                 f"{where} wants the metric '{pattern}', which does not exist; {meant}", name=pattern
             )
@@ -213,7 +215,7 @@ def _matching(patterns: Sequence[str], figures: Sequence[str], where: str) -> li
     return found
 
 
-def _quoted(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
+def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
     """An expression with signals as SQL quotes them, and those in it."""
     names = sorted((s for s in signals if s in text), key=len, reverse=True)
     used = set[str]()
@@ -233,7 +235,7 @@ def _quoted(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
     return re.sub(pattern, quote, text), used
 
 
-def _tried(
+def _check_expressions(
     measures: Measures, as_written: Mapping[str, str], signals: Sequence[str], where: str
 ) -> dict[str, float | bool | None]:
     """All expressions of two rows of zeros; CommandError for one that fails."""
@@ -241,7 +243,7 @@ def _tried(
     frame = polars.DataFrame({name: [0.0, 0.0] for name in (_TIME, *measures.read)})
     for name, expression in measures.expressions.items():
         try:
-            found |= _evaluated({name: expression}, frame)
+            found |= _evaluate({name: expression}, frame)
         except MeasureError as error:
             text = as_written[name]
             words = {w for w in re.findall(r"[A-Za-z_][\w.\[\],]*", text) if "." in w and w not in signals}
@@ -251,7 +253,7 @@ def _tried(
     return found
 
 
-def _evaluated(expressions: Mapping[str, str], frame: polars.DataFrame) -> dict[str, float | bool | None]:
+def _evaluate(expressions: Mapping[str, str], frame: polars.DataFrame) -> dict[str, float | bool | None]:
     found = {}
     for name, expression in expressions.items():
         try:

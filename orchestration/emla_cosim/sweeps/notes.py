@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ..base.errors import CommandError
-from .design import Design, Group
+from .design import Design, VariantGroup
 from .factors import Factor
-from .targets import is_prepared, merged
+from .targets import merge_options, needs_preparation
 
 _NUMBER = re.compile(r"[-+]?[0-9][0-9.,]*(e[-+]?[0-9]+)?")
 
@@ -24,7 +24,7 @@ def sweep_notes(design: Design) -> list[str]:
     return list(found.values())
 
 
-def _notes(group: Group) -> Iterator[str]:
+def _notes(group: VariantGroup) -> Iterator[str]:
     scenario = group.preparation.scenario
     if scenario is None:
         return
@@ -40,5 +40,5 @@ def _notes(group: Group) -> Iterator[str]:
 
 def _at_ends(factors: Sequence[Factor], end: int) -> dict[str, Any]:
     """Return the options of a variant with all factors at their low (0) or high end (1)."""
-    changing = [f for f in factors if not any(is_prepared(target) for target in f.targets)]
-    return merged(f.options(f.value(f.distribution.ends[end])) for f in changing)
+    changing = [f for f in factors if not any(needs_preparation(target) for target in f.targets)]
+    return merge_options(f.options(f.value(f.distribution.ends[end])) for f in changing)

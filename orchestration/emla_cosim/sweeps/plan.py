@@ -9,15 +9,15 @@ from typing import Any
 from ..base.errors import CommandError
 from ..base.files import read_text
 from ..base.option import SWEEP
-from ..base.values import converted
-from ..run.options import read_option, table
+from ..base.values import convert_value
+from ..run.options import list_options, read_option
 from ..run.scenarios.built_in import PLANS
 from ..run.scenarios.scenario import Scenario
-from ..run.scenarios.scenario_file import options_given
+from ..run.scenarios.scenario_file import read_given_options
 from ..system.model import System
 from .measures import Metric
 from .sampling import SAMPLINGS
-from .targets import merged
+from .targets import merge_options
 
 Source = str | Path | System | Scenario
 """What a plan can be made of: a scenario, its name or its file."""
@@ -32,7 +32,7 @@ class Plan:
 
     `scenario` is what is run, with `options` over its own. `vary` says what varies and how: the name of
     a start value (component.variable), of a component (whose FMU varies) or of an option; see
-    `distributions.distribution` for the values. `sampling` is a name of `SAMPLINGS`, by default a grid
+    `distributions.parse_distribution` for the values. `sampling` is a name of `SAMPLINGS`, by default a grid
     without `runs` and "random" with them; `seed` is that of whatever is drawn. `metrics` are what is
     kept, by default all figures; `signals` are names or patterns of those to keep over time. `where` is
     what sentences call the plan.
@@ -65,7 +65,7 @@ class Plan:
         if "vary" in found:
             found["vary"] = {**self.vary, **found["vary"]}
         if "options" in found:
-            found["options"] = merged([self.options, found["options"]])
+            found["options"] = merge_options([self.options, found["options"]])
         changed = replace(self, **found)
         changed.check()
         return changed
@@ -74,8 +74,10 @@ class Plan:
         """Raise CommandError for what can be seen to be wrong without the scenario."""
         types = {"runs": int | None, "seed": int, "sampling": str | None, "signals": Sequence[str]}
         for name, type_ in types.items():
-            converted(getattr(self, name), type_, f"'{name}' of {self.where}")
-        if wrong := [name for name in self.options if name in table() and name not in table(SWEEP)]:
+            convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
+        if wrong := [
+            name for name in self.options if name in list_options() and name not in list_options(SWEEP)
+        ]:
             raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of {self.where}.")
         if not 0 <= self.seed <= _LARGEST_SEED:
             raise CommandError(f"the seed {self.seed} of {self.where} must be from 0 to {_LARGEST_SEED}.")
@@ -86,7 +88,7 @@ class Plan:
             )
 
 
-def plan_of(source: Source | Plan) -> Plan:
+def load_plan(source: Source | Plan) -> Plan:
     """A plan as it is, by its name, from a file (.toml with `vary`), or of a scenario, which varies nothing.
 
     Raises CommandError for a file that cannot be read, or that is no plan.
@@ -96,12 +98,12 @@ def plan_of(source: Source | Plan) -> Plan:
     if not isinstance(source, (str, Path)):
         return Plan(source.name if isinstance(source, Scenario) else "system", source, {})
     if str(source) in PLANS:
-        return _parsed(PLANS[str(source)](), str(source), f"the plan '{source}'", None)
+        return _parse_plan(PLANS[str(source)](), str(source), f"the plan '{source}'", None)
     path = Path(source)
     if path.suffix.lower() == ".toml":
         text = read_text(path, "the plan")
         if _has_plan(text, path):
-            return _parsed(text, path.stem, f"the plan '{path}'", path.parent)
+            return _parse_plan(text, path.stem, f"the plan '{path}'", path.parent)
     name = path.stem if path.suffix else path.name
     return Plan(name, source, {}, where=f"the sweep of '{source}'")
 
@@ -114,28 +116,30 @@ def _has_plan(text: str, path: Path) -> bool:
         raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
 
 
-def _parsed(text: str, name: str, label: str, folder: Path | None) -> Plan:
+def _parse_plan(text: str, name: str, label: str, folder: Path | None) -> Plan:
     """The plan that a file holds; paths in it are relative to `folder`."""
     content = tomllib.loads(text)
     if "scenario" not in content:
         raise CommandError(f'{label} has no scenario; write scenario = "study", or the path of one.')
-    scenario = converted(content["scenario"], str, f"'scenario' of {label}")
+    scenario = convert_value(content["scenario"], str, f"'scenario' of {label}")
     if folder is not None and (folder / scenario).exists():
         scenario = str(folder / scenario)
     options = {
         option: read_option(option, value, f"'{option}' of {label}", folder)
-        for option, value in options_given(content, label, _OWN, SWEEP).items()
+        for option, value in read_given_options(content, label, _OWN, SWEEP).items()
     }
     plan = Plan(
         name,
         scenario,
         {
             varied: _with_files_of(folder, given)
-            for varied, given in flat(converted(content["vary"], Mapping[str, Any], f"'vary' of {label}"))
+            for varied, given in flatten(
+                convert_value(content["vary"], Mapping[str, Any], f"'vary' of {label}")
+            )
         },
-        description=converted(content.get("description", ""), str, f"'description' of {label}"),
+        description=convert_value(content.get("description", ""), str, f"'description' of {label}"),
         metrics=content.get("metrics", ()),
-        signals=converted(content.get("signals", []), Sequence[str], f"'signals' of {label}"),
+        signals=convert_value(content.get("signals", []), Sequence[str], f"'signals' of {label}"),
         options=options,
         where=label,
     )
@@ -155,10 +159,10 @@ def _with_files_of(folder: Path | None, given: Any) -> Any:
     return [_with_files_of(folder, one) for one in given] if isinstance(given, list) else given
 
 
-def flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def flatten(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Entries by their whole name: TOML nests names with dots unless they are quoted."""
     for key, value in table.items():
         if isinstance(value, dict) and not isinstance(value.get("distribution"), str):
-            yield from ((f"{key}.{name}", inner) for name, inner in flat(value))
+            yield from ((f"{key}.{name}", inner) for name, inner in flatten(value))
         else:
             yield key, value

@@ -9,9 +9,9 @@ import polars
 
 from ..base.errors import CommandError
 from .data import VARIANT, SweepData
-from .pictures import picture
+from .pictures import draw_picture
 from .sensitivity import SobolIndices, sobol_indices
-from .targets import as_arguments, assigned, merged
+from .targets import assign_value, format_arguments, merge_options
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,11 +39,11 @@ class SweepResult(SweepData):
         if not rows.height:
             raise CommandError(f"there is no variant {variant}.", variant=variant)
         row = rows.row(0, named=True)
-        return merged(assigned(self.targets[name], row[name]) for name in self.factors)
+        return merge_options(assign_value(self.targets[name], row[name]) for name in self.factors)
 
     def command(self, variant: int) -> str | None:
         """The command that runs a variant alone; None where its scenario or an option is of Python alone."""
-        if self.base is None or (own := as_arguments(self.options(variant))) is None:
+        if self.base is None or (own := format_arguments(self.options(variant))) is None:
             return None
         return shlex.join([*self.base, *own])
 
@@ -65,4 +65,4 @@ class SweepResult(SweepData):
         that is not there, and where the sweep has nothing for the picture, such as `tornado` of another
         sampling than one-at-a-time.
         """
-        return picture(self, kind, names)
+        return draw_picture(self, kind, names)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, check_choice
-from ..base.values import converted
+from ..base.values import convert_value
 from ..system.model import Value
 from .distributions import Distribution
 
@@ -43,12 +43,12 @@ class Sampling:
         return not self.own_size
 
 
-def count(method: str, distributions: Sequence[Distribution], runs: int | None) -> int:
+def count_variants(method: str, distributions: Sequence[Distribution], runs: int | None) -> int:
     """How many variants a sampling has; nothing is allocated for them.
 
     Raises CommandError as `sample` does, but for a wrong seed.
     """
-    return _checked(method, distributions, runs).count(distributions, _runs(runs))
+    return _check_method(method, distributions, runs).count(distributions, _runs(runs))
 
 
 def sample(
@@ -66,13 +66,13 @@ def sample(
     Raises CommandError for an unknown method, no distributions, wrong or missing runs, a negative seed, too
     many dimensions for Sobol's sequence, and, with the field `index`, for one without levels in a grid.
     """
-    sampling = _checked(method, distributions, runs)
-    if converted(seed, int, "the seed") < 0:
+    sampling = _check_method(method, distributions, runs)
+    if convert_value(seed, int, "the seed") < 0:
         raise CommandError(f"the seed {seed} must be a whole number from 0.", seed=seed)
     return sampling.draw(distributions, _runs(runs), int(seed))
 
 
-def _checked(method: str, distributions: Sequence[Distribution], runs: Any) -> Sampling:
+def _check_method(method: str, distributions: Sequence[Distribution], runs: Any) -> Sampling:
     check_choice("sampling", method, SAMPLINGS)
     sampling = SAMPLINGS[method]
     if not distributions:
@@ -96,7 +96,7 @@ def _checked(method: str, distributions: Sequence[Distribution], runs: Any) -> S
 def _check_runs(method: str, runs: Any, sampling: Sampling) -> None:
     if runs is None:
         raise CommandError(f"the sampling '{method}' needs a number of runs, 1 or more.", method=method)
-    if converted(runs, int, "the number of runs") < 1:
+    if convert_value(runs, int, "the number of runs") < 1:
         raise CommandError(f"the number of runs is {runs}; it must be 1 or more.", runs=runs)
     if sampling.dimensions and runs > _MOST_SOBOL_RUNS:
         raise CommandError(
@@ -188,15 +188,15 @@ def _one_at_a_time(distributions: Sequence[Distribution], _runs: int, _seed: int
     return columns
 
 
-def _given(_distributions: Sequence[Distribution], runs: int) -> int:
+def _sample_given(_distributions: Sequence[Distribution], runs: int) -> int:
     return runs
 
 
 SAMPLINGS: dict[str, Sampling] = {
     "grid": Sampling(_grid_count, _grid, own_size="a grid is as large as its levels make it"),
-    "random": Sampling(_given, _random),
-    "latin-hypercube": Sampling(_given, _latin_hypercube),
-    "sobol": Sampling(_given, _sobol, dimensions=1),
+    "random": Sampling(_sample_given, _random),
+    "latin-hypercube": Sampling(_sample_given, _latin_hypercube),
+    "sobol": Sampling(_sample_given, _sobol, dimensions=1),
     "saltelli": Sampling(_saltelli_count, _saltelli, dimensions=2),
     "one-at-a-time": Sampling(
         lambda distributions, _: 2 * len(distributions) + 1,

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from .columns import figure_by_variant, figure_values, numbers, varying
+from .columns import figure_by_variant, figure_values, find_varying_figures, variant_numbers
 from .data import SweepData
 
 SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
@@ -86,7 +86,7 @@ def sobol_indices(result: SweepData, figure: str) -> SobolIndices:
     """
     check_sampling(result, SALTELLI, "Sobol indices")
     rows = len(result.factors) + 2
-    count = -(-(int(numbers(result).max(initial=-1)) + 1) // rows)
+    count = -(-(int(variant_numbers(result).max(initial=-1)) + 1) // rows)
     values = figure_by_variant(result, figure, count * rows).reshape(count, rows)
     whole = values[~np.isnan(values).any(axis=1)]
     if len(whole) < 2:
@@ -111,7 +111,7 @@ def sobol_indices(result: SweepData, figure: str) -> SobolIndices:
 def all_sobol_indices(result: SweepData) -> dict[str, SobolIndices]:
     """Return the Sobol indices of every figure that varies and has them, by its name."""
     found = dict[str, SobolIndices]()
-    for figure in varying(result):
+    for figure in find_varying_figures(result):
         with contextlib.suppress(CommandError):  # too few variants have it
             found[figure] = sobol_indices(result, figure)
     return found
@@ -150,7 +150,7 @@ def local_sensitivities(result: SweepData, figure: str) -> list[LocalSensitivity
     check_sampling(result, ONE_AT_A_TIME, "local sensitivities")
     count = 1 + 2 * len(result.factors)
     figure_values(result, figure)  # says what is wrong with its name
-    if int(numbers(result).max(initial=-1)) >= count:
+    if int(variant_numbers(result).max(initial=-1)) >= count:
         raise CommandError(
             f"the sweep '{result.name}' has variants beyond the {count} that one-at-a-time gives for "
             f"{len(result.factors)} factors: the nominal one, and a low and a high one for each."

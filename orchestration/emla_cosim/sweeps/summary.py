@@ -9,19 +9,19 @@ from rich.text import Text
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..base.wording import counted
+from ..base.wording import format_count
 from ..recorders.metrics import Shown
-from ..views.terminal import cell
+from ..views.terminal import format_figure
 from .columns import (
     NOT_HELD,
     check_figure,
+    display_of,
     figure_values,
+    find_verdicts,
     is_done,
     is_truth,
     main_figure,
-    outcomes,
-    shown_as,
-    verdicts,
+    read_outcomes,
 )
 from .data import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT
 from .result import SweepResult
@@ -34,7 +34,9 @@ WORST = 5
 """How many of the worst variants are shown unless somebody asks for more."""
 
 
-def summary(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[RenderableType]:
+def format_summary(
+    result: SweepResult, figure: str | None = None, count: int = WORST
+) -> list[RenderableType]:
     """All of this; `figure` is that of sensitivities and worst variants, None for the first that varies.
 
     Raises CommandError for a figure that the sweep does not have.
@@ -56,7 +58,7 @@ def status_line(result: SweepResult) -> Text:
     statuses = [str(status) for status in result.variants[STATUS].to_list()]
     names = dict.fromkeys([DONE, DIVERGED, REFUSED, FAILED, DIED, *statuses])
     told = {name: f"{statuses.count(name):,} {name}" for name in names if name in statuses}
-    if wrong := int((outcomes(result) == NOT_HELD).sum()):
+    if wrong := int((read_outcomes(result) == NOT_HELD).sum()):
         told[DONE] += f" ({wrong:,} of them {NOT_HELD})"
     return Text(f"{_variants(len(statuses))}: {', '.join(told.values()) or 'none'}")
 
@@ -72,16 +74,16 @@ def figures_table(result: SweepResult) -> RenderableType:
     for head in ("least", "median", "95 %", "largest"):
         table.add_column(head, justify="right")
     table.add_column("")
-    judged = verdicts(result)
+    judged = find_verdicts(result)
     for figure in [*judged, *(name for name in result.figures if name not in judged)]:
-        shown, values = shown_as(result, figure), figure_values(result, figure)
+        shown, values = display_of(result, figure), figure_values(result, figure)
         known = values[~np.isnan(values)]
         if is_truth(result, figure):
             cells = ["", "", "", f"{int(known.sum()):,} of {len(known):,} yes"]
         else:
-            cells = [cell(value, shown) for value in _statistics(known)]
+            cells = [format_figure(value, shown) for value in _statistics(known)]
         table.add_row(escape(shown.label), *cells, escape(shown.unit))
-    return _titled(title, table)
+    return _add_title(title, table)
 
 
 def _statistics(known: Vector) -> list[float]:
@@ -104,7 +106,9 @@ def sobol_table(result: SweepResult, figure: str) -> RenderableType:
     """Sobol indices of a figure, the largest total first. Raises CommandError as `sobol_indices` does."""
     found = sobol_indices(result, figure)
     left_out = f", {found.left_out:,} left out" if found.left_out else ""
-    title = f"Sobol indices of {shown_as(result, figure).label}, from {found.groups:,} base samples{left_out}"
+    title = (
+        f"Sobol indices of {display_of(result, figure).label}, from {found.groups:,} base samples{left_out}"
+    )
     table = Table()
     table.add_column("", overflow="fold")
     for head in ("first order", "total"):
@@ -117,7 +121,7 @@ def sobol_table(result: SweepResult, figure: str) -> RenderableType:
             f"{found.total[i]:.2f} ± {found.total_confidence[i]:.2f}",
         )
     _tell_rest(table, len(strongest))
-    titled = _titled(title, table)
+    titled = _add_title(title, table)
     return titled if found.warning is None else Group(titled, Text(f"Warning: {found.warning}"))
 
 
@@ -126,7 +130,7 @@ def local_table(result: SweepResult, figure: str) -> RenderableType:
 
     Raises CommandError as `local_sensitivities` does.
     """
-    shown = shown_as(result, figure)
+    shown = display_of(result, figure)
     unit = f" in {shown.unit}" if shown.unit else ""
     table = Table()
     table.add_column("", overflow="fold")
@@ -135,9 +139,9 @@ def local_table(result: SweepResult, figure: str) -> RenderableType:
     rows = local_sensitivities(result, figure)
     for row in rows[:_MOST_FACTORS]:
         values = (row.low, row.nominal, row.high)
-        table.add_row(escape(row.factor), *(_told(result, figure, shown, value) for value in values))
+        table.add_row(escape(row.factor), *(_format_figure(result, figure, shown, value) for value in values))
     _tell_rest(table, len(rows))
-    return _titled(f"{shown.label}{unit}, each factor alone", table)
+    return _add_title(f"{shown.label}{unit}, each factor alone", table)
 
 
 def _tell_rest(table: Table, factors: int) -> None:
@@ -146,7 +150,7 @@ def _tell_rest(table: Table, factors: int) -> None:
         table.add_row(f"and {rest} with less effect", style="dim")
 
 
-def worst(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:
+def find_worst_variants(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:
     """The rows of the worst variants: those that are not done, that are not held, that lack the figure.
 
     The largest numbers follow, or what is false before what is true; among equals the first variant. Raises
@@ -154,50 +158,50 @@ def worst(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFr
     """
     values = figure_values(result, figure)
     badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
-    held = outcomes(result) != NOT_HELD
+    held = read_outcomes(result) != NOT_HELD
     order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, held, is_done(result)))
     return result.variants[order[:count]]
 
 
 def worst_table(result: SweepResult, figure: str, count: int = WORST) -> RenderableType:
-    """The worst variants, see `worst`, each with its problem."""
-    rows, shown = worst(result, figure, count), shown_as(result, figure)
+    """The worst variants, see `find_worst_variants`, each with its problem."""
+    rows, shown = find_worst_variants(result, figure, count), display_of(result, figure)
     head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
     table = Table()
     table.add_column("variant", justify="right")
     table.add_column("status")
     table.add_column(escape(head), justify="right", overflow="fold", max_width=26)
     table.add_column("", overflow="fold", ratio=1)
-    ended = dict(zip(result.variants[VARIANT], outcomes(result), strict=True))
+    ended = dict(zip(result.variants[VARIANT], read_outcomes(result), strict=True))
     for row in rows.iter_rows(named=True):
         table.add_row(
             str(row[VARIANT]),
             escape(str(ended[row[VARIANT]])),
-            _told(result, figure, shown, row[figure]),
+            _format_figure(result, figure, shown, row[figure]),
             escape(row[PROBLEM] or ""),
         )
-    return _titled("The worst variants", table)
+    return _add_title("The worst variants", table)
 
 
-def commands(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[str]:
-    """What runs each of the worst variants alone, line by line; `figure` as in `summary`."""
+def list_worst_commands(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[str]:
+    """What runs each of the worst variants alone, line by line; `figure` as in `format_summary`."""
     figure = figure or main_figure(result)
     if figure is None:
         return []
-    lines = [line for n in worst(result, figure, count)[VARIANT] if (line := result.command(n))]
+    lines = [line for n in find_worst_variants(result, figure, count)[VARIANT] if (line := result.command(n))]
     return [f"What runs {'it' if len(lines) == 1 else 'each'} alone:", *lines] if lines else []
 
 
-def _told(result: SweepResult, figure: str, shown: Shown, value: float | bool | None) -> str:
+def _format_figure(result: SweepResult, figure: str, shown: Shown, value: float | bool | None) -> str:
     if value is None:
         return "none"
-    return cell(bool(value) if is_truth(result, figure) else float(value), shown)
+    return format_figure(bool(value) if is_truth(result, figure) else float(value), shown)
 
 
-def _titled(title: str, table: Table) -> RenderableType:
+def _add_title(title: str, table: Table) -> RenderableType:
     """A table below a line that may be longer than the table is wide."""
     return Group(Text(title, style="table.title"), table)
 
 
 def _variants(count: int) -> str:
-    return counted(count, "variant", form=",")
+    return format_count(count, "variant", form=",")

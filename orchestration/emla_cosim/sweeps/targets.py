@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_origin
 
-from ..base.option import SWEEP, Entered, Option
+from ..base.option import SWEEP, FileOrObject, Option
 from ..inputs.input import Input
-from ..run.options import repeated, table
+from ..run.options import list_options, select_repeatable
 from ..system.model import Replacement, Value
 
 OPTION, FMU, START = "option", "replace", "set"
@@ -23,18 +23,18 @@ class Target:
     nominal: float | None = None
 
 
-def is_prepared(target: Target) -> bool:
+def needs_preparation(target: Target) -> bool:
     """Return whether another value of a target needs another simulation."""
-    return target.kind == FMU or (target.kind == OPTION and table()[target.name].is_prepared)
+    return target.kind == FMU or (target.kind == OPTION and list_options()[target.name].is_prepared)
 
 
 def changed_in_run(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return those options that a run of a prepared simulation takes."""
-    known = table()
+    known = list_options()
     return {name: value for name, value in options.items() if not known[name].is_prepared}
 
 
-def assigned(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
+def assign_value(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
     """The options that bring a value of the table of variants to these targets; none for None."""
     found: dict[str, Any] = {}
     if value is None:
@@ -44,14 +44,14 @@ def assigned(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
         if target.nominal is not None and len(targets) > 1:
             given = target.nominal * float(value)
         if target.kind == OPTION:
-            takes_several = get_origin(table()[target.name].type) is Sequence
+            takes_several = get_origin(list_options()[target.name].type) is Sequence
             found[target.name] = [given] if takes_several else given
         else:
             found.setdefault(target.kind, {})[target.name] = given
     return found
 
 
-def merged(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+def merge_options(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """Options of several factors as those of one run."""
     found: dict[str, Any] = {}
     for part in parts:
@@ -60,10 +60,10 @@ def merged(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def as_arguments(options: Mapping[str, Any]) -> list[str] | None:
+def format_arguments(options: Mapping[str, Any]) -> list[str] | None:
     """Options as `emla run` takes them; None where one is an object that only Python has."""
-    known, found = table(SWEEP), list[str]()
-    for name, value in repeated(options).items():
+    known, found = list_options(SWEEP), list[str]()
+    for name, value in select_repeatable(options).items():
         arguments = _arguments(known[name], value)
         if arguments is None:
             return None
@@ -78,7 +78,7 @@ def _arguments(option: Option, value: Any) -> list[str] | None:
     if isinstance(value, bool):
         return [flag if value else f"--no-{flag.removeprefix('--')}"]
     if isinstance(value, Mapping):
-        entered = [one for one in value.values() if isinstance(one, Entered)]
+        entered = [one for one in value.values() if isinstance(one, FileOrObject)]
         if any(one.file is None for one in entered):
             return None
         return [text for name, inner in value.items() for text in _entry(flag, name, inner)]
@@ -99,7 +99,7 @@ def _entry(flag: str, name: str, value: Any) -> list[str]:
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, Entered):
+    if isinstance(value, FileOrObject):
         return str(value.file)
     if isinstance(value, bool):
         return str(value).lower()

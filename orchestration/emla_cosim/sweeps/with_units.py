@@ -6,7 +6,7 @@ from typing import Any
 
 from ..base.errors import CommandError
 from ..base.quantities import has_unit
-from .distributions import DISTRIBUTIONS, positional
+from .distributions import DISTRIBUTIONS, list_positional_fields
 
 Convert = Callable[[str], Any]
 """What makes a number of a text with a unit; CommandError for a unit that does not fit."""
@@ -14,7 +14,7 @@ Convert = Callable[[str], Any]
 _CALL = re.compile(r"([\w-]+)\s*\((.*)\)", re.DOTALL)
 
 
-def without_units(given: Any, convert: Convert, where: str) -> Any:
+def convert_units(given: Any, convert: Convert, where: str) -> Any:
     """Return what a plan gives with numbers in the place of texts such as "5 mm".
 
     `given` is anything that `distribution` takes; whatever has no unit, and factors, stay as they are. Raises
@@ -27,7 +27,7 @@ def without_units(given: Any, convert: Convert, where: str) -> Any:
         if isinstance(given, Mapping):
             return given if given.get("relative") else _in_table(given, convert)
         if isinstance(given, Sequence) and not isinstance(given, bytes):
-            return _converted(list(given), convert)
+            return _convert_values(list(given), convert)
     except _MixedUnitsError as error:
         raise CommandError(f"{where}: {error}") from None
     return given
@@ -48,7 +48,7 @@ def _in_text(text: str, convert: Convert) -> str:
 
 def _in_arguments(kind: str, arguments: Sequence[str], convert: Convert) -> str:
     """Return the arguments of a short form such as `normal(1 mm, deviation = 0.1 mm)`."""
-    names = positional(DISTRIBUTIONS[kind]) if kind in DISTRIBUTIONS else []
+    names = list_positional_fields(DISTRIBUTIONS[kind]) if kind in DISTRIBUTIONS else []
     split = [tuple(part.strip() for part in argument.rpartition("=")) for argument in arguments]
     keys = [name or (names[min(i, len(names) - 1)] if names else "") for i, (name, _, _) in enumerate(split)]
     own = [i for i, key in enumerate(keys) if _has_dimension(kind, key)]
@@ -59,10 +59,10 @@ def _in_arguments(kind: str, arguments: Sequence[str], convert: Convert) -> str:
 def _in_table(table: Mapping[str, Any], convert: Convert) -> dict[str, Any]:
     kind = str(table.get("distribution"))
     own = [key for key in table if key not in ("distribution", "values") and _has_dimension(kind, key)]
-    found = dict(zip(own, _converted([table[key] for key in own], convert), strict=True))
+    found = dict(zip(own, _convert_values([table[key] for key in own], convert), strict=True))
     values = table.get("values")
     if isinstance(values, Sequence) and not isinstance(values, str):
-        found["values"] = _converted(list(values), convert)
+        found["values"] = _convert_values(list(values), convert)
     return {**table, **found}
 
 
@@ -72,10 +72,10 @@ def _has_dimension(kind: str, key: str) -> bool:
 
 
 def _texts(values: Sequence[str], convert: Convert) -> list[str]:
-    return [one if isinstance(one, str) else repr(one) for one in _converted(values, convert)]
+    return [one if isinstance(one, str) else repr(one) for one in _convert_values(values, convert)]
 
 
-def _converted(values: Sequence[Any], convert: Convert) -> list[Any]:
+def _convert_values(values: Sequence[Any], convert: Convert) -> list[Any]:
     found = [convert(value) if _is_quantity(value) else value for value in values]
     if all(new is old for new, old in zip(found, values, strict=True)):
         return found

@@ -15,17 +15,17 @@ import polars
 from distributed import WorkerPlugin, get_worker
 
 from ..base.errors import CommandError, CosimError, RunError
-from ..master.slaves.slave import StepDiscardedError
+from ..master.instances.fmu_instance import DiscardedStepError
 from ..recorders.metrics import MetricsRecorder, Shown
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
-from ..run.requirements import by_name
+from ..run.requirements import flatten_figures
 from ..run.result import Result
 from ..run.simulation import Simulation
 from ..study.loading import register
 from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT
 from .measures import MeasureError, Measures, reason_not_held
-from .shipment import REGISTRIES, Shipment
+from .worker_payload import REGISTRIES, WorkerPayload
 
 _PREPARED_AT_MOST = 8
 """Simulations that one thread keeps; the one that was not used for longest goes."""
@@ -40,7 +40,7 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class VariantOutcome:
     """What a variant gave: how it ended, why, at which time in s, and its figures."""
 
     number: int
@@ -54,13 +54,13 @@ class Outcome:
 class Chunk:
     """What the variants of a chunk gave, how long they took in s, and their signals as a Parquet file."""
 
-    outcomes: Sequence[Outcome]
+    outcomes: Sequence[VariantOutcome]
     wall_s: float
     series: bytes | None = None
 
 
 @dataclass(frozen=True)
-class Description:
+class SimulationDescription:
     """What a prepared simulation gives: signals with units, figures, and how people see these."""
 
     units: Mapping[str, str]
@@ -74,7 +74,7 @@ class Description:
 class SweepPlugin(WorkerPlugin):
     """Holds on every worker what a sweep needs there: FMUs in a folder, simulations by thread."""
 
-    def __init__(self, shipment: Shipment) -> None:
+    def __init__(self, shipment: WorkerPayload) -> None:
         self._shipment = shipment
         self.name = shipment.key
 
@@ -124,8 +124,8 @@ class SweepPlugin(WorkerPlugin):
             if found is None and len(ours) >= _PREPARED_AT_MOST:
                 self._simulations.pop(ours[0]).close()
         if found is None:
-            shipped = self._shipment.shipped[group]
-            system = shipped.simulated(self._files)
+            shipped = self._shipment.packed[group]
+            system = shipped.unpack_system(self._files)
             alone = replace(shipped.options, threads=1)  # other workers have the other cores
             found = Simulation(system, alone, shipped.name, unpacked=self._place)
         with self._turn:
@@ -133,10 +133,10 @@ class SweepPlugin(WorkerPlugin):
         return found
 
 
-def describe(key: str, group: int) -> Description:
+def describe(key: str, group: int) -> SimulationDescription:
     """Tell what the simulation of a preparation gives. Raises CosimError where there is none."""
     simulation = _plugin(key).simulation(group)
-    outline = _Outlined()
+    outline = _OutlineRecorder()
     with contextlib.suppress(RunError):  # a variant may be fine where the scenario itself is not
         simulation.start(recorders=[outline])
     found = outline.outline
@@ -152,14 +152,16 @@ def describe(key: str, group: int) -> Description:
             shown |= {f"{of}.{figure}": seen[figure] for figure in figures if figure in seen}
     units = {name: str(unit) if unit is not None else "" for name, unit in simulation.units.items()}
     rows = 1 + -(-found.times.steps // found.every)
-    figures = {name: isinstance(value, bool) for name, value in by_name(recorder.figures(), {}).items()}
-    return Description(units, figures, shown, rows)
+    figures = {
+        name: isinstance(value, bool) for name, value in flatten_figures(recorder.figures(), {}).items()
+    }
+    return SimulationDescription(units, figures, shown, rows)
 
 
 def run_chunk(key: str, group: int, variants: Sequence[Variant], measures: Measures) -> Chunk:
     """Run these variants one after the other; what goes wrong in one is its outcome."""
     plugin = _plugin(key)
-    outcomes, series = list[Outcome](), list[polars.DataFrame]()
+    outcomes, series = list[VariantOutcome](), list[polars.DataFrame]()
     with contextlib.suppress(CosimError):  # which is the outcome of every variant then
         plugin.simulation(group)
     began = time.perf_counter()  # for what is done again and again
@@ -169,13 +171,13 @@ def run_chunk(key: str, group: int, variants: Sequence[Variant], measures: Measu
         if measures.signals and result is not None and result.table is not None:
             number = polars.lit(variant.number, polars.Int64).alias(VARIANT)
             series.append(measures.series(result).select(number, polars.all()))
-    kept = parquet(polars.concat(series)) if series else None
+    kept = to_parquet(polars.concat(series)) if series else None
     return Chunk(outcomes, time.perf_counter() - began, kept)
 
 
 def _run(
     plugin: SweepPlugin, group: int, variant: Variant, measures: Measures
-) -> tuple[Outcome, Result | None]:
+) -> tuple[VariantOutcome, Result | None]:
     """Run one variant; whatever goes wrong is told as what came out of it."""
     recorders = [TimeSeries()] if measures.read or measures.expressions or measures.functions else []
     status, problem = DONE, None
@@ -195,16 +197,16 @@ def _run(
         except MeasureError as error:
             figures, status = {}, FAILED
             problem = " ".join(filter(None, (problem, str(error))))
-        return Outcome(variant.number, status, problem, result.end_s, figures), result
+        return VariantOutcome(variant.number, status, problem, result.end_s, figures), result
     except CosimError as error:
-        return Outcome(variant.number, REFUSED, str(error)), None
+        return VariantOutcome(variant.number, REFUSED, str(error)), None
     except BaseException as error:  # of somebody's metrics or algorithm; SystemExit would end the thread
-        return Outcome(variant.number, FAILED, f"the run raised {error!r}."), None
+        return VariantOutcome(variant.number, FAILED, f"the run raised {error!r}."), None
 
 
 def _status(error: RunError) -> str:
     """How a run ended that has a result."""
-    if isinstance(error.__cause__, StepDiscardedError):
+    if isinstance(error.__cause__, DiscardedStepError):
         return DIVERGED
     return FAILED if "time" not in error.fields or error.fields["result"].steps else REFUSED
 
@@ -213,14 +215,14 @@ def _plugin(key: str) -> SweepPlugin:
     return cast(SweepPlugin, get_worker().plugins[key])
 
 
-def parquet(table: polars.DataFrame) -> bytes:
+def to_parquet(table: polars.DataFrame) -> bytes:
     """A table as a Parquet file."""
     stream = BytesIO()
     table.write_parquet(stream)
     return stream.getvalue()
 
 
-class _Outlined(Recorder):
+class _OutlineRecorder(Recorder):
     """Remembers what it is told of a run."""
 
     outline: Outline | None = None

@@ -18,7 +18,7 @@ class Bond:
     def __str__(self) -> str:
         return f"{self.effort} * {self.flow}"
 
-    def placed(self, **names: object) -> "Bond":
+    def with_names(self, **names: object) -> "Bond":
         """Return the bond with these names in the place of their placeholders, such as {joint}."""
         return Bond(self.effort.format(**names), self.flow.format(**names))
 

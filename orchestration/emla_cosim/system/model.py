@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from ..base.errors import CommandError, listed
-from ..base.units import IDENTITY, LinearTransformation, Unit
+from ..base.errors import CommandError, join_names
+from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from .bond import Bond
 
 Value = float | int | bool | str
@@ -21,7 +21,7 @@ class Alias:
 
     variable: str
     transformation: LinearTransformation = IDENTITY
-    unit: Unit | None = None
+    unit: SiUnit | None = None
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ class System:
             freed.add((component.name, variable))
         missing = freed - {x.ends[1] for x in self.connections}
         if missing:
-            named = listed(sorted(".".join(end) for end in missing))
+            named = join_names(sorted(".".join(end) for end in missing))
             raise CommandError(f"nothing drives {named}.", names=sorted(missing))
         return replace(self, connections=tuple(x for x in self.connections if x.ends[1] not in freed))
 
@@ -221,7 +221,9 @@ class System:
         known = inside or [c.name for c in self.components] or ["none"]
         more = f", and {len(known) - 8} more" if len(known) > 8 else ""
         return CommandError(
-            f"there is no component '{name}'; there are {listed(known[:8])}{more}.", name=name, choices=known
+            f"there is no component '{name}'; there are {join_names(known[:8])}{more}.",
+            name=name,
+            choices=known,
         )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..base.errors import CommandError
-from ..base.units import IDENTITY, LinearTransformation, conversion
+from ..base.units import IDENTITY, LinearTransformation, find_conversion
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from .model import Component, Connection, System, Value
@@ -16,7 +16,7 @@ _UNSEEN = ("Cc", "Cs", "Zl", "Zp")
 """Categories of Unicode: control characters, halves of other characters, ends of lines and paragraphs."""
 
 
-def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
+def resolve_system(system: System, interfaces: Mapping[str, Interface]) -> System:
     """The system with the FMUs' own start values, and a transformation for every connection.
 
     `interfaces` has that of every component. Raises CommandError for whatever does not fit.
@@ -27,7 +27,7 @@ def resolved(system: System, interfaces: Mapping[str, Interface]) -> System:
         if component.name in names:
             raise CommandError(f"there are two components '{component.name}'; each needs its own name.")
         names.add(component.name)
-    components = tuple(in_fmu_terms(c) for c in system.components)
+    components = tuple(convert_to_fmu_terms(c) for c in system.components)
     driven: dict[tuple[str, str], Connection] = {}
     for x in system.connections:
         if driven.setdefault((x.target, x.input), x) is not x:
@@ -55,7 +55,7 @@ def refuse_driven(component: Component, system: System) -> None:
             raise CommandError(f"{x.target}.{x.input} cannot be set: it is driven by {x.source}.{x.output}.")
 
 
-def in_fmu_terms(component: Component) -> Component:
+def convert_to_fmu_terms(component: Component) -> Component:
     """The component with start values as its FMU has them."""
     values: dict[str, Value] = {}
     for name, value in component.parameters.items():
@@ -75,7 +75,7 @@ def _transformation(
     target = _type(system.component(connection.target), interfaces, connection.input, "input")
     if source != target and (source, target) != ("Integer", "Real"):
         raise CommandError(f"the connection {connection} joins the types {source} and {target}.")
-    transformation = transformed(connection, interfaces)
+    transformation = find_transformation(connection, interfaces)
     if transformation != IDENTITY and target != "Real":
         raise CommandError(f"the connection {connection} transforms values of the type {target}.")
     if not (math.isfinite(transformation.factor) and math.isfinite(transformation.offset)):
@@ -83,13 +83,13 @@ def _transformation(
     return transformation
 
 
-def transformed(connection: Connection, interfaces: Mapping[str, Interface]) -> LinearTransformation:
+def find_transformation(connection: Connection, interfaces: Mapping[str, Interface]) -> LinearTransformation:
     """The transformation that a connection has, or the conversion of its units; CommandError without one."""
     if connection.transformation is not None:
         return connection.transformation
     source, target = (interfaces[component].unit(name) for component, name in connection.ends)
     try:
-        return conversion(source, target)
+        return find_conversion(source, target)
     except ValueError as error:
         raise CommandError(
             f"the connection {connection} joins {error}.", connection=str(connection)

@@ -9,16 +9,16 @@ from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from .fault import Fault
 from .model import Component, Connection, System, Value
-from .resolution import transformed
+from .resolution import find_transformation
 
 MODEL = "SignalFault"
 """The model of the components: input u, output y."""
 
-Placed = Mapping[str, Fault]
+FaultComponents = Mapping[str, Fault]
 """Faults by the names of their components."""
 
 
-def with_components(system: System, faults: Sequence[Fault]) -> tuple[System, Placed]:
+def add_fault_components(system: System, faults: Sequence[Fault]) -> tuple[System, FaultComponents]:
     """The system with a component for each fault, connected to nothing yet.
 
     That of lift.plant.x_measured is lift.plant_x_measured_fault, a second one ends in _fault_2. Raises
@@ -37,8 +37,8 @@ def with_components(system: System, faults: Sequence[Fault]) -> tuple[System, Pl
     return replace(system, components=(*system.components, *made)), placed
 
 
-def with_faults(system: System, placed: Placed, interfaces: Mapping[str, Interface]) -> System:
-    """The system with the components of `with_components` in the way of their signals.
+def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str, Interface]) -> System:
+    """The system with the components of `add_fault_components` in the way of their signals.
 
     Of several on one signal the first comes first. Raises CommandError for a signal that is not there,
     that nobody reads, or that is not continuous.
@@ -94,7 +94,7 @@ def _behind_output(
     if not any(x.ends[0] == end for x in system.connections):
         raise CommandError(f"nobody reads {'.'.join(end)}, so that a fault of it would change nothing.")
     connections = (
-        _converted(x, interfaces, source=name, output="y") if x.ends[0] == end else x
+        _convert_connection(x, interfaces, source=name, output="y") if x.ends[0] == end else x
         for x in system.connections
     )
     return replace(system, connections=(*connections, Connection(*end, name, "u")))
@@ -105,7 +105,7 @@ def _before_input(
 ) -> System:
     """What drives an input drives the fault; units are converted before it."""
     connections = (
-        _converted(x, interfaces, target=name, input="u") if x.ends[1] == end else x
+        _convert_connection(x, interfaces, target=name, input="u") if x.ends[1] == end else x
         for x in system.connections
     )
     return replace(system, connections=(*connections, Connection(name, "y", *end)))
@@ -126,9 +126,11 @@ def _at_free_input(
     return replace(system, connections=(*system.connections, added))
 
 
-def _converted(connection: Connection, interfaces: Mapping[str, Interface], **ends: str) -> Connection:
+def _convert_connection(
+    connection: Connection, interfaces: Mapping[str, Interface], **ends: str
+) -> Connection:
     """A connection with another end, which has no unit: what its units make of a value is written down."""
     transformation = connection.transformation
-    if transformation is None and (between := transformed(connection, interfaces)) != IDENTITY:
+    if transformation is None and (between := find_transformation(connection, interfaces)) != IDENTITY:
         transformation = between
     return replace(connection, transformation=transformation, **ends)

@@ -3,9 +3,9 @@
 import difflib
 from collections.abc import Iterator, Mapping
 
-from ..base.errors import CommandError, listed
-from ..base.patterns import fits, has_wildcard
-from ..base.quantities import has_unit, quantity
+from ..base.errors import CommandError, join_names
+from ..base.patterns import has_wildcard, matches_pattern
+from ..base.quantities import has_unit, parse_quantity
 from ..fmu.interface import Interface
 from .model import Component, System, Value
 
@@ -16,17 +16,17 @@ _NAMED = 3
 """So many variables of a pattern are named."""
 
 
-def need_interfaces(values: Mapping[str, Value]) -> bool:
+def needs_interfaces(values: Mapping[str, Value]) -> bool:
     """Whether it takes the FMUs' variables to know what these start values are."""
     return any(has_wildcard(name) or has_unit(value) for name, value in values.items())
 
 
-def named_plainly(values: Mapping[str, Value]) -> dict[str, Value]:
+def select_plain_names(values: Mapping[str, Value]) -> dict[str, Value]:
     """Those whose names mean one variable each."""
     return {name: value for name, value in values.items() if not has_wildcard(name)}
 
 
-def start_values(
+def resolve_start_values(
     system: System, interfaces: Mapping[str, Interface], values: Mapping[str, Value]
 ) -> dict[str, Value]:
     """Start values by full name, in the units that variables have in the system.
@@ -35,16 +35,16 @@ def start_values(
     driven. Names win over patterns, later patterns over earlier ones. Raises CommandError for a
     pattern that means nothing, and for a unit that the variable cannot have.
     """
-    if not need_interfaces(values):
+    if not needs_interfaces(values):
         return dict(values)
     settable = list(_settable(system, interfaces))
     known = set(settable)
     found: dict[str, Value] = {}
     for pattern, value in values.items():
         if has_wildcard(pattern) and pattern not in known:
-            found |= dict.fromkeys(_meant(pattern, settable, system, interfaces), value)
+            found |= dict.fromkeys(_match_pattern(pattern, settable, system, interfaces), value)
     found |= {name: v for name, v in values.items() if not has_wildcard(name) or name in known}
-    return {name: _in_its_unit(system, interfaces, name, value) for name, value in found.items()}
+    return {name: _convert_to_unit(system, interfaces, name, value) for name, value in found.items()}
 
 
 def _settable(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
@@ -54,7 +54,7 @@ def _settable(system: System, interfaces: Mapping[str, Interface]) -> Iterator[s
         interface = interfaces[component.name]
         for name in _names(component, interface):
             variable = component.alias(name).variable
-            if interface.settable(variable) and (component.name, variable) not in driven:
+            if interface.is_settable(variable) and (component.name, variable) not in driven:
                 yield f"{component.name}.{name}"
 
 
@@ -64,26 +64,27 @@ def _names(component: Component, interface: Interface) -> list[str]:
     return [*component.aliases, *(n for n in interface.variables if n not in others)]
 
 
-def _meant(
+def _match_pattern(
     pattern: str, settable: list[str], system: System, interfaces: Mapping[str, Interface]
 ) -> list[str]:
     """The variables that a pattern means; CommandError for one that means none."""
-    found = [name for name in settable if fits(name, pattern)]
+    found = [name for name in settable if matches_pattern(name, pattern)]
     if found:
         return found
     names = (f"{c.name}.{n}" for c in system.components for n in _names(c, interfaces[c.name]))
-    fixed = [name for name in names if fits(name, pattern)]
+    fixed = [name for name in names if matches_pattern(name, pattern)]
     if fixed:
         named = [*fixed[:_NAMED], *([f"{len(fixed) - _NAMED} more"] if len(fixed) > _NAMED else [])]
         raise CommandError(
-            f"'{pattern}' means {listed(named)}; none can be set: they are computed or driven.", name=pattern
+            f"'{pattern}' means {join_names(named)}; none can be set: they are computed or driven.",
+            name=pattern,
         )
-    near = _near(pattern, settable)
+    near = _suggest_names(pattern, settable)
     meant = f"did you mean {' or '.join(near)}?" if near else "* stands for anything, ? for one letter."
     raise CommandError(f"no variable that can be set is called '{pattern}'; {meant}", name=pattern, near=near)
 
 
-def _near(pattern: str, names: list[str]) -> list[str]:
+def _suggest_names(pattern: str, names: list[str]) -> list[str]:
     """Names that end in about what a pattern says."""
     if len(names) > _MOST:
         return []
@@ -92,7 +93,7 @@ def _near(pattern: str, names: list[str]) -> list[str]:
     return [ends[end] for end in difflib.get_close_matches(said, ends, n=3, cutoff=0.6)]
 
 
-def _in_its_unit(system: System, interfaces: Mapping[str, Interface], name: str, value: Value) -> Value:
+def _convert_to_unit(system: System, interfaces: Mapping[str, Interface], name: str, value: Value) -> Value:
     """A value in the unit of its variable; CommandError for a unit that this cannot have."""
     if not (isinstance(value, str) and has_unit(value)):
         return value
@@ -104,4 +105,4 @@ def _in_its_unit(system: System, interfaces: Mapping[str, Interface], name: str,
     unit = alias.unit if alias is not None else interface.unit(own)
     if unit is None:
         raise CommandError(f"{name} = {value} has a unit, but the variable has none; write a plain number.")
-    return quantity(value, f"{name} = {value}").in_unit(unit, f"{name} = {value}")
+    return parse_quantity(value, f"{name} = {value}").in_unit(unit, f"{name} = {value}")

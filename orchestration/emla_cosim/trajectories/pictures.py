@@ -12,9 +12,9 @@ from hdrm_fmu.trajectory import JOINTS
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..base.files import check_places, written_whole
+from ..base.files import check_output_files, write_atomically
 from ..base.ownership import check_replaceable
-from ..views.plots.style import BLUE, RED, is_picture, new_figure, save, tidied
+from ..views.plots.style import BLUE, RED, is_picture, new_figure, save, tidy_axes
 from .file import check_trajectory
 from .motion import OptimisedMotion
 
@@ -28,7 +28,7 @@ PICTURES = ("forces-and-speeds", "positions-and-accelerations")
 _POINTS = 1501
 
 
-class _Row(NamedTuple):
+class _PanelRow(NamedTuple):
     """One row of a picture: values by joint, their bounds, if there are any, and what they are."""
 
     label: str
@@ -36,7 +36,7 @@ class _Row(NamedTuple):
     bounds: tuple[Sequence[float], Sequence[float]] | None = None
 
 
-def drawn(result: OptimisedMotion) -> "dict[str, Figure]":
+def draw_pictures(result: OptimisedMotion) -> "dict[str, Figure]":
     """The pictures by name."""
     times = np.linspace(result.spline.start, result.spline.end, _POINTS)
     seen, problem = result.course(times), result.problem
@@ -55,7 +55,7 @@ def picture_places(
         raise CommandError(f"the trajectory '{path}' must not end in .png, as its pictures do.")
     places = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES] if wanted else []
     used = {Path(problem): "the problem"} if isinstance(problem, (str, Path)) else {}
-    check_places({path: "the trajectory"} | dict.fromkeys(places, "the picture"), used)
+    check_output_files({path: "the trajectory"} | dict.fromkeys(places, "the picture"), used)
     check_trajectory(path, overwrite)
     for place in places:
         check_replaceable(place, "the picture", is_picture, overwrite)
@@ -65,33 +65,33 @@ def picture_places(
 def save_pictures(result: OptimisedMotion, path: Path, overwrite: bool = False) -> list[Path]:
     """Draw the pictures beside a trajectory file; CommandError where they may not be written."""
     places = picture_places(path, overwrite=overwrite)
-    for place, figure in zip(places, drawn(result).values(), strict=True):
+    for place, figure in zip(places, draw_pictures(result).values(), strict=True):
         try:
-            with written_whole(place) as stream:
+            with write_atomically(place) as stream:
                 save(figure, stream)
         except OSError as error:
             raise CommandError(f"the picture '{place}' cannot be written: {error.strerror}.") from error
     return places
 
 
-def _forces_and_speeds(seen: Course, problem: MotionProblem) -> tuple[_Row, _Row]:
+def _forces_and_speeds(seen: Course, problem: MotionProblem) -> tuple[_PanelRow, _PanelRow]:
     forces = [[x / 1e3 for x in bounds] for bounds in (problem.f_LB, problem.f_UB)]
     speeds = [[x * 1e3 for x in bounds] for bounds in (problem.v_LB, problem.v_UB)]
     return (
-        _Row("force / kN", seen.force / 1e3, (forces[0], forces[1])),
-        _Row("speed / mm/s", seen.v * 1e3, (speeds[0], speeds[1])),
+        _PanelRow("force / kN", seen.force / 1e3, (forces[0], forces[1])),
+        _PanelRow("speed / mm/s", seen.v * 1e3, (speeds[0], speeds[1])),
     )
 
 
-def _positions_and_accelerations(seen: Course, problem: MotionProblem) -> tuple[_Row, _Row]:
+def _positions_and_accelerations(seen: Course, problem: MotionProblem) -> tuple[_PanelRow, _PanelRow]:
     machine = problem.machine
     return (
-        _Row("stroke / m", seen.q, (machine.q_LB, machine.q_UB)),
-        _Row("acceleration / mm/s²", seen.a * 1e3),
+        _PanelRow("stroke / m", seen.q, (machine.q_LB, machine.q_UB)),
+        _PanelRow("acceleration / mm/s²", seen.a * 1e3),
     )
 
 
-def _picture(times: Vector, rows: Sequence[_Row]) -> "Figure":
+def _picture(times: Vector, rows: Sequence[_PanelRow]) -> "Figure":
     figure, axes = new_figure(len(rows), len(JOINTS), 3.2)
     for i, row in enumerate(rows):
         for j, joint in enumerate(JOINTS):
@@ -104,8 +104,8 @@ def _picture(times: Vector, rows: Sequence[_Row]) -> "Figure":
     return figure
 
 
-def _panel(axes: "Axes", times: Vector, row: _Row, joint: int) -> None:
+def _panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
     axes.plot(times, row.values[:, joint], color=BLUE, linewidth=1.4)
     for bounds in row.bounds or ():
         axes.axhline(bounds[joint], color=RED, linewidth=0.9, linestyle="--")
-    tidied(axes)
+    tidy_axes(axes)

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .file_writer import write_trajectory
 from .motion import OptimisedMotion
-from .pictures import drawn
-from .writing import write_trajectory
+from .pictures import draw_pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,4 +30,4 @@ class TrajectoryResult(OptimisedMotion):
 
     def plot(self) -> "dict[str, Figure]":
         """Pictures of forces and speeds, and of positions and accelerations, by these names."""
-        return drawn(self)
+        return draw_pictures(self)

@@ -26,7 +26,7 @@ def remarks(result: OptimisedMotion) -> Iterator[str]:
         yield "The end speeds are read as rest (--end-speed rest)"
 
 
-def peaks(result: OptimisedMotion) -> Table:
+def format_peaks(result: OptimisedMotion) -> Table:
     """Forces and speeds against their limits, by joint."""
     table = Table(title="Peaks on a dense grid, against their limits", title_justify="left")
     table.add_column("")
@@ -42,7 +42,7 @@ def peaks(result: OptimisedMotion) -> Table:
     return table
 
 
-def costs(result: OptimisedMotion) -> Table:
+def format_costs(result: OptimisedMotion) -> Table:
     """What the motion costs."""
     figures = result.assessment
     table = Table(title="Cost", title_justify="left", show_header=False)
@@ -58,7 +58,7 @@ def costs(result: OptimisedMotion) -> Table:
     return table
 
 
-def lines(result: OptimisedMotion) -> Iterator[str]:
+def format_lines(result: OptimisedMotion) -> Iterator[str]:
     """How it was found, and whether it keeps its bounds between the points it was found on."""
     how, solution = result.discretisation, result.solution
     of = f", best of {result.starts} starts" if result.starts > 1 else ""

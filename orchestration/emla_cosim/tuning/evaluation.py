@@ -5,20 +5,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..sweeps.executor import ClusterExecutor, WorkPackage
 from ..sweeps.factors import Factor
-from ..sweeps.farm import Farm, Work
 from ..sweeps.measures import Measures
-from ..sweeps.targets import merged
-from ..sweeps.worker import Chunk, Outcome, Variant
-from .score import Judge, Score
+from ..sweeps.targets import merge_options
+from ..sweeps.worker import Chunk, Variant, VariantOutcome
+from .score import Objective, Score
 
 
 @dataclass
 class Evaluation:
     """Tries gains; `cases` has the options of each case, `seeds` the start values that are seeds."""
 
-    farm: Farm
-    judge: Judge
+    executor: ClusterExecutor
+    objective: Objective
     measures: Measures
     cases: Sequence[Mapping[str, Any]]
     seeds: Factor | None
@@ -34,10 +34,10 @@ class Evaluation:
         A seed None leaves the scenario's. Raises RunError where the cluster is gone.
         """
         variants = {
-            next(self._numbers): merged([gains, self._seeded(seed), case])
+            next(self._numbers): merge_options([gains, self._with_seed(seed), case])
             for gains, case, seed in itertools.product(candidates, self.cases, seeds)
         }
-        outcomes = dict[int, Outcome]()
+        outcomes = dict[int, VariantOutcome]()
 
         def keep(chunk: Chunk) -> None:
             outcomes.update({outcome.number: outcome for outcome in chunk.outcomes})
@@ -45,15 +45,15 @@ class Evaluation:
         def variant(number: int) -> Variant:
             return Variant(number, variants[number])
 
-        work = [Work(0, list(variants))]
-        if not self.farm.run(work, variant, self.measures, 0, keep, self.interrupted):
+        work = [WorkPackage(0, list(variants))]
+        if not self.executor.run(work, variant, self.measures, 0, keep, self.interrupted):
             return None
         self.runs += len(variants)
         ordered = iter(variants)
         return [
-            self.judge.score([[outcomes[next(ordered)] for _ in seeds] for _ in self.cases])
+            self.objective.score([[outcomes[next(ordered)] for _ in seeds] for _ in self.cases])
             for _ in candidates
         ]
 
-    def _seeded(self, seed: int | None) -> dict[str, Any]:
+    def _with_seed(self, seed: int | None) -> dict[str, Any]:
         return {} if seed is None or self.seeds is None else self.seeds.options(seed)

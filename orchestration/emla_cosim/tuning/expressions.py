@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..base.errors import CommandError, listed
+from ..base.errors import CommandError, join_names
 
 _OPERATIONS = {
     ast.Add: operator.add,
@@ -44,7 +44,7 @@ class Expression:
             return math.nan
 
 
-def expression(text: str, where: str) -> Expression:
+def parse_expression(text: str, where: str) -> Expression:
     """Read one: numbers, names, + - * / **, and a few functions.
 
     Names are those of variables and figures, with dots and brackets. Raises CommandError, with `where`
@@ -56,7 +56,7 @@ def expression(text: str, where: str) -> Expression:
     except (SyntaxError, TypeError, ValueError, RecursionError, MemoryError):
         raise CommandError(
             f"{where}: '{text}' is no expression; write one of numbers, names, + - * / ** and "
-            f"{listed(_FUNCTIONS)}.",
+            f"{join_names(_FUNCTIONS)}.",
             expression=text,
         ) from None
     return Expression(text, names, tree)

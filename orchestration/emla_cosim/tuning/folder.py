@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.files import writing_to
+from ..base.files import report_write_errors
 from ..base.ownership import has_entries
 from ..views.folder import Folder
-from ..views.pages.plain import plain
-from .picture import drawn
+from ..views.pages.plain import to_plain
+from .pictures import draw_picture
 from .result import TuneResult
 
 BEST, RECORD, HISTORY, PICTURE = "best.toml", "tune.json", "history.csv", "tuning.png"
@@ -28,17 +28,17 @@ class TuneFolder(Folder):
 
         `scenario` is what makes a scenario file of the gains; None where only Python has the scenario.
         """
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             best = {**(scenario or {}), "set": {**(scenario or {}).get("set", {}), **result.best.set}}
             described = {"description": f"Gains found by the tuning {result.name}", **best}
             self.write(BEST, _toml(described).encode())
-            self.write_json(RECORD, plain(record))
+            self.write_json(RECORD, to_plain(record))
             self.write(HISTORY, result.history.write_csv().encode())
 
     def draw_result(self, result: TuneResult) -> Path:
         """Draw the picture. Raises RunError."""
-        with writing_to(self.path):
-            return self.draw(PICTURE, drawn(result))
+        with report_write_errors(self.path):
+            return self.draw(PICTURE, draw_picture(result))
 
 
 def _toml(content: Mapping[str, Any]) -> str:

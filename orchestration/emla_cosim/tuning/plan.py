@@ -6,21 +6,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import CommandError, listed
+from ..base.errors import CommandError, join_names
 from ..base.files import read_text
 from ..base.option import SWEEP
-from ..base.values import converted
-from ..run.options import read_option, table
+from ..base.values import convert_value
+from ..run.options import list_options, read_option
 from ..run.scenarios.built_in import TUNINGS
 from ..run.scenarios.scenario import Scenario
-from ..run.scenarios.scenario_file import options_given
+from ..run.scenarios.scenario_file import read_given_options
 from ..study.loading import load
 from ..sweeps.measures import Metric
-from ..sweeps.plan import Source, flat
-from ..sweeps.targets import merged
+from ..sweeps.plan import Source, flatten
+from ..sweeps.targets import merge_options
 from ..system.model import System
 
-USUAL = "usual"
+DEFAULTS = "usual"
 """The case of a plan that names none: the scenario as it is."""
 
 _ONE_OF = ("name", "weight", "set", "require")
@@ -63,7 +63,7 @@ class TuningPlan:
     derive: Mapping[str, Any] = field(default_factory=dict)
     require: Sequence[str] = ()
     metrics: Sequence[Metric] = ()
-    cases: Sequence[Case] = (Case(USUAL),)
+    cases: Sequence[Case] = (Case(DEFAULTS),)
     seeds: Sequence[str] = ("*.seed",)
     training: int = 2
     validation: int = 4
@@ -84,15 +84,15 @@ class TuningPlan:
         for name in ("vary", "derive", "options"):
             if name in found:
                 label = f"'{name}' of {self.where}"
-                found[name] = merged([getattr(self, name), converted_table(found[name], label)])
+                found[name] = merge_options([getattr(self, name), convert_table(found[name], label)])
         if "require" in found:
-            more = converted(found["require"], Sequence[str], f"'require' of {self.where}")
+            more = convert_value(found["require"], Sequence[str], f"'require' of {self.where}")
             found["require"] = [*self.require, *more]
         changed = replace(self, **found)
         changed.check()
         return changed
 
-    def loaded(self) -> Scenario:
+    def load_scenario(self) -> Scenario:
         """The scenario, with the options of the plan. Raises CommandError for whatever is wrong with it."""
         if isinstance(self.scenario, Scenario):
             return self.scenario.with_options(self.options)
@@ -101,7 +101,7 @@ class TuningPlan:
     def check(self) -> None:
         """Raise CommandError for what can be seen to be wrong without the scenario."""
         for name, type_ in PLAIN.items():
-            converted(getattr(self, name), type_, f"'{name}' of {self.where}")
+            convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
         for name, least in (("training", 1), ("validation", 0), ("evaluations", 1), ("seed", 0)):
             if getattr(self, name) < least:
                 raise CommandError(
@@ -111,7 +111,9 @@ class TuningPlan:
             value = getattr(self, name)
             if value is not None and not 0 <= value < float("inf"):
                 raise CommandError(f"'{name}' of {self.where} is {value}; it must be a number from 0.")
-        if wrong := [name for name in self.options if name in table() and name not in table(SWEEP)]:
+        if wrong := [
+            name for name in self.options if name in list_options() and name not in list_options(SWEEP)
+        ]:
             raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of {self.where}.")
         if not self.vary:
             raise CommandError(
@@ -156,14 +158,14 @@ PLAIN: dict[str, Any] = {
 _OWN = ("scenario", "vary", "cases", "metrics", *PLAIN)
 
 
-def converted_table(value: Any, label: str) -> dict[str, Any]:
+def convert_table(value: Any, label: str) -> dict[str, Any]:
     """A table with texts as names; CommandError for anything else."""
     if not isinstance(value, Mapping):
         raise CommandError(f"{label} is {value!r}; it must be a table.")
     return dict(value)
 
 
-def tuning_of(source: Source | TuningPlan) -> TuningPlan:
+def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
     """A plan as it is, by its name, from a file (.toml with `vary`), or of a scenario, which varies nothing.
 
     Raises CommandError for a file that cannot be read, or that is no plan.
@@ -175,7 +177,7 @@ def tuning_of(source: Source | TuningPlan) -> TuningPlan:
             raise CommandError(f"a tuning is of a plan or a scenario, by name or file, not of {source!r}.")
         return TuningPlan(source.name if isinstance(source, Scenario) else "system", source)
     if str(source) in TUNINGS:
-        return parsed(TUNINGS[str(source)](), str(source), f"the tuning '{source}'", None)
+        return parse_tuning_plan(TUNINGS[str(source)](), str(source), f"the tuning '{source}'", None)
     path = Path(source)
     if path.suffix.lower() == ".toml":
         text = read_text(path, "the plan")
@@ -184,24 +186,24 @@ def tuning_of(source: Source | TuningPlan) -> TuningPlan:
         except (ValueError, RecursionError) as error:
             raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
         if is_plan:
-            return parsed(text, path.stem, f"the tuning '{path}'", path.parent)
+            return parse_tuning_plan(text, path.stem, f"the tuning '{path}'", path.parent)
     name = path.stem if path.suffix else path.name
     return TuningPlan(name, source, where=f"the tuning of '{source}'")
 
 
-def parsed(text: str, name: str, label: str, folder: Path | None) -> TuningPlan:
+def parse_tuning_plan(text: str, name: str, label: str, folder: Path | None) -> TuningPlan:
     """The plan that a text holds; paths in it are relative to `folder`. Raises CommandError."""
     content = tomllib.loads(text)
     if "scenario" not in content:
         raise CommandError(f'{label} has no scenario; write scenario = "tilt", or the path of one.')
-    scenario = converted(content["scenario"], str, f"'scenario' of {label}")
+    scenario = convert_value(content["scenario"], str, f"'scenario' of {label}")
     if folder is not None and (folder / scenario).exists():
         scenario = str(folder / scenario)
-    given = options_given({n: v for n, v in content.items() if n not in _OWN}, label, _OWN, SWEEP)
+    given = read_given_options({n: v for n, v in content.items() if n not in _OWN}, label, _OWN, SWEEP)
     options = {n: read_option(n, value, f"'{n}' of {label}", folder) for n, value in given.items()}
     own = {key: content[key] for key in PLAIN if key in content}
     tables = {
-        key: dict(flat(converted_table(content.get(key, {}), f"'{key}' of {label}")))
+        key: dict(flatten(convert_table(content.get(key, {}), f"'{key}' of {label}")))
         for key in ("vary", "derive")
     }
     cases = {"cases": _cases(content["cases"], label)} if "cases" in content else {}
@@ -219,18 +221,18 @@ def parsed(text: str, name: str, label: str, folder: Path | None) -> TuningPlan:
 def _cases(given: Any, label: str) -> list[Case]:
     """The cases of a plan: tables in a list."""
     found = list[Case]()
-    for place, content in enumerate(converted(given, Sequence[Any], f"'cases' of {label}"), 1):
+    for place, content in enumerate(convert_value(given, Sequence[Any], f"'cases' of {label}"), 1):
         of = f"case {place} of {label}"
-        case = converted_table(content, of)
+        case = convert_table(content, of)
         if unknown := [key for key in case if key not in _ONE_OF]:
-            raise CommandError(f"{of} has the key '{unknown[0]}'; it may have {listed(_ONE_OF)}.")
+            raise CommandError(f"{of} has the key '{unknown[0]}'; it may have {join_names(_ONE_OF)}.")
         require = case.get("require")
         found.append(
             Case(
-                converted(case.get("name", str(place)), str, f"'name' of {of}"),
-                converted(case.get("weight", 1.0), float, f"'weight' of {of}"),
-                dict(flat(converted_table(case.get("set", {}), f"'set' of {of}"))),
-                None if require is None else converted(require, Sequence[str], f"'require' of {of}"),
+                convert_value(case.get("name", str(place)), str, f"'name' of {of}"),
+                convert_value(case.get("weight", 1.0), float, f"'weight' of {of}"),
+                dict(flatten(convert_table(case.get("set", {}), f"'set' of {of}"))),
+                None if require is None else convert_value(require, Sequence[str], f"'require' of {of}"),
             )
         )
     if not found:

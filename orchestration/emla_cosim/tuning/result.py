@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from .data import TuneData
-from .picture import drawn
+from .pictures import draw_picture
 from .score import Score
 
 if TYPE_CHECKING:
@@ -29,22 +29,24 @@ class TuneResult(TuneData):
 
     def problem(self) -> str | None:
         """A sentence that says why the best gains are not as wanted; None where they are."""
-        return problem(self)
+        return describe_problem(self)
 
     def plot(self) -> "Figure":
         """How the search went, and the gains of start and end on the seeds of training and validation."""
-        return drawn(self)
+        return draw_picture(self)
 
 
-def problem(result: TuneResult) -> str | None:
+def describe_problem(result: TuneResult) -> str | None:
     """See `TuneResult.problem`."""
     best = result.best
     if not best.training.holds:
-        return f"no gains were found that are as required; nearest: {'; '.join(_why(best.training))}."
+        return (
+            f"no gains were found that are as required; nearest: {'; '.join(_describe_score(best.training))}."
+        )
     if best.validation is None:
         return None
     if not best.validation.holds:
-        why = "; ".join(_why(best.validation))
+        why = "; ".join(_describe_score(best.validation))
         return f"the best gains are not as required on the seeds of the validation: {why}."
     if result.tolerance is not None and not best.ratio <= 1.0 + result.tolerance:
         return (
@@ -54,5 +56,5 @@ def problem(result: TuneResult) -> str | None:
     return None
 
 
-def _why(score: Score) -> list[str]:
-    return score.unmet() or [f"{score.lost} of {score.runs} runs are lost"]
+def _describe_score(score: Score) -> list[str]:
+    return score.list_unmet() or [f"{score.lost} of {score.runs} runs are lost"]

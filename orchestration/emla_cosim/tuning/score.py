@@ -9,11 +9,11 @@ import numpy as np
 
 from ..run.requirements import Requirement
 from ..sweeps.data import DONE
-from ..sweeps.worker import Outcome
+from ..sweeps.worker import VariantOutcome
 from .expressions import Expression
 from .plan import Case
 from .search import Order
-from .tracking import MISS
+from .tracking import TRACKING_ERROR
 
 LOST = 20.0
 """What a run counts that ended early or has no objective, more than any that missed its conditions."""
@@ -45,24 +45,24 @@ class Score:
     @property
     def holds(self) -> bool:
         """Whether all conditions do, without any margin."""
-        return not self.lost and not self.unmet()
+        return not self.lost and not self.list_unmet()
 
     @property
     def order(self) -> Order:
         """What the search compares."""
         return (True, self.violation) if self.violation else (False, self.objective)
 
-    def unmet(self) -> list[str]:
+    def list_unmet(self) -> list[str]:
         """Conditions that do not hold, with their case and the worst figure."""
         return [
-            f"{case}: {condition}, but it is {told(worst['figure'])}"
+            f"{case}: {condition}, but it is {format_figure(worst['figure'])}"
             for case, conditions in self.worst.items()
             for condition, worst in conditions.items()
             if not worst["met"]
         ]
 
 
-def told(figure: Any) -> str:
+def format_figure(figure: Any) -> str:
     """A figure as a sentence has it."""
     if figure is None or figure != figure:
         return "missing"
@@ -70,7 +70,7 @@ def told(figure: Any) -> str:
 
 
 @dataclass(frozen=True)
-class Judge:
+class Objective:
     """What is wanted: an objective, and for each case its conditions; runs last from `start` to `stop` in s.
 
     `margin` is the part by which figures have to be better than their conditions.
@@ -83,7 +83,7 @@ class Judge:
     stop: float
     margin: float = 0.0
 
-    def score(self, outcomes: Sequence[Sequence[Outcome]]) -> Score:
+    def score(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> Score:
         """What gains are worth whose runs gave these, a list over seeds for each case."""
         objectives = dict[str, float]()
         worst = dict[str, Mapping[str, Any]]()
@@ -102,7 +102,7 @@ class Judge:
         by_case = {name: value for name, value in objectives.items() if value == value}
         return Score(objective, violation, lost, runs, by_case, worst)
 
-    def _objective(self, case: Case, outcome: Outcome) -> float:
+    def _objective(self, case: Case, outcome: VariantOutcome) -> float:
         """The objective of one run; NaN for one that is lost, 0 where a case has no weight."""
         if outcome.status != DONE:
             return math.nan
@@ -112,14 +112,14 @@ class Judge:
         value = self.objective.value(numbers)
         return value if math.isfinite(value) else math.nan
 
-    def _violation(self, outcome: Outcome, required: Sequence[Requirement], is_lost: bool) -> float:
+    def _violation(self, outcome: VariantOutcome, required: Sequence[Requirement], is_lost: bool) -> float:
         """How far a run is from what is wanted, so that less is nearer also among those that are lost."""
         found = sum(_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
         if is_lost:
             found += LOST + LOST * self._missing_part(outcome)
         return found + _distance(outcome) if found else 0.0
 
-    def _missing_part(self, outcome: Outcome) -> float:
+    def _missing_part(self, outcome: VariantOutcome) -> float:
         """The part of the run that is not there."""
         if outcome.status == DONE:
             return 0.0
@@ -142,13 +142,17 @@ def _excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
     return min(max(beyond, 1e-9), _MOST)
 
 
-def _distance(outcome: Outcome) -> float:
+def _distance(outcome: VariantOutcome) -> float:
     """How far joints are from their references."""
-    misses = [float(x) for name, x in outcome.figures.items() if name.endswith(f".{MISS}") and x is not None]
+    misses = [
+        float(x)
+        for name, x in outcome.figures.items()
+        if name.endswith(f".{TRACKING_ERROR}") and x is not None
+    ]
     return sum(misses) / len(misses) if misses else 0.0
 
 
-def _worst(required: Requirement, outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def _worst(required: Requirement, outcomes: Sequence[VariantOutcome]) -> dict[str, Any]:
     """The figure farthest from a condition, and whether it meets it; where all do, the one that just does."""
     figures = [outcome.figures.get(required.figure) for outcome in outcomes]
     numbers = [x for x in figures if isinstance(x, (int, float)) and x == x]

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import Vector
-from ..base.errors import CommandError, listed
+from ..base.errors import CommandError, join_names
 from ..fmu.interface import Interface
-from ..run.options import table
-from ..sweeps.distributions import Distribution, distribution
-from ..sweeps.factors import Factor, factors, start_number
+from ..run.options import list_options
+from ..sweeps.distributions import Distribution, parse_distribution
+from ..sweeps.factors import Factor, find_start_number, resolve_factors
 from ..sweeps.kinds.continuous import LogUniform, Uniform
-from ..sweeps.targets import START, is_prepared, merged
+from ..sweeps.targets import START, merge_options, needs_preparation
 from ..system.model import System, Value
-from .expressions import Expression, expression
+from .expressions import Expression, parse_expression
 from .plan import TuningPlan
 
 _FINE = 2001
@@ -23,7 +23,7 @@ _FINE = 2001
 
 
 @dataclass(frozen=True)
-class Axis:
+class GainAxis:
     """One gain; `factor` says where it goes, None for one that only others derive from."""
 
     name: str
@@ -53,7 +53,7 @@ class Axis:
 class Space:
     """All of them, what derives from them, and what they are in the scenario."""
 
-    axes: Sequence[Axis]
+    axes: Sequence[GainAxis]
     derived: Sequence[tuple[Sequence[Factor], Expression]]
     start: Mapping[str, float | None]
 
@@ -67,22 +67,25 @@ class Space:
         numbers = {name: float(x) for name, x in values.items() if isinstance(x, (int, float))}
         for targets, derived in self.derived:
             parts += [factor.options(derived.value(numbers)) for factor in targets]
-        return merged(parts)
+        return merge_options(parts)
 
     def places(self) -> list[float]:
         """Where the scenario's own gains are."""
         return [axis.place(self.start[axis.name]) for axis in self.axes]
 
 
-def space(plan: TuningPlan, system: System, interfaces: Mapping[str, Interface]) -> Space:
+def build_space(plan: TuningPlan, system: System, interfaces: Mapping[str, Interface]) -> Space:
     """The space of a plan in a system. Raises CommandError for names that are not there or cannot vary."""
     free = [name for name in plan.vary if _is_free(name, plan.vary[name], system)]
     known = {name: _range(given) for name, given in plan.vary.items() if name not in free}
-    found = factors(known, system, interfaces, plan.where)
+    found = resolve_factors(known, system, interfaces, plan.where)
     _check_start_values(found, plan.where)
-    axes = [Axis(f.name, f.distribution, f) for f in found]
-    axes += [Axis(name, distribution(_range(plan.vary[name]), f"'{name}' of {plan.where}")) for name in free]
-    derived = _derived(plan, axes, system, interfaces)
+    axes = [GainAxis(f.name, f.distribution, f) for f in found]
+    axes += [
+        GainAxis(name, parse_distribution(_range(plan.vary[name]), f"'{name}' of {plan.where}"))
+        for name in free
+    ]
+    derived = _derive_gains(plan, axes, system, interfaces)
     used = {name for _, one in derived for name in one.names}
     if idle := [name for name in free if name not in used]:
         raise CommandError(
@@ -98,7 +101,7 @@ def check_during_a_run(found: Sequence[Factor], where: str) -> None:
     """Raise CommandError for one that a prepared simulation cannot vary."""
     for factor in found:
         for target in factor.targets:
-            if is_prepared(target):
+            if needs_preparation(target):
                 raise CommandError(
                     f"'{factor.name}' of {where} needs another preparation; start values and options of "
                     "how a run is stepped do not.",
@@ -118,7 +121,7 @@ def _check_start_values(found: Sequence[Factor], where: str) -> None:
 def _is_free(name: str, given: Any, system: System) -> bool:
     """Whether a name stands for nothing but itself."""
     is_component = any(c.name == name for c in system.components)
-    return "." not in name and name not in table() and not is_component and not _has_targets(given)
+    return "." not in name and name not in list_options() and not is_component and not _has_targets(given)
 
 
 def _has_targets(given: Any) -> bool:
@@ -129,26 +132,26 @@ def _range(given: Any) -> Any:
     """What a plan gives; LOW:HIGH of positive numbers by its logarithm, as gains are compared by ratios."""
     if not isinstance(given, str):
         return given
-    found = distribution(given, "the range")
+    found = parse_distribution(given, "the range")
     if isinstance(found, Uniform) and found.low > 0:
         return LogUniform(found.low, found.high, found.points, relative=found.relative)
     return found
 
 
-def _derived(
-    plan: TuningPlan, axes: Sequence[Axis], system: System, interfaces: Mapping[str, Interface]
+def _derive_gains(
+    plan: TuningPlan, axes: Sequence[GainAxis], system: System, interfaces: Mapping[str, Interface]
 ) -> list[tuple[Sequence[Factor], Expression]]:
     names = [axis.name for axis in axes]
     taken = {t.name for axis in axes if axis.factor is not None for t in axis.factor.targets}
     found = list[tuple[Sequence[Factor], Expression]]()
     for name, text in plan.derive.items():
         label = f"'{name}' of 'derive' in {plan.where}"
-        one = expression(text, label)
+        one = parse_expression(text, label)
         if unknown := sorted(one.names - set(names)):
             raise CommandError(
-                f"{label} uses '{unknown[0]}', which does not vary; there are {listed(names)}."
+                f"{label} uses '{unknown[0]}', which does not vary; there are {join_names(names)}."
             )
-        targets = factors({name: 0.0}, system, interfaces, plan.where)
+        targets = resolve_factors({name: 0.0}, system, interfaces, plan.where)
         _check_start_values(targets, plan.where)
         if both := taken & {t.name for f in targets for t in f.targets}:
             raise CommandError(f"{plan.where} gives {min(both)} twice: varied and derived.", name=min(both))
@@ -157,10 +160,10 @@ def _derived(
     return found
 
 
-def _start(axis: Axis, system: System, interfaces: Mapping[str, Interface]) -> float | None:
+def _start(axis: GainAxis, system: System, interfaces: Mapping[str, Interface]) -> float | None:
     """What a gain is in the scenario, if it is one number there."""
     if axis.factor is None or axis.factor.targets[0].kind != START:
         return None
     if axis.factor.targets[0].nominal is not None and len(axis.factor.targets) > 1:
         return 1.0
-    return start_number(axis.factor.targets[0].name, system, interfaces)
+    return find_start_number(axis.factor.targets[0].name, system, interfaces)

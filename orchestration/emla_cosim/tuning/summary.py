@@ -7,13 +7,13 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from ..base.wording import counted, number
+from ..base.wording import format_count, format_number
 from .data import Tuned
 from .result import TuneResult
-from .score import Score, told
+from .score import Score, format_figure
 
 
-def summary(result: TuneResult) -> list[RenderableType]:
+def format_summary(result: TuneResult) -> list[RenderableType]:
     """Gains before and after, the objective on both sets of seeds, and the conditions at their worst."""
     parts: list[RenderableType] = [_gains(result), _objective(result)]
     if any(result.best.training.worst.values()):
@@ -21,12 +21,12 @@ def summary(result: TuneResult) -> list[RenderableType]:
     return parts
 
 
-def lines(result: TuneResult) -> Iterator[str]:
+def format_lines(result: TuneResult) -> Iterator[str]:
     """How much was run, and how well it holds on other seeds."""
     yield (
-        f"{counted(result.history.height, 'set')} of gains tried, "
-        f"{counted(result.runs, 'run', form=',')} in {result.wall_s:.0f} s; "
-        f"{counted(int((result.history['violation'] == 0.0).sum()), 'set')} as required"
+        f"{format_count(result.history.height, 'set')} of gains tried, "
+        f"{format_count(result.runs, 'run', form=',')} in {result.wall_s:.0f} s; "
+        f"{format_count(int((result.history['violation'] == 0.0).sum()), 'set')} as required"
     )
     if result.best.validation is None:
         if result.complete:
@@ -52,7 +52,7 @@ def _gains(result: TuneResult) -> Table:
 def _value(value: object) -> str:
     if value is None:
         return ""
-    return number(value, 5) if isinstance(value, float) else escape(str(value))
+    return format_number(value, 5) if isinstance(value, float) else escape(str(value))
 
 
 def _objective(result: TuneResult) -> Table:
@@ -100,5 +100,5 @@ def _worst(score: Score | None, case: str, condition: str) -> str:
     worst: Mapping[str, object] = {} if score is None else score.worst[case][condition]
     if not worst:
         return ""
-    shown = told(worst["figure"])
+    shown = format_figure(worst["figure"])
     return shown if worst["met"] else f"[red]{shown} ✗[/]"

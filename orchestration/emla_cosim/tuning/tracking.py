@@ -10,7 +10,7 @@ from ..base.arrays import Vector
 from ..recorders.metrics import METRICS, TRACKED, Figures, Metrics
 from ..recorders.recorder import Outline
 
-MISS = "miss"
+TRACKING_ERROR = "miss"
 """Mean of log10(1 + |x_L - x_d| / 1 µm) over all rows: 1 for 9 µm, 6 for a metre."""
 
 _KIND = "tuning"
@@ -19,7 +19,7 @@ _WORST = 12.0
 """What a row counts that is no number, or farther away than anything."""
 
 
-class _Misses(Metrics):
+class _TrackingErrorMetrics(Metrics):
     def __init__(self, columns: Mapping[str, tuple[int, int]]) -> None:
         self._columns = columns
         self._sums = dict.fromkeys(columns, 0.0)
@@ -37,7 +37,7 @@ class _Misses(Metrics):
 
     def figures(self) -> Figures:
         """The mean by joint."""
-        return {joint: {MISS: total / max(self._rows, 1)} for joint, total in self._sums.items()}
+        return {joint: {TRACKING_ERROR: total / max(self._rows, 1)} for joint, total in self._sums.items()}
 
     def memory(self) -> Any:
         """Sums by joint and the number of rows."""
@@ -48,7 +48,7 @@ class _Misses(Metrics):
         self._sums, self._rows = dict(memory["sums"]), int(memory["rows"])
 
 
-def misses(outline: Outline) -> Metrics | None:
+def tracking_error(outline: Outline) -> Metrics | None:
     """The metrics of all joints of a run; None where it has none."""
     column = {name: i + 1 for i, name in enumerate(outline.names)}
     found = {
@@ -56,13 +56,13 @@ def misses(outline: Outline) -> Metrics | None:
         for find in TRACKED.values()
         for joint, (position, reference) in find(column, outline.roles).items()
     }
-    return _Misses(found) if found else None
+    return _TrackingErrorMetrics(found) if found else None
 
 
 @contextmanager
-def tracked() -> Iterator[None]:
+def record_tracking_error() -> Iterator[None]:
     """Runs have this figure meanwhile, here and on the workers of farms that begin meanwhile."""
-    METRICS[_KIND] = misses
+    METRICS[_KIND] = tracking_error
     try:
         yield
     finally:

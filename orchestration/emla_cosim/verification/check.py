@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from .verdict import Clause, Outcome
+from .verdict import CheckOutcome, Clause
 
-Examine = Callable[[Any], Outcome]
+Examine = Callable[[Any], CheckOutcome]
 """What does a check: takes a `Subject`, or another thing that is examined."""
 
 
@@ -17,8 +17,8 @@ class Check:
 
     `name` is stable, `group.what`; `title` is what a report calls it. `clause` is the sentence of the
     standard that a failure breaks. `needs` are names of checks that have to pass, or warn, before it
-    makes sense. `hint` says what to do about a failure. `patience` and `room` multiply the time and
-    the memory that it may take.
+    makes sense. `hint` says what to do about a failure. `time_factor` and `memory_factor` multiply the time
+    and the memory that it may take.
     """
 
     name: str
@@ -27,8 +27,8 @@ class Check:
     hint: str
     examine: Examine
     needs: tuple[str, ...] = ()
-    patience: float = 1.0
-    room: float = 1.0
+    time_factor: float = 1.0
+    memory_factor: float = 1.0
 
     def __reduce__(self) -> Any:
         """As it goes to a process that has nothing of this one: by the name that its module has for it."""
@@ -46,13 +46,13 @@ def check(
     clause: Clause,
     hint: str,
     needs: tuple[str, ...] = (),
-    patience: float = 1.0,
-    room: float = 1.0,
+    time_factor: float = 1.0,
+    memory_factor: float = 1.0,
 ) -> Callable[[Examine], Check]:
     """Make a check of a function; see `Check` for what is said of it."""
 
     def made(examine: Examine) -> Check:
-        return Check(name, title, clause, hint, examine, needs, patience, room)
+        return Check(name, title, clause, hint, examine, needs, time_factor, memory_factor)
 
     return made
 

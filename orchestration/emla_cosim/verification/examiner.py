@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..sandbox.server import serve
-from .examination import examined
+from .examination import examine_fmu
 from .findings import Examined
 from .settings import Settings
 from .subject import Subject
-from .systems import examined_system
+from .system_examination import examine_system
 
 
-class Job(NamedTuple):
+class ExaminerJob(NamedTuple):
     """A file to examine, an FMU or a system of them; what reports call it, and its path as it was given."""
 
     path: Path
@@ -35,15 +35,15 @@ def main() -> None:
 
     gc.freeze()  # so that processes that divide from this one do not copy what they only look at
     tempfile.tempdir = sys.argv[1]
-    serve(_done)
+    serve(_examine)
 
 
-def _done(job: Job, tell: Callable[[str], None]) -> Examined:
+def _examine(job: ExaminerJob, tell: Callable[[str], None]) -> Examined:
     if job.system:
-        return examined_system(job.path, job.settings, tell)
+        return examine_system(job.path, job.settings, tell)
     with tempfile.TemporaryDirectory(prefix="emla-verify-") as folder:
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
-        return examined(subject, tell)
+        return examine_fmu(subject, tell)
 
 
 if __name__ == "__main__":

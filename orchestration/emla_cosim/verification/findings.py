@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .verdict import Clause, Outcome, Verdict
+from .verdict import CheckOutcome, Clause, Verdict
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class Finding:
 
     check: str
     title: str
-    outcome: Outcome
+    outcome: CheckOutcome
     clause: Clause
     hint: str
     seconds: float

@@ -39,9 +39,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..recorders.tubes.comparison import Comparison
-from ..views.pages.plain import plain
-from ..views.pages.writing import write_text
+from ..recorders.tubes.signal_comparison import Comparison
+from ..views.pages.plain import to_plain
+from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings, worst
 from .marks import JSON_FORMAT, is_json
 from .verdict import Verdict
@@ -52,7 +52,7 @@ VERSION = 1
 
 def as_dict(report: Findings) -> dict[str, Any]:
     """The report as nothing but dictionaries, lists, texts, numbers that are finite, booleans and None."""
-    return plain(
+    return to_plain(
         {
             "format": JSON_FORMAT,
             "version": VERSION,

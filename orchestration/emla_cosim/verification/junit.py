@@ -7,17 +7,17 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from ..views.pages.text import visible
-from ..views.pages.writing import write_text
+from ..views.pages.text import make_visible
+from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings
-from .labels import labels
 from .marks import is_junit
+from .short_names import shorten_names
 from .verdict import Verdict
 
 
 def save(report: Findings, path: Path, overwrite: bool = False) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
-    names = labels([one.label for one in report.examined])
+    names = shorten_names([one.label for one in report.examined])
     suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
     root = _element(
         "testsuites",
@@ -62,11 +62,11 @@ def _class_name(label: str) -> str:
 def _case(finding: Finding, class_name: str) -> Any:
     case = _element("testcase", classname=class_name, name=finding.check, time=_time(finding.seconds))
     if finding.verdict == Verdict.FAILED:
-        case.append(_element("failure", _explained(finding), type=finding.check, message=finding.sentence))
+        case.append(_element("failure", _explain(finding), type=finding.check, message=finding.sentence))
     elif finding.verdict == Verdict.SKIPPED:
         case.append(_element("skipped", message=finding.sentence))
     elif finding.verdict == Verdict.WARNING:
-        case.append(_element("system-out", f"Warning: {_explained(finding)}"))
+        case.append(_element("system-out", f"Warning: {_explain(finding)}"))
     return case
 
 
@@ -74,7 +74,7 @@ def _time(seconds: float) -> str:
     return f"{seconds if math.isfinite(seconds) else 0.0:.3f}"
 
 
-def _explained(finding: Finding) -> str:
+def _explain(finding: Finding) -> str:
     """All that is known, in paragraphs."""
     clause = f"{finding.clause}: \u201c{finding.clause.sentence}\u201d"
     return "\n\n".join(_paragraphs(finding.sentence, finding.outcome.details, clause, finding.hint))
@@ -85,7 +85,7 @@ def _paragraphs(sentence: str, details: Iterable[str], clause: str, hint: str) -
 
 
 def _element(tag: str, text: str | None = None, **attributes: Any) -> Any:
-    element = etree.Element(tag, {name: visible(value) for name, value in attributes.items()})
+    element = etree.Element(tag, {name: make_visible(value) for name, value in attributes.items()})
     if text is not None:
-        element.text = visible(text)
+        element.text = make_visible(text)
     return element

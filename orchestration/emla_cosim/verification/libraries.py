@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..fmu.library import missing_bytes
+from ..fmu.shared_library import missing_bytes
 from .subject import Subject
 
 _SUFFIXES = (".so", ".dll", ".dylib")
@@ -28,25 +28,25 @@ class Library:
         return f"{self.platform}/{self.path.name}"
 
 
-def libraries(subject: Subject) -> list[Library]:
+def list_libraries(subject: Subject) -> list[Library]:
     """All libraries of the FMU itself, by platform."""
     by_path: dict[Path, list[str]] = {}
     for kind in subject.kinds:
         name = subject.tree.find(kind).get("modelIdentifier")
-        for folder in platforms(subject):
+        for folder in list_platforms(subject):
             for path in sorted(folder.iterdir()):
                 if path.is_file() and path.stem == name and path.suffix in _SUFFIXES:
                     by_path.setdefault(path, []).append(kind)
     return [Library(path, tuple(kinds)) for path, kinds in by_path.items()]
 
 
-def platforms(subject: Subject) -> list[Path]:
+def list_platforms(subject: Subject) -> list[Path]:
     """The folders of the platforms for which there are binaries."""
     binaries = subject.folder / "binaries"
     return sorted(p for p in binaries.iterdir() if p.is_dir()) if binaries.is_dir() else []
 
 
-def parsed(path: Path) -> Any:
+def parse_library(path: Path) -> Any:
     """A library as LIEF reads it; None where it is none, or cut off."""
     import lief  # slow to load, and for three checks only
 
@@ -61,7 +61,7 @@ def parsed(path: Path) -> Any:
     return None
 
 
-def exported(binary: Any) -> set[str]:
+def list_exports(binary: Any) -> set[str]:
     """Names of the functions that a library exports, as C writes them."""
     import lief
 
@@ -71,7 +71,7 @@ def exported(binary: Any) -> set[str]:
     return names
 
 
-def needed(binary: Any) -> list[str]:
+def list_needed_libraries(binary: Any) -> list[str]:
     """Names of the libraries that a library loads."""
     import lief
 

@@ -9,30 +9,30 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ..views.pages.comparisons import compared
-from ..views.pages.page import Plots, rendered
-from ..views.pages.writing import write_text
+from ..views.pages.comparisons import build_comparison_rows
+from ..views.pages.page import Plots, render_template
+from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings, worst
-from .labels import labels
 from .marks import is_page
+from .short_names import shorten_names
 from .verdict import Verdict
 
 
 def save(report: Findings, path: Path, overwrite: bool = False) -> None:
     """Write it. Raises CommandError and RunError as `write_text`."""
-    write_text(page(report), path, "the HTML report", is_page, overwrite)
+    write_text(render_page(report), path, "the HTML report", is_page, overwrite)
 
 
-def page(report: Findings) -> str:
+def render_page(report: Findings) -> str:
     """The text of the page."""
     plots = Plots()
-    names = labels([one.label for one in report.examined])
+    names = shorten_names([one.label for one in report.examined])
     parts = [
-        _Part(k, one, name, plots)
+        _FmuPart(k, one, name, plots)
         for k, (one, name) in enumerate(zip(report.examined, names, strict=True), 1)
     ]
     groups = list(dict.fromkeys(group for part in parts for group in part.groups))
-    return rendered(
+    return render_template(
         __package__ or "",
         "page.html",
         plots,
@@ -47,12 +47,12 @@ def page(report: Findings) -> str:
     )
 
 
-class _Part:
+class _FmuPart:
     """One FMU, as the page's template wants it."""
 
     def __init__(self, index: int, one: Examined, name: str, plots: Plots) -> None:
         self.id, self.one, self.name = f"fmu-{index}", one, name
-        self.rows = [_Row(f"{self.id}-{_word(f.check)}", f, plots) for f in one.findings]
+        self.rows = [_FindingRow(f"{self.id}-{_word(f.check)}", f, plots) for f in one.findings]
 
     @property
     def verdict(self) -> Verdict:
@@ -65,20 +65,20 @@ class _Part:
         return Counter(row.finding.verdict for row in self.rows)
 
     @cached_property
-    def groups(self) -> dict[str, "_Group"]:
+    def groups(self) -> dict[str, "_CheckGroup"]:
         """Findings by the first part of their checks' names."""
-        found: dict[str, list[_Row]] = {}
+        found: dict[str, list[_FindingRow]] = {}
         for row in self.rows:
             found.setdefault(row.finding.check.partition(".")[0], []).append(row)
-        return {name: _Group(f"{self.id}-{_word(name)}-checks", rows) for name, rows in found.items()}
+        return {name: _CheckGroup(f"{self.id}-{_word(name)}-checks", rows) for name, rows in found.items()}
 
 
 @dataclass(frozen=True)
-class _Group:
+class _CheckGroup:
     """Findings of one kind about one FMU."""
 
     id: str
-    rows: Sequence["_Row"]
+    rows: Sequence["_FindingRow"]
 
     @property
     def verdict(self) -> Verdict:
@@ -91,12 +91,12 @@ class _Group:
         return sum(row.finding.verdict == self.verdict for row in self.rows)
 
 
-class _Row:
+class _FindingRow:
     """One finding."""
 
     def __init__(self, name: str, finding: Finding, plots: Plots) -> None:
         self.id, self.finding, self.outcome = name, finding, finding.outcome
-        self.signals = compared(self.outcome.comparisons, plots)
+        self.signals = build_comparison_rows(self.outcome.comparisons, plots)
 
     @property
     def advised(self) -> bool:
@@ -104,7 +104,7 @@ class _Row:
         return self.finding.verdict in (Verdict.FAILED, Verdict.WARNING) and bool(self.finding.hint)
 
 
-def _worst(rows: Sequence[_Row]) -> Verdict:
+def _worst(rows: Sequence[_FindingRow]) -> Verdict:
     return worst([row.finding for row in rows])
 
 

@@ -71,12 +71,12 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Find the FMUs before anything is collected; workers of pytest-xdist are told which they are."""
     config = session.config
-    if (told := _told(config)) is not None:
+    if (told := _worker_data(config)) is not None:
         config.stash[_FMUS] = told["fmus"]
         return
-    found = list(_named(_texts(config, "fmu"), config.invocation_params.dir, "--fmu"))
+    found = list(_match_files(_texts(config, "fmu"), config.invocation_params.dir, "--fmu"))
     if config.args_source != pytest.Config.ArgsSource.ARGS:
-        found += _named(config.getini("fmus"), config.rootpath, "fmus")
+        found += _match_files(config.getini("fmus"), config.rootpath, "fmus")
     if found:
         _settings(config)  # what is wrong with it is said once
     config.stash[_FMUS] = list(dict.fromkeys(found))
@@ -95,7 +95,7 @@ def pytest_configure_node(node: Any) -> None:
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """An FMU that is an argument, as in `pytest build/x.fmu::state.restored`; others are left alone."""
     if file_path.suffix.lower() == ".fmu" and parent.session.isinitpath(file_path):
-        return FmuFile.from_parent(parent, path=file_path)
+        return FmuCollector.from_parent(parent, path=file_path)
     return None
 
 
@@ -109,19 +109,19 @@ def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.It
     named = {item.path for item in items if isinstance(item, FmuItem)}
     for path in map(Path, session.config.stash[_FMUS]):
         if path not in named:
-            items += session.genitems(FmuFile.from_parent(session, path=path))
+            items += session.genitems(FmuCollector.from_parent(session, path=path))
 
 
-class FmuFile(pytest.File):
+class FmuCollector(pytest.File):
     """An FMU, whose tests are its checks."""
 
     _examined: Examined | None = None
 
     def collect(self) -> Iterator[FmuItem]:
         """A test for each check that the options mean."""
-        from .examination import chosen
+        from .examination import select_checks
 
-        for check in chosen(_settings(self.config)):
+        for check in select_checks(_settings(self.config)):
             item = FmuItem.from_parent(self, name=check.name)
             item.add_marker(pytest.mark.fmu(check=check.name, group=check.group))
             yield item
@@ -138,16 +138,16 @@ class FmuFile(pytest.File):
 
     def _shared(self, do: Callable[[], Examined]) -> Examined:
         """What is to be done, done by one worker of pytest-xdist for all."""
-        told = _told(self.config)
+        told = _worker_data(self.config)
         if told is None:
             return do()
-        from .once import once
+        from .compute_once import compute_once
 
         name = hashlib.sha256(os.fsencode(self.path)).hexdigest()
-        return once(Path(told["folder"], name), do)
+        return compute_once(Path(told["folder"], name), do)
 
     def _verified(self, checks: list[str]) -> Examined:
-        from .verifying import verify
+        from .runner import verify
 
         said = _settings(self.config)
         report = verify(
@@ -163,22 +163,22 @@ class FmuItem(pytest.Item):
         """Raise FmuFailure, or skip, or warn, as the check found."""
         from .verdict import Verdict
 
-        assert isinstance(self.parent, FmuFile)
+        assert isinstance(self.parent, FmuCollector)
         found = self.parent.finding(self)
         if found.verdict == Verdict.FAILED:
             needed = "" if found.check == self.name else f"It needs {found.check}, which failed. "
-            raise FmuFailure(needed + explained(found))
+            raise FmuFailure(needed + explain_finding(found))
         if found.verdict == Verdict.SKIPPED:
             raise pytest.skip.Exception(f"{self.name}: {found.sentence}", _use_item_location=True)
         if found.verdict == Verdict.WARNING:
-            warnings.warn_explicit(FmuWarning(explained(found)), None, str(self.path), 0)
+            warnings.warn_explicit(FmuWarning(explain_finding(found)), None, str(self.path), 0)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """What is wrong with the FMU; the way through this program is nobody's concern."""
         from ..base.errors import CosimError
 
         if isinstance(excinfo.value, (FmuFailure, FmuWarning, CosimError)):
-            return _Shown(self.reportinfo()[0], str(excinfo.value))
+            return _FailureText(self.reportinfo()[0], str(excinfo.value))
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
@@ -197,7 +197,7 @@ class _Crash:
         return f"{self.path}: {self.message}"
 
 
-class _Shown:
+class _FailureText:
     """A failure as pytest shows it."""
 
     def __init__(self, path: Path, text: str) -> None:
@@ -214,7 +214,7 @@ class _Shown:
         terminal.line(rest)
 
 
-def explained(found: Finding) -> str:
+def explain_finding(found: Finding) -> str:
     """The sentence, further places, what it rests on, and what to do, each in lines of its own."""
     details = found.outcome.details
     lines = [found.sentence, *(f"    {detail}" for detail in details[:_MOST_DETAILS])]
@@ -223,7 +223,7 @@ def explained(found: Finding) -> str:
     return "\n".join([*lines, f'{found.clause}: "{found.clause.sentence}"', found.hint])
 
 
-def _told(config: pytest.Config) -> dict[str, Any] | None:
+def _worker_data(config: pytest.Config) -> dict[str, Any] | None:
     """What a worker of pytest-xdist was told; None for other processes."""
     return getattr(config, "workerinput", {}).get("emla_verify")
 
@@ -239,7 +239,7 @@ def _of(check: str, examined: Examined, selected: Container[str]) -> Finding:
     return found
 
 
-def _named(patterns: Iterable[str], folder: Path, where: str) -> Iterator[str]:
+def _match_files(patterns: Iterable[str], folder: Path, where: str) -> Iterator[str]:
     """The files that globs mean, seen from a folder. Raises UsageError for one that means none."""
     for pattern in patterns:
         # Path.glob has no absolute patterns

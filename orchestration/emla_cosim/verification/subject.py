@@ -11,8 +11,8 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..fmu.interface import Interface
-from ..fmu.library import find_library
-from .declared import Declared, declared
+from ..fmu.shared_library import find_library
+from .declarations import Declarations, read_declarations
 from .settings import Settings
 
 DESCRIPTION = "modelDescription.xml"
@@ -48,9 +48,9 @@ class Subject:
         return fmpy.read_model_description(str(self.path), validate=False)
 
     @cached_property
-    def declared(self) -> Declared:
+    def declared(self) -> Declarations:
         """What the model description declares, as far as the schema goes: needs `description.schema`."""
-        return declared(self.tree)
+        return read_declarations(self.tree)
 
     @cached_property
     def interface(self) -> Interface:
@@ -67,18 +67,18 @@ class Subject:
         """What the FMU is for: `CoSimulation`, `ModelExchange`, or both, in this order."""
         return [name for name in ("CoSimulation", "ModelExchange") if self.tree.find(name) is not None]
 
-    def means(self, kind: str) -> Any:
+    def find_kind_element(self, kind: str) -> Any:
         """The element of the model description for a kind, as fmpy reads it; None where the FMU has none."""
         description = self.description
         return description.coSimulation if kind == "CoSimulation" else description.modelExchange
 
-    def can(self, capability: str, kind: str | None = None) -> bool:
+    def has_capability(self, capability: str, kind: str | None = None) -> bool:
         """Whether the FMU claims a capability, as `canGetAndSetFMUstate`, for a kind or its first one."""
-        return bool(getattr(self.means(kind or self.kinds[0]), capability, False))
+        return bool(getattr(self.find_kind_element(kind or self.kinds[0]), capability, False))
 
     def library(self, kind: str | None = None) -> Path | None:
         """The shared library for this machine; None where there is none."""
-        return find_library(self.folder, self.means(kind or self.kinds[0]).modelIdentifier)
+        return find_library(self.folder, self.find_kind_element(kind or self.kinds[0]).modelIdentifier)
 
     def of_causality(self, *causalities: str, kind: str = "Real") -> list[ModelVariable]:
         """Variables of these causalities and of a type, in the order of the model description."""

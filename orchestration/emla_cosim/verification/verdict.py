@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from ..recorders.tubes.comparison import Comparison
+from ..recorders.tubes.signal_comparison import Comparison
 
 
 class Verdict(StrEnum):
@@ -34,7 +34,7 @@ class Clause:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CheckOutcome:
     """What a check found: a verdict, and one sentence that says it of this FMU.
 
     `details` are lines for the places where it is so, if there are several; `comparisons` are signals
@@ -50,21 +50,21 @@ class Outcome:
     hint: str = ""
 
 
-def passed(sentence: str, **more: Any) -> Outcome:
+def passed(sentence: str, **more: Any) -> CheckOutcome:
     """All is as it should be."""
-    return Outcome(Verdict.PASSED, sentence, **more)
+    return CheckOutcome(Verdict.PASSED, sentence, **more)
 
 
-def failed(sentence: str, **more: Any) -> Outcome:
+def failed(sentence: str, **more: Any) -> CheckOutcome:
     """The standard, or a reference, is not kept."""
-    return Outcome(Verdict.FAILED, sentence, **more)
+    return CheckOutcome(Verdict.FAILED, sentence, **more)
 
 
-def warned(sentence: str, **more: Any) -> Outcome:
+def warned(sentence: str, **more: Any) -> CheckOutcome:
     """Allowed, but hardly meant so."""
-    return Outcome(Verdict.WARNING, sentence, **more)
+    return CheckOutcome(Verdict.WARNING, sentence, **more)
 
 
-def skipped(sentence: str, **more: Any) -> Outcome:
+def skipped(sentence: str, **more: Any) -> CheckOutcome:
     """There was nothing to check, or no way to; `sentence` is the reason."""
-    return Outcome(Verdict.SKIPPED, sentence, **more)
+    return CheckOutcome(Verdict.SKIPPED, sentence, **more)

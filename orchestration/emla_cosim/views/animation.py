@@ -8,10 +8,10 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..base.errors import CommandError, RunError, listed
-from ..base.files import written_whole
+from ..base.errors import CommandError, RunError, join_names
+from ..base.files import write_atomically
 from ..base.progress import Progress
-from ..sandbox.interruption import interruption
+from ..sandbox.interruption import catch_interrupts
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -24,7 +24,7 @@ Pixels = npt.NDArray[np.uint8]
 _LAST = 1500
 """How long the last frame is seen before the first one comes again, ms."""
 
-_ALIKE = 8
+_COLOR_DISTANCE = 8
 """Colours that differ by less, of 255, are one where Pillow looks for the nearest."""
 
 
@@ -67,12 +67,12 @@ def check_animated(name: str, all_names: Collection[str], kept: Collection[str])
     """Raise CommandError unless the signals that are kept of the run of this name can be animated."""
     needed = [names for a in ANIMATIONS.values() if (names := a.signals(all_names)) is not None]
     if not needed:
-        takes = listed(a.takes for a in ANIMATIONS.values())
+        takes = join_names(a.takes for a in ANIMATIONS.values())
         raise CommandError(f"'{name}' has nothing to animate: that takes {takes}.", name=name)
     missing = [[n for n in names if n not in kept] for names in needed]
     if all(missing):
         raise CommandError(
-            f"an animation needs signals that are not kept: {listed(missing[0])}.", missing=missing[0]
+            f"an animation needs signals that are not kept: {join_names(missing[0])}.", missing=missing[0]
         )
 
 
@@ -87,7 +87,7 @@ def animate(result: "Result", folder: Path, progress: Progress) -> list[Path]:
             film = animation.film(result)
             progress.begin("animating", len(film))
             path = folder / f"{name}.gif"
-            with written_whole(path) as stream:
+            with write_atomically(path) as stream:
                 write_gif(film, stream, progress)
             written.append(path)
     return written
@@ -105,7 +105,7 @@ def write_gif(film: Film, stream: IO[bytes], progress: Progress) -> None:
 
     colors = _colors(film[len(film) - 1])
     seen = round(1000 * film.period)
-    with interruption() as asked:
+    with catch_interrupts() as asked:
         image(0).save(
             stream,
             format="GIF",
@@ -122,6 +122,6 @@ def _colors(frame: Pixels) -> "Image.Image":
 
     found = Image.fromarray(frame).quantize(256, dither=Image.Dither.NONE)
     palette, background = np.reshape(found.getpalette() or (), (-1, 3)), frame[0, 0].astype(int)
-    palette[(np.abs(palette - background) < _ALIKE).all(axis=1)] = background
+    palette[(np.abs(palette - background) < _COLOR_DISTANCE).all(axis=1)] = background
     found.putpalette(palette.ravel().tolist())
     return found

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, ClassVar
 
 from ..base.errors import CommandError
-from ..base.files import check_places, remove_unfinished, writing_to, written_whole
+from ..base.files import check_output_files, remove_unfinished, report_write_errors, write_atomically
 from ..base.ownership import IsOurs, OutputFiles
-from ..sandbox.locking import alone
+from ..sandbox.locking import exclusive_lock
 from .plots.style import save
 
 if TYPE_CHECKING:
@@ -79,19 +79,19 @@ class Folder:
     @contextlib.contextmanager
     def _written(self, name: str) -> Iterator[IO[bytes]]:
         self._files.claim([name])
-        with written_whole(self._place / name) as stream:
+        with write_atomically(self._place / name) as stream:
             yield stream
 
     def settle(self) -> None:
         """Note that all files are complete. Raises RunError."""
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             self._files.settle()
 
     def check_unread(self, read: Iterable[Mapping[Path, str]]) -> None:
         """Raise CommandError where a file would be written that is read; `read` says what these are."""
         used = {file: what for files in read for file, what in files.items()}
         if self._place.is_dir():
-            check_places(self.roles, used)
+            check_output_files(self.roles, used)
 
     @property
     def roles(self) -> dict[Path, str]:
@@ -102,8 +102,8 @@ class Folder:
     def alone(self, heir_of: int | None = None) -> Iterator[None]:
         """No other run writes here meanwhile, nor is an empty folder left that was made for it.
 
-        What was not complete when an earlier run was killed is removed; for `heir_of` see `locking.alone`.
-        Raises CommandError where another run does, or the folder cannot be made.
+        What was not complete when an earlier run was killed is removed; for `heir_of` see
+        `locking.exclusive_lock`. Raises CommandError where another run does, or the folder cannot be made.
         """
         missing = [place for place in (self._place, *self._place.parents) if not place.exists()]
         try:
@@ -113,7 +113,7 @@ class Folder:
                 f"the output folder '{self.path}' cannot be written: {error.strerror}."
             ) from error
         try:
-            with alone(self._place, heir_of):
+            with exclusive_lock(self._place, heir_of):
                 remove_unfinished(self._place)
                 for name in self.inner:
                     if not (self._place / name).is_symlink():

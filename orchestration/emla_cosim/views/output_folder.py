@@ -12,10 +12,10 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
-from ..base.files import writing_to
+from ..base.files import report_write_errors
 from ..base.ownership import has_entries
 from ..base.progress import Progress
-from ..recorders.coupling.coupling import COUPLING
+from ..recorders.coupling.coupling_cost import COUPLING
 from ..recorders.metrics import SIGNALS
 from ..recorders.parquet_file import strange_parts
 from ..recorders.recorder import Outline, Recorder, recording
@@ -24,8 +24,8 @@ from ..recorders.table import Table
 from ..run.result import Result
 from .animation import ANIMATIONS, animate
 from .folder import Folder
-from .pages.plain import plain
-from .plots.plotting import FIGURES, drawn
+from .pages.plain import to_plain
+from .plots.pictures import FIGURES, drawn
 
 METRICS, RECORD, REPORT = "metrics.json", "run.json", "report.html"
 
@@ -87,7 +87,7 @@ class OutputFolder(Folder):
     def check_files(self, names: Iterable[str]) -> None:
         """Raise CommandError where one of these files cannot be written, or somebody else wrote it."""
         super().check_files(names)
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             problem = strange_parts(self._place / self.results.name)
         if problem is not None:
             raise CommandError(f"{problem}, or choose another output folder.")
@@ -98,7 +98,7 @@ class OutputFolder(Folder):
 
     def recorders(self, continued: bool) -> list[Recorder]:
         """What writes the table of results while a run goes on, which may continue one in this folder."""
-        return [_Clearing(self, continued), self.table()]
+        return [_FolderClearer(self, continued), self.table()]
 
     def table(self) -> Table:
         """What writes the table of results."""
@@ -153,7 +153,7 @@ class OutputFolder(Folder):
         `notes` are sentences for the page on what was read. Raises RunError, also where Ctrl-C ends an
         animation.
         """
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             self._files.claim(self.files)
             written = self._write(result, plots, progress or Progress(), animated, report, notes)
             self._files.settle()
@@ -170,14 +170,14 @@ class OutputFolder(Folder):
     ) -> list[Path]:
         """See `save`. Raises OSError."""
         figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
-        self.write_json(METRICS, {**plain(figures), "run": _run_metrics(result)})
+        self.write_json(METRICS, {**to_plain(figures), "run": _run_metrics(result)})
         self.write_json(RECORD, result.record)
         written = list[Path]()
         if report:
-            from .run_page.page import page
+            from .run_page.page import render_page
 
             told.begin("writing the report", 1)
-            written.append(self.write(REPORT, page(result, notes).encode("utf-8", "replace")))
+            written.append(self.write(REPORT, render_page(result, notes).encode("utf-8", "replace")))
             told.advance(1)
         if result.steps == 0 or result.table is None:
             return written
@@ -192,13 +192,13 @@ class OutputFolder(Folder):
 
     def change_record(self, **entries: Any) -> None:
         """Write run.json with these entries, and those that it has. Raises RunError."""
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             self.write_json(RECORD, self._record() | entries)
             self._files.settle()
 
     def status(self) -> str:
         """What run.json says of how the run ended; empty where there is none."""
-        with writing_to(self.path):
+        with report_write_errors(self.path):
             return str(self._record().get("status", ""))
 
     def _record(self) -> dict[str, Any]:
@@ -211,7 +211,7 @@ class OutputFolder(Folder):
         return found if isinstance(found, dict) else {}
 
 
-class _Clearing(Recorder):
+class _FolderClearer(Recorder):
     """Removes what an earlier run left when a run begins, and not before: a wrong command leaves it alone."""
 
     def __init__(self, folder: OutputFolder, continued: bool) -> None:

@@ -14,8 +14,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..base.errors import CosimError
-from ..base.wording import counted
-from .telling import cell, how_stepped
+from ..base.wording import format_count
+from .formatting import describe_stepping, format_figure
 
 if TYPE_CHECKING:
     from ..recorders.metrics import Figures, Shown
@@ -52,30 +52,30 @@ OUT, ERR = Console(), Console(file=cast(IO[str], _Stderr()))
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Verbosity:
     """What a person wants to see: nothing but errors, or also how replacements fit that fit."""
 
     quiet: bool = False
     fit: bool = False
 
 
-_wanted = Wanted()
+_verbosity = Verbosity()
 
 
 @contextmanager
-def showing(what: Wanted) -> Iterator[None]:
+def use_verbosity(what: Verbosity) -> Iterator[None]:
     """Show this meanwhile."""
-    global _wanted
-    before, _wanted = _wanted, what
+    global _verbosity
+    before, _verbosity = _verbosity, what
     try:
         yield
     finally:
-        _wanted = before
+        _verbosity = before
 
 
-def wanted() -> Wanted:
+def get_verbosity() -> Verbosity:
     """What is to be shown."""
-    return _wanted
+    return _verbosity
 
 
 def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
@@ -83,27 +83,27 @@ def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
 
     Raises CosimError where standard output cannot be written.
     """
-    if _wanted.quiet and not asked_for:
+    if _verbosity.quiet and not asked_for:
         return
-    with _written():
+    with _flush_output():
         OUT.print(shown, **how)
 
 
 def show_table(table: Table) -> None:
     """Put a table out: as wide as the terminal, and where there is none so wide that nothing is folded."""
-    with _written():
+    with _flush_output():
         (OUT if OUT.is_terminal else Console(width=_UNFOLDED)).print(table)
 
 
-def put_out(text: str) -> None:
+def print_exactly(text: str) -> None:
     """Put out a text for programs, to the letter; CosimError where standard output cannot be written."""
-    with _written():
+    with _flush_output():
         OUT.file.write(text)
         OUT.file.flush()
 
 
 @contextmanager
-def _written() -> Iterator[None]:
+def _flush_output() -> Iterator[None]:
     try:
         yield
     except (OSError, ValueError) as error:
@@ -116,7 +116,7 @@ def show_result(
 ) -> None:
     """The metrics as tables, how the steps were made, and where everything is."""
     for remark in result.remarks:
-        say(remark)
+        print_line(remark)
     span = result.end_s - result.times.start
     for kind, figures in result.metrics.items():
         if result.shown[kind]:
@@ -124,18 +124,18 @@ def show_result(
     if not any(result.metrics.values()) and result.signals:
         _show_signals(result, f"{result.name}, {span:g} s simulated")
     for note in notes:
-        say(f"Note: {note}.")
+        print_line(f"Note: {note}.")
     if result.comparisons:
         _show_agreement(result)
-    for line in how_stepped(result):
-        say(line)
-    say(f"Wrote {output.path}/: {output.results.name}, metrics.json, run.json")
+    for line in describe_stepping(result):
+        print_line(line)
+    print_line(f"Wrote {output.path}/: {output.results.name}, metrics.json, run.json")
     drawn = [path.name for path in pictures if path.suffix != ".html"]
     if drawn:
-        say(f"Pictures: {', '.join(drawn)}")
+        print_line(f"Pictures: {', '.join(drawn)}")
     for path in pictures:
         if path.suffix == ".html":
-            say(f"Report: {path}")
+            print_line(f"Report: {path}")
 
 
 def show_error(sentence: str) -> None:
@@ -155,7 +155,7 @@ def show_file(path: Path) -> None:
     show(f"{escape(str(path))}  [dim]{size:.0f} KiB[/]", highlight=False, soft_wrap=True)
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     """One line as it is: names in it are no markup."""
     show(text, markup=False, highlight=False, soft_wrap=True)
 
@@ -167,7 +167,7 @@ def _figures(title: str, figures: "Figures", shown: "Sequence[Shown]") -> Table:
         table.add_column(escape(name), justify="right")
     table.add_column("")
     for figure in shown:
-        values = (cell(f[figure.name], figure) for f in figures.values())
+        values = (format_figure(f[figure.name], figure) for f in figures.values())
         table.add_row(escape(figure.label), *values, escape(figure.unit))
     return table
 
@@ -186,19 +186,19 @@ def _show_signals(result: "Result", title: str) -> None:
         table.add_row(escape(signal), *values, escape(str(unit) if unit is not None else ""))
     show(table)
     if (more := len(result.signals) - _MOST_FIGURES) > 0:
-        say(f"The figures of {more} more signals are in metrics.json.")
+        print_line(f"The figures of {more} more signals are in metrics.json.")
 
 
 def _show_agreement(result: "Result") -> None:
     """How many signals stayed in their tubes, and a table of those that did not, the first one first."""
-    from ..recorders.tubes.comparing import (
-        that_left,  # with NumPy, which most of what is shown here does without
+    from ..recorders.tubes.signal_check import (
+        select_outside,  # with NumPy, which most of what is shown here does without
     )
 
-    left = that_left(result.comparisons)
+    left = select_outside(result.comparisons)
     place = result.record["reference"]["run"]
-    agree = counted(len(result.comparisons), "signal agrees", "signals agree")
-    say(f"{len(result.comparisons) - len(left)} of {agree} with {place}")
+    agree = format_count(len(result.comparisons), "signal agrees", "signals agree")
+    print_line(f"{len(result.comparisons) - len(left)} of {agree} with {place}")
     if not left:
         return
     table = Table("signal", "left at / s", "off by", "allowed", "", "at / s")

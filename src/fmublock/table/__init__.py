@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .content import ENDS, INTERPOLATIONS, Column, Shown, Table
+from .content import ENDS, INTERPOLATIONS, TableColumn, TableContent, TableOutput
 
 if TYPE_CHECKING:
     from .building import MODEL, MOST_OUTPUTS, build_table
@@ -13,9 +13,9 @@ __all__ = [
     "INTERPOLATIONS",
     "MODEL",
     "MOST_OUTPUTS",
-    "Column",
-    "Shown",
-    "Table",
+    "TableColumn",
+    "TableContent",
+    "TableOutput",
     "build_table",
 ]
 

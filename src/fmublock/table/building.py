@@ -7,15 +7,15 @@ from pathlib import Path
 
 from ..archive import content_guid, write_archive
 from ..cache import cache_folder
-from ..compiling import compiled, constants, sources
+from ..compiling import compile_libraries, constants, sources
 from ..documentation import html_page
 from ..errors import BuildError
-from ..files import written_whole
+from ..files import write_atomically
 from ..platforms import TARGETS, host_platform
 from ..recipe import Producer, made_by
-from .content import Table
+from .content import TableContent
 from .description import table_description
-from .layout import packed
+from .layout import pack_table
 
 MODEL = "DataTable"
 """The model identifier of all table FMUs."""
@@ -48,7 +48,7 @@ _ORDERS = ("", "its derivative", "its second derivative")
 
 
 def build_table(
-    table: Table,
+    table: TableContent,
     path: Path,
     platforms: Sequence[str] = (),
     producer: Producer | None = None,
@@ -68,9 +68,9 @@ def build_table(
     if license_text is not None:
         content["documentation/licenses/license.txt"] = (_LICENSED + license_text).encode()
     anonymous = table_description(table, MODEL, _MAIN, producer, "")
-    numbers = {"resources/table.bin": packed(table, "")}
+    numbers = {"resources/table.bin": pack_table(table, "")}
     guid = content_guid({**content, **numbers, "modelDescription.xml": anonymous})
-    numbers = {"resources/table.bin": packed(table, guid)}
+    numbers = {"resources/table.bin": pack_table(table, guid)}
     content["modelDescription.xml"] = table_description(table, MODEL, _MAIN, producer, guid)
     try:
         content |= _libraries(content, platforms or (host_platform(),))
@@ -120,14 +120,14 @@ def _libraries(content: dict[str, bytes], platforms: Sequence[str]) -> dict[str,
         try:
             found[name] = kept.read_bytes()
         except OSError:
-            found |= compiled(MODEL, _MAIN, content, [platform])
+            found |= compile_libraries(MODEL, _MAIN, content, [platform])
             kept.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(kept) as stream:
+            with write_atomically(kept) as stream:
                 stream.write(found[name])
     return found
 
 
-def _page(table: Table) -> str:
+def _page(table: TableContent) -> str:
     rows = [
         f"| `{escape(o.name)}` | {escape(o.unit.name) if o.unit is not None else ''} "
         f"| {table.columns[o.column].interpolation} | {_ORDERS[o.order]} |"

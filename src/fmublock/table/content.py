@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..units import Unit
+from ..units import SiUnit
 
 INTERPOLATIONS = ("held", "linear", "cubic")
 """What is between two rows: the value of the first one, a straight line, a cubic spline."""
@@ -18,7 +18,7 @@ Numbers = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """Numbers at the times of a table, and what is between them, one of `INTERPOLATIONS`."""
 
     values: Numbers
@@ -26,7 +26,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Shown:
+class TableOutput:
     """An output: `factor` times a column, or its time derivative of this order (0 to 2), plus `offset`.
 
     `column` is its position in the table, `unit` that of the output.
@@ -37,15 +37,15 @@ class Shown:
     order: int = 0
     factor: float = 1.0
     offset: float = 0.0
-    unit: Unit | None = None
+    unit: SiUnit | None = None
     description: str = ""
 
 
 @dataclass(frozen=True)
-class Table:
+class TableContent:
     """Columns at times in s that grow, two at least; what is shown of them; one of `ENDS`."""
 
     times: Numbers
-    columns: Sequence[Column]
-    outputs: Sequence[Shown]
+    columns: Sequence[TableColumn]
+    outputs: Sequence[TableOutput]
     end: str = "hold"

@@ -2,15 +2,15 @@
 
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from ..description import LOG_CATEGORIES, described
+from ..description import LOG_CATEGORIES, describe_model
 from ..recipe import Producer
-from ..units import Unit
-from .content import Table
+from ..units import SiUnit
+from .content import TableContent
 
 
-def table_description(table: Table, model: str, main: str, producer: Producer, guid: str) -> bytes:
+def table_description(table: TableContent, model: str, main: str, producer: Producer, guid: str) -> bytes:
     """The model description as UTF-8 XML; `main` is the C file to compile."""
-    root = described(model, "Data over time as outputs", producer, guid)
+    root = describe_model(model, "Data over time as outputs", producer, guid)
     simulation = SubElement(
         root,
         "CoSimulation",
@@ -52,7 +52,7 @@ def table_description(table: Table, model: str, main: str, producer: Producer, g
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
 
 
-def _add_units(root: Element, table: Table) -> None:
+def _add_units(root: Element, table: TableContent) -> None:
     units = {o.unit.name: o.unit for o in table.outputs if o.unit is not None}
     if units:
         definitions = SubElement(root, "UnitDefinitions")
@@ -60,7 +60,7 @@ def _add_units(root: Element, table: Table) -> None:
             _add_unit(definitions, units[name])
 
 
-def _add_unit(definitions: Element, unit: Unit) -> None:
+def _add_unit(definitions: Element, unit: SiUnit) -> None:
     element = SubElement(definitions, "Unit", name=unit.name)
     if unit.exponents is None:
         return

@@ -3,14 +3,14 @@
 import numpy as np
 
 from ..errors import BuildError
-from .content import ENDS, INTERPOLATIONS, Column, Numbers, Table
+from .content import ENDS, INTERPOLATIONS, Numbers, TableColumn, TableContent
 
 _MAGIC = b"EMLATBL1"
 _GUID_BYTES = 40
 """So many hold the 38 letters of a GUID and zeros, in whole doubles."""
 
 
-def packed(table: Table, guid: str) -> bytes:
+def pack_table(table: TableContent, guid: str) -> bytes:
     """The file: magic, how many numbers, the numbers (little-endian doubles), their checksum.
 
     The numbers begin with the GUID's letters, `guid` may be empty. Raises BuildError for a column that
@@ -23,7 +23,7 @@ def packed(table: Table, guid: str) -> bytes:
     return _MAGIC + np.uint64(len(words)).tobytes() + words.tobytes() + total.tobytes()
 
 
-def _parts(table: Table) -> list[Numbers]:
+def _parts(table: TableContent) -> list[Numbers]:
     times = table.times
     head = [len(times), len(table.columns), len(table.outputs), ENDS.index(table.end)]
     kinds = [INTERPOLATIONS.index(c.interpolation) for c in table.columns]
@@ -35,7 +35,7 @@ def _parts(table: Table) -> list[Numbers]:
     return [np.array([*head, *kinds, *shown], dtype=float), times, rows.ravel(), _index(times)]
 
 
-def _slopes(table: Table, column: Column) -> Numbers:
+def _slopes(table: TableContent, column: TableColumn) -> Numbers:
     """What a cubic needs beside its values: the slopes of the spline of continuous curvature.
 
     Its ends are "not a knot"; where the table repeats and comes back to its first value, the spline

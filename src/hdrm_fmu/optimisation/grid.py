@@ -9,14 +9,14 @@ from scipy.interpolate import BSpline
 
 
 @dataclass(frozen=True)
-class Basis:
+class SplineBasis:
     """Clamped B-splines of a degree on [0, 1]; the time of a motion is this by its duration."""
 
     degree: int
     knots: np.ndarray
 
     @classmethod
-    def cosine(cls, degree: int, count: int) -> "Basis":
+    def cosine(cls, degree: int, count: int) -> "SplineBasis":
         """With so many different knots, closer together towards both ends, as cosines are."""
         places = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, count))
         places[[0, -1]] = 0.0, 1.0

@@ -14,7 +14,7 @@ import numpy as np
 from ..dynamics import energy, inverse_dynamics
 from ..trajectory import JOINTS
 from .constraints import Constraints
-from .grid import Basis, lobatto
+from .grid import SplineBasis, lobatto
 from .problem import MotionProblem
 
 
@@ -32,9 +32,9 @@ class Discretisation:
     tie_break: float = 1e-3
 
     @property
-    def basis(self) -> Basis:
+    def basis(self) -> SplineBasis:
         """The spline's basis on [0, 1]."""
-        return Basis.cosine(self.degree, self.knots)
+        return SplineBasis.cosine(self.degree, self.knots)
 
 
 SLACKS = (
@@ -59,7 +59,7 @@ class Programme:
     """Whether the groups of SLACKS give way, and that they need to is what is minimised."""
 
     @cached_property
-    def basis(self) -> Basis:
+    def basis(self) -> SplineBasis:
         """The spline's basis."""
         return self.how.basis
 

@@ -13,11 +13,11 @@ from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.run.result import Result
 from emla_cosim.study.figures import MACHINE_FIGURES
 from emla_cosim.study.sketch.film import MachineFilm, ManipulatorAnimation
-from emla_cosim.study.sketch.movement import Movement, movement, recorded_signals
-from emla_cosim.study.sketch.picture import INSTANTS, instants
-from emla_cosim.study.sketch.workspace import workspace
+from emla_cosim.study.sketch.manipulator_picture import INSTANTS, select_instants
+from emla_cosim.study.sketch.movement import Movement, read_movement, recorded_signals
+from emla_cosim.study.sketch.workspace import outline_workspace
 from emla_cosim.views.plots.by_unit import BY_UNIT
-from emla_cosim.views.plots.plotting import drawn as figures
+from emla_cosim.views.plots.pictures import drawn as figures
 from emla_cosim.views.plots.style import save
 from hdrm_fmu import HDRM
 from hdrm_fmu.kinematics import tip
@@ -27,7 +27,7 @@ assert ec.load, "registers what is drawn"
 
 
 def moved(result: Result) -> Movement:
-    found = movement(result, result.read(["time", *recorded_signals(result)]))
+    found = read_movement(result, result.read(["time", *recorded_signals(result)]))
     assert found is not None
     return found
 
@@ -155,12 +155,12 @@ def test_the_tip_stays_where_it_can_be() -> None:
     from matplotlib.path import Path as Line
 
     found = moved(replayed())
-    assert Line(workspace(found.p)).contains_points(found.path).all()
+    assert Line(outline_workspace(found.p)).contains_points(found.path).all()
 
 
 def test_instants_are_along_the_path() -> None:
     found = moved(replayed())
-    rows = instants(found)
+    rows = select_instants(found)
     assert len(rows) == INSTANTS
     assert (rows[0], rows[-1]) == (0, len(found.time) - 1)
     steps = np.hypot(*np.diff(found.path[rows], axis=0).T)

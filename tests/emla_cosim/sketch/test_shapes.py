@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.path import Path
 
-from emla_cosim.study.sketch.shapes import shapes
-from emla_cosim.study.sketch.workspace import workspace
+from emla_cosim.study.sketch.shapes import build_shapes
+from emla_cosim.study.sketch.workspace import outline_workspace
 from hdrm_fmu import HDRM, HdrmParameters
 from hdrm_fmu.kinematics import joint_angles, outline, tip
 
@@ -31,7 +31,7 @@ def middle(line: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("q", STROKES[:8].tolist())
 def test_actuators_are_as_long_as_their_pins_are_apart(q: list[float]) -> None:
-    drawn = shapes(HDRM, q)
+    drawn = build_shapes(HDRM, q)
     for joint, number, rest in (("lift", 1, HDRM.lift_L_0), ("tilt", 2, HDRM.tilt_L_0)):
         pins = [middle(drawn[f"{end}_{number}"]) for end in "AB"]
         assert math.dist(*pins) == pytest.approx(rest + q[number - 1], abs=1e-12)
@@ -44,30 +44,32 @@ def test_actuators_are_as_long_as_their_pins_are_apart(q: list[float]) -> None:
 
 @pytest.mark.parametrize("q", STROKES[:8].tolist())
 def test_the_payload_is_at_the_tip(q: list[float]) -> None:
-    box = shapes(HDRM, q, 470.0)["payload"]
+    box = build_shapes(HDRM, q, 470.0)["payload"]
     assert box.mean(axis=0) == pytest.approx(tip(HDRM, q), abs=1e-12)
 
 
 def test_the_box_grows_with_the_payload() -> None:
-    sides = [np.ptp(shapes(HDRM, STROKES[0], kg)["payload"], axis=0).max() for kg in (0.0, 470.0, 8 * 470.0)]
+    sides = [
+        np.ptp(build_shapes(HDRM, STROKES[0], kg)["payload"], axis=0).max() for kg in (0.0, 470.0, 8 * 470.0)
+    ]
     assert sides[0] == 0.0
     assert sides[2] == pytest.approx(2.0 * sides[1])
 
 
 def test_every_posture_has_the_same_parts() -> None:
-    first, *others = (shapes(HDRM, q) for q in [HDRM.q_LB, HDRM.q_UB, *STROKES.tolist()])
+    first, *others = (build_shapes(HDRM, q) for q in [HDRM.q_LB, HDRM.q_UB, *STROKES.tolist()])
     assert all(list(other) == list(first) for other in others)
     assert all(np.isfinite(line).all() for line in first.values())
 
 
 def test_what_is_fixed_does_not_move() -> None:
-    bases = [shapes(HDRM, q)["base"] for q in STROKES[:5].tolist()]
+    bases = [build_shapes(HDRM, q)["base"] for q in STROKES[:5].tolist()]
     assert all(np.array_equal(base, bases[0]) for base in bases)
 
 
 def test_pins_are_where_the_kinematics_have_them() -> None:
     q = STROKES[0].tolist()
-    lines, drawn = outline(HDRM, q), shapes(HDRM, q)
+    lines, drawn = outline(HDRM, q), build_shapes(HDRM, q)
     assert middle(drawn["O_2"]) == pytest.approx(lines["lift_boom"][1])
     assert middle(drawn["B_2"]) == pytest.approx(lines["tilt_actuator"][2])
 
@@ -76,14 +78,14 @@ def test_pins_are_where_the_kinematics_have_them() -> None:
 def test_the_workspace_has_every_point_that_the_tip_reaches(p: HdrmParameters) -> None:
     strokes = np.random.default_rng(5).uniform(p.q_LB, p.q_UB, (3000, 3))
     points = [tip(p, q) for q in (*strokes.tolist(), *product(*zip(p.q_LB, p.q_UB, strict=True)))]
-    line = Path(workspace(p))
+    line = Path(outline_workspace(p))
     found = [line.contains_points(points, radius=r) for r in (1e-4, -1e-4)]  # outwards is one of them
     assert np.logical_or(*found).all()
 
 
 @pytest.mark.parametrize("p", OTHERS)
 def test_the_tip_reaches_every_point_of_the_boundary(p: HdrmParameters) -> None:
-    line = workspace(p)
+    line = outline_workspace(p)
     angles = np.array([joint_angles(p, q) for q in (p.q_LB, p.q_UB)])
     lift = np.linspace(angles[0, 0], angles[1, 0], 4001)
     ends = p.lift_length * np.column_stack([np.cos(lift), np.sin(lift)])
@@ -98,6 +100,6 @@ def test_the_tip_reaches_every_point_of_the_boundary(p: HdrmParameters) -> None:
 
 
 def test_the_line_is_closed_by_its_ends() -> None:
-    line = workspace(HDRM)
+    line = outline_workspace(HDRM)
     steps = np.hypot(*np.diff(line, axis=0, append=line[:1]).T)
     assert steps.max() < 0.15

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.ssp.reader.reading import read_ssp
+from emla_cosim.ssp.reader.flat_document import read_ssp
 from tests.support.ssp_documents import (
     binding,
     component,
@@ -235,8 +235,9 @@ def test_the_xml_library_is_loaded_with_the_first_document() -> None:
     """Commands that read and write none do not wait for it."""
     code = (
         "import sys\n"
-        "import emla_cosim.ssp.reader.reading, emla_cosim.ssp.writer.writing, emla_cosim.fmu.file\n"
-        "from emla_cosim.ssp.documents.parameters import format_mapping\n"
+        "import emla_cosim.ssp.reader.flat_document, emla_cosim.ssp.writer.package_writer, "
+        "emla_cosim.fmu.file\n"
+        "from emla_cosim.ssp.documents.parameter_sets import format_mapping\n"
         "before = 'lxml' in sys.modules\n"
         "format_mapping(())\n"
         "print(before, 'lxml' in sys.modules)\n"

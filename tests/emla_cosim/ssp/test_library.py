@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 import emla_cosim.ssp.documents
 from emla_cosim.cli.app import app
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.ssp.documents.parameters import parse_mapping, parse_parameter_set
+from emla_cosim.ssp.documents.parameter_sets import parse_mapping, parse_parameter_set
+from emla_cosim.ssp.documents.ssd_data import ComponentElement, FileReference, SystemElement
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
-from emla_cosim.ssp.documents.structure import ComponentElement, Reference, SystemElement
-from emla_cosim.ssp.reader.reading import read_ssp
+from emla_cosim.ssp.reader.flat_document import read_ssp
 from tests.support.paths import FOREIGN_MAPPING
 
 MAPPING = FOREIGN_MAPPING
@@ -128,7 +128,7 @@ def ours(system: SystemElement) -> dict[str, Any]:
 
 
 def source(content: object) -> str | None:
-    return content.source if isinstance(content, Reference) else None
+    return content.source if isinstance(content, FileReference) else None
 
 
 def test_structures_are_the_same(unpacked: Path) -> None:
@@ -218,7 +218,7 @@ def test_values_are_those_of_the_sets_that_fit(exported: Path, unpacked: Path) -
             expected = {
                 name: CONVERTED[type_](value)
                 for name, (type_, value, _) in their_values(unpacked / bound.source).items()
-                if name in interface.variables and interface.settable(name) and name not in driven
+                if name in interface.variables and interface.is_settable(name) and name not in driven
             }
             assert component.parameters == expected
 

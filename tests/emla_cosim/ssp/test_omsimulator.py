@@ -114,5 +114,5 @@ def test_a_set_names_nothing_that_its_component_does_not_have(package: Path) -> 
             targets = {e.attrib["source"]: e.attrib["target"] for e in entries}
             names = [targets[name] for name in names]
         assert names
-        assert [n for n in names if n not in interface.variables or not interface.settable(n)] == []
+        assert [n for n in names if n not in interface.variables or not interface.is_settable(n)] == []
     assert mapped == 1

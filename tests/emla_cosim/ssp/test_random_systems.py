@@ -12,12 +12,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.units import IDENTITY, LinearTransformation, Unit, conversion
+from emla_cosim.base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
 from emla_cosim.fmu.interface import Interface, read_interface
-from emla_cosim.ssp.reader.reading import read_ssp
-from emla_cosim.ssp.writer.writing import Experiment, write_ssp
+from emla_cosim.ssp.reader.flat_document import read_ssp
+from emla_cosim.ssp.writer.package_writer import SystemTimes, write_ssp
 from emla_cosim.system.model import Alias, Component, Connection, System
-from emla_cosim.system.resolution import resolved
+from emla_cosim.system.resolution import resolve_system
 from tests.support import long
 from tests.support.ssp_documents import ITEMS, UNITS, fake_fmu
 
@@ -54,7 +54,7 @@ NUMBERS = st.floats(-1e9, 1e9, allow_subnormal=False).filter(lambda x: x == 0.0 
 FACTORS = st.one_of(st.floats(1e-3, 1e3), st.floats(-1e3, -1e-3))
 LINEAR = st.builds(LinearTransformation, FACTORS, st.floats(-1e3, 1e3))
 NAMES = st.lists(st.sampled_from(["a", "b", "c_d", "e-f", "Größe"]), min_size=1, max_size=3).map(".".join)
-LENGTH_UNITS = [Unit("m", (0, 1, 0, 0, 0, 0, 0, 0)), Unit("km", (0, 1, 0, 0, 0, 0, 0, 0), 1e3)]
+LENGTH_UNITS = [SiUnit("m", (0, 1, 0, 0, 0, 0, 0, 0)), SiUnit("km", (0, 1, 0, 0, 0, 0, 0, 0), 1e3)]
 VALUES: dict[str, Any] = {
     "Real": NUMBERS,
     "Integer": st.integers(-9, 9),
@@ -152,15 +152,15 @@ def type_of(model: str, variable: str) -> str:
     return found[0] if found else "Real"
 
 
-def unit_of(model: str, variable: str) -> Unit | None:
+def unit_of(model: str, variable: str) -> SiUnit | None:
     """The unit of a variable, all of which are lengths."""
     field = [f for f in _fields(model, variable)[2:] if f not in VALUES and f != "exact"]
-    return Unit(field[0], None if field == ["vague"] else (0, 1, 0, 0, 0, 0, 0, 0)) if field else None
+    return SiUnit(field[0], None if field == ["vague"] else (0, 1, 0, 0, 0, 0, 0, 0)) if field else None
 
 
-def convertible(source: Unit | None, target: Unit | None) -> bool:
+def convertible(source: SiUnit | None, target: SiUnit | None) -> bool:
     try:
-        conversion(source, target)
+        find_conversion(source, target)
     except ValueError:
         return False
     return True
@@ -168,7 +168,7 @@ def convertible(source: Unit | None, target: Unit | None) -> bool:
 
 # ---- there and back ----------------------------------------------------------------------------
 
-EXPERIMENT = Experiment(0.5, 12.25, 1e-3)
+EXPERIMENT = SystemTimes(0.5, 12.25, 1e-3)
 
 
 def written(path: Path, system: System, fmus: dict[str, Path], nested: bool) -> dict[str, bytes]:
@@ -189,10 +189,10 @@ def test_there_and_back(fmus: dict[str, Path], example: Example) -> None:
             theirs = {c.name: c.fmu for c in found.components if c.fmu is not None}
             second = written(Path(folder, "second.ssp"), found, theirs, example.nested)
             interfaces = {name: read_interface(file) for name, file in theirs.items()}
-            plain = resolved(found, interfaces)
+            plain = resolve_system(found, interfaces)
         assert second == first
     assert document.stop_time == 12.25 and document.step_size == 1e-3 and document.notes == []
-    check_equal(resolved(example.system, interfaces), plain, interfaces)
+    check_equal(resolve_system(example.system, interfaces), plain, interfaces)
 
 
 def check_equal(expected: System, found: System, interfaces: dict[str, Interface]) -> None:

@@ -10,9 +10,9 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.run.preparation import prepared
+from emla_cosim.run.preparation import prepare_system
 from emla_cosim.study.loading import load
-from emla_cosim.system.resolution import resolved
+from emla_cosim.system.resolution import resolve_system
 from tests.support.paths import FOREIGN_MAPPING
 from tests.support.ssp_documents import folder, understood
 
@@ -109,9 +109,9 @@ def test_what_is_read_is_what_was_exported(nested: bool, fmu_folder: Path) -> No
     """Names, connections and values."""
     export("study", "first.ssp", fmu_folder, *(NESTED if nested else []))
     study = load("study", fmus=fmu_folder)
-    system, fmus = prepared(study.system, study.options, Progress())
+    system, fmus = prepare_system(study.system, study.options, Progress())
     interfaces = {name: read_interface(file) for name, file in fmus.items()}
-    expected, found = resolved(system, interfaces), understood(Path("first.ssp")).plain
+    expected, found = resolve_system(system, interfaces), understood(Path("first.ssp")).plain
     assert found.connections == expected.connections
     assert {c.name: c.parameters for c in found.components} == {
         c.name: c.parameters for c in expected.components

@@ -9,8 +9,8 @@ import pytest
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.units import LinearTransformation
-from emla_cosim.ssp.reader.reading import read_ssp
-from emla_cosim.ssp.writer.writing import Experiment, write_ssp
+from emla_cosim.ssp.reader.flat_document import read_ssp
+from emla_cosim.ssp.writer.package_writer import SystemTimes, write_ssp
 from emla_cosim.system.model import Alias, Component, Connection, System
 from tests.support.ssp_documents import Understood, fake_fmu, understood
 
@@ -18,7 +18,7 @@ from tests.support.ssp_documents import Understood, fake_fmu, understood
 def exported(folder: Path, system: System, fmus: dict[str, Path], nested: bool = False) -> Understood:
     """The system after it was written and read."""
     path = folder / "x.ssp"
-    write_ssp(path, "x", "", system, fmus, Experiment(0.0, 1.0, 0.1), nested)
+    write_ssp(path, "x", "", system, fmus, SystemTimes(0.0, 1.0, 0.1), nested)
     return understood(path)
 
 
@@ -159,7 +159,7 @@ def test_values_that_are_written_in_another_way(
 
 def test_files_that_end_otherwise(tmp_path: Path) -> None:
     with pytest.raises(CommandError, match=r"ends in \.ssp"):
-        write_ssp(tmp_path / "x.zip", "x", "", System((), ()), {}, Experiment(0.0, 1.0, 0.1))
+        write_ssp(tmp_path / "x.zip", "x", "", System((), ()), {}, SystemTimes(0.0, 1.0, 0.1))
 
 
 def test_messages_name_files_as_the_user_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

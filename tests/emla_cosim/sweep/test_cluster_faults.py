@@ -18,9 +18,9 @@ from distributed import Client, LocalCluster
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.recorders.metrics import METRICS
-from emla_cosim.sweeps import farm, shipment
-from emla_cosim.sweeps.reading import read_sweep
-from emla_cosim.sweeps.sweeping import sweep
+from emla_cosim.sweeps import executor, worker_payload
+from emla_cosim.sweeps.runner import sweep
+from emla_cosim.sweeps.stored import read_sweep
 from tests.support.clusters import At, family, outside_cluster, shared_cluster
 from tests.support.faulty_fmu import Fault
 from tests.support.faulty_systems import line_with_a_fault
@@ -166,7 +166,7 @@ def test_processes_elsewhere_that_share_nothing(
         here = sweep(system, **plan, scheduler=outside.address, output=tmp_path / "here")
         assert [w.poll() is None for w in outside.workers].count(True) == 1, "no worker was killed"
         assert here.variants.equals(there.variants) and numbers(here) == list(range(40))
-        monkeypatch.setattr(farm, "_PATIENCE", 4.0)
+        monkeypatch.setattr(executor, "_TIMEOUT", 4.0)
         with pytest.raises(RunError, match=r"^the scheduler at tcp://127\.0\.0\.1:\d+ .*\.$") as caught:
             sweep(
                 system, **plan, scheduler=outside.address, output=tmp_path / "early",
@@ -183,7 +183,7 @@ def test_processes_elsewhere_that_share_nothing(
 
 def test_no_scheduler_answers(faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
-    monkeypatch.setattr(farm, "_PATIENCE", 2.0)
+    monkeypatch.setattr(executor, "_TIMEOUT", 2.0)
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         port = closed.getsockname()[1]
@@ -197,7 +197,7 @@ def test_a_scheduler_without_workers(
     faulty_fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
-    monkeypatch.setattr(farm, "_PATIENCE", 0.5)
+    monkeypatch.setattr(executor, "_TIMEOUT", 0.5)
     with (
         LocalCluster(n_workers=0, processes=False, dashboard_address="127.0.0.1:0") as empty,
         Client(empty, set_as_default=False) as client,
@@ -213,7 +213,7 @@ def test_a_worker_of_another_version(
     """It is refused, and the cluster remains as good as it was."""
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.45)
     with monkeypatch.context() as patched, pytest.raises(CommandError) as caught:
-        patched.setattr(shipment, "version", lambda _: "0.0.1")
+        patched.setattr(worker_payload, "version", lambda _: "0.0.1")
         sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
     assert re.search(r"has emla-cosim [\w.+-]+, not 0\.0\.1; install that", str(caught.value))
     left: Any = cluster.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.worker_plugins))

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from scipy import stats
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.sweeps.distributions import DISTRIBUTIONS, Distribution, distribution, parse
+from emla_cosim.sweeps.distributions import DISTRIBUTIONS, Distribution, parse, parse_distribution
 
 KINDS: list[tuple[str, Any]] = [
     ("uniform(-2, 5)", stats.uniform(-2, 7)),
@@ -59,17 +59,17 @@ def test_a_truncated_log_normal_is_the_exponential_of_a_truncated_normal() -> No
     [([3, 2, "x", True], [3, 2, "x", True]), ("integers(-3, 4)", list(range(-3, 5))), ([0.5], [0.5])],
 )
 def test_what_can_be_counted_is_equally_likely(given: Any, values: list[Any]) -> None:
-    counts = Counter(distribution(given, "x").at(UNIFORM))
+    counts = Counter(parse_distribution(given, "x").at(UNIFORM))
     assert set(counts) == set(values)
     if len(values) > 1:
         assert stats.chisquare(list(counts.values())).pvalue > 0.01
     middles = (np.arange(len(values)) + 0.5) / len(values)
-    assert distribution(given, "x").at(middles) == values
+    assert parse_distribution(given, "x").at(middles) == values
 
 
 def test_a_value_given_twice_is_twice_as_likely() -> None:
     thirds = np.array([0.1, 0.5, 0.9])
-    assert distribution(["a", "a", "b"], "x").at(thirds) == ["a", "a", "b"]
+    assert parse_distribution(["a", "a", "b"], "x").at(thirds) == ["a", "a", "b"]
 
 
 finite = st.floats(-1e6, 1e6)
@@ -83,7 +83,7 @@ def bounded(draw: st.DrawFn) -> Distribution:
     low, by, where = draw(finite), draw(width), draw(st.floats(0, 1))
     kind = draw(st.sampled_from(["uniform", "log-uniform", "normal", "log-normal", "triangular", "integers"]))
     if kind == "integers":
-        return distribution(table(kind, low=int(low), high=int(low) + int(by)), "x")
+        return parse_distribution(table(kind, low=int(low), high=int(low) + int(by)), "x")
     if kind.startswith("log"):
         low = draw(positive)
     inner = min(low + where * by, low + by)
@@ -92,7 +92,7 @@ def bounded(draw: st.DrawFn) -> Distribution:
         "log-normal": {"median": inner, "deviation": draw(st.floats(0.5, 5))},
         "triangular": {"mode": inner},
     }
-    return distribution(table(kind, low=low, high=low + by, **more.get(kind, {})), "x")
+    return parse_distribution(table(kind, low=low, high=low + by, **more.get(kind, {})), "x")
 
 
 @given(bounded(), st.lists(st.floats(0, 1), min_size=1, max_size=20))
@@ -109,10 +109,10 @@ def test_values_rise_from_the_lower_bound_to_the_upper(kind: Distribution, inner
 @given(finite, positive)
 @settings(deadline=None)
 def test_without_bounds_values_are_finite_and_ends_are_the_outer_twentieths(mean: float, by: float) -> None:
-    kind = distribution(table("normal", mean=mean, deviation=by), "x")
+    kind = parse_distribution(table("normal", mean=mean, deviation=by), "x")
     assert np.isfinite(kind.at(np.array([0.0, 1.0]))).all()
     np.testing.assert_allclose(kind.ends, stats.norm(mean, by).ppf([0.05, 0.95]), rtol=1e-9, atol=1e-9 * by)
-    assert distribution(table("normal", mean=mean, deviation=by, low=mean), "x").ends[0] == mean
+    assert parse_distribution(table("normal", mean=mean, deviation=by, low=mean), "x").ends[0] == mean
 
 
 def test_a_log_normal_value_is_positive_at_the_quantile_0() -> None:
@@ -189,9 +189,14 @@ FORMS: list[tuple[str, Any]] = [
 @pytest.mark.parametrize(("text", "plain"), FORMS)
 def test_short_forms_are_read_as_tables(text: str, plain: Any) -> None:
     read = parse(text, "x")
-    assert read == distribution(plain, "x") == distribution(text, "x") == distribution(read, "x")
+    assert (
+        read
+        == parse_distribution(plain, "x")
+        == parse_distribution(text, "x")
+        == parse_distribution(read, "x")
+    )
     assert read.relative == (isinstance(plain, Mapping) and plain.get("relative", False))
-    assert pickle.loads(pickle.dumps(read)) == read and hash(read) == hash(distribution(plain, "x"))
+    assert pickle.loads(pickle.dumps(read)) == read and hash(read) == hash(parse_distribution(plain, "x"))
 
 
 def test_every_kind_has_a_short_form_that_is_tested() -> None:
@@ -200,7 +205,7 @@ def test_every_kind_has_a_short_form_that_is_tested() -> None:
 
 def test_values_keep_their_types() -> None:
     def types(given: Any) -> list[type]:
-        return [type(v) for v in distribution(given, "x").levels or ()]
+        return [type(v) for v in parse_distribution(given, "x").levels or ()]
 
     assert (
         types("1,2") == [int, int] and types("1,2.0") == [float, float] and types([1, 0.5]) == [float, float]
@@ -340,7 +345,7 @@ NO_FORM += ["±10", "±", "+-x%", "±true%", "90%,1", "normal(0, 1", "0, 1)", "n
 @pytest.mark.parametrize(("given", "hint"), BAD)
 def test_what_is_wrong_is_one_sentence_that_says_where_and_what_would_be_right(given: Any, hint: str) -> None:
     with pytest.raises(CommandError) as caught:
-        distribution(given, "R_s in plan.toml")
+        parse_distribution(given, "R_s in plan.toml")
     text = str(caught.value)
     assert text.startswith("R_s in plan.toml: ") and hint in text
     assert text.endswith((".", "?")) and "\n" not in text

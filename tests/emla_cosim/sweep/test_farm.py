@@ -7,20 +7,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.sweeps.data import DIED, DONE
-from emla_cosim.sweeps.farm import Work, _Chunks
-from emla_cosim.sweeps.worker import Chunk, Outcome
+from emla_cosim.sweeps.executor import WorkPackage, _ChunkQueue
+from emla_cosim.sweeps.worker import Chunk, VariantOutcome
 
 
 class Came:
     """A future that is done."""
 
-    def __init__(self, chunk: Work, seconds: float, killed: bool) -> None:
+    def __init__(self, chunk: WorkPackage, seconds: float, killed: bool) -> None:
         self._chunk, self._seconds, self._killed = chunk, seconds, killed
 
     def result(self) -> Chunk:
         if self._killed:
             raise KilledWorker("key", Any, 0)  # type: ignore[arg-type]
-        outcomes = [Outcome(number, DONE) for number in self._chunk.variants]
+        outcomes = [VariantOutcome(number, DONE) for number in self._chunk.variants]
         return Chunk(outcomes, self._seconds * len(outcomes))
 
 
@@ -35,8 +35,10 @@ def test_every_variant_ends_once_and_only_what_kills_dies(
     groups: list[int], killers: set[int], threads: int, seconds: float, choices: Any
 ) -> None:
     numbers = iter(range(sum(groups)))
-    chunks = _Chunks([Work(g, [next(numbers) for _ in range(n)]) for g, n in enumerate(groups)], most=50)
-    workers: list[list[Work]] = [[] for _ in range(threads)]
+    chunks = _ChunkQueue(
+        [WorkPackage(g, [next(numbers) for _ in range(n)]) for g, n in enumerate(groups)], most=50
+    )
+    workers: list[list[WorkPackage]] = [[] for _ in range(threads)]
     ended: list[tuple[int, str]] = []
     while chunks or any(workers):
         while chunks and sum(map(len, workers)) < chunks.ahead(threads):
@@ -48,17 +50,17 @@ def test_every_variant_ends_once_and_only_what_kills_dies(
         coming = worker[:] if killed else worker[:1]
         del worker[: len(coming)]
         for chunk in coming:
-            for answer in chunks.answered(chunk, Came(chunk, seconds, killed)):  # type: ignore[arg-type]
+            for answer in chunks.take_answer(chunk, Came(chunk, seconds, killed)):  # type: ignore[arg-type]
                 ended += [(outcome.number, outcome.status) for outcome in answer.outcomes]
     assert sorted(ended) == [(n, DIED if n in killers else DONE) for n in range(sum(groups))]
 
 
 def test_chunks_become_as_long_as_they_should_and_short_near_the_end() -> None:
-    chunks, sizes = _Chunks([Work(0, range(2000))], most=10**6), list[int]()
+    chunks, sizes = _ChunkQueue([WorkPackage(0, range(2000))], most=10**6), list[int]()
     while chunks:
         chunk = chunks.next(2)
         sizes.append(len(chunk.variants))
-        list(chunks.answered(chunk, Came(chunk, 0.02, False)))  # type: ignore[arg-type]
+        list(chunks.take_answer(chunk, Came(chunk, 0.02, False)))  # type: ignore[arg-type]
     assert sizes[0] == 1
     assert set(sizes[1:30]) == {50}
     assert sizes[-2:] and min(sizes[1:-1]) >= 5
@@ -67,7 +69,7 @@ def test_chunks_become_as_long_as_they_should_and_short_near_the_end() -> None:
 
 
 def test_nothing_is_given_out_while_all_workers_are_on_their_way_back() -> None:
-    chunks = _Chunks([Work(0, range(100))], most=10)
+    chunks = _ChunkQueue([WorkPackage(0, range(100))], most=10)
     assert chunks.ahead(0) == 0
     chunks._seconds[0] = 0.01  # as it is known after the first answer
     assert chunks.ahead(0) == 0 < chunks.ahead(2)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.sweeps.measures import Asked, MeasureError, Measures, resolved
+from emla_cosim.sweeps.measures import MeasureError, Measures, MetricRequest, resolve_measures
 
 FIGURES = {"lift.error_m": False, "lift.held": True, "tilt.error_m": False}
 SIGNALS = ["lift.plant.x", "lift.plant.x_d", "lift.plant.x[1]", "a'b.x", 'say "x".y', "lift.plant.x.x"]
@@ -18,7 +18,7 @@ VALUES = {name: np.array([1.0, -3.0, 2.0, 0.5]) * (k + 1) for k, name in enumera
 
 
 def kept(metrics: Any, signals: tuple[str, ...] = ()) -> Measures:
-    return resolved(Asked.of(metrics, "the plan"), FIGURES, SIGNALS, signals, "the plan")
+    return resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, SIGNALS, signals, "the plan")
 
 
 def result(**figures: Any) -> Any:

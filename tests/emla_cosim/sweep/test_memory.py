@@ -7,7 +7,7 @@ import numpy as np
 import psutil
 
 from emla_cosim.base.progress import Progress
-from emla_cosim.sweeps.sweeping import sweep
+from emla_cosim.sweeps.runner import sweep
 from tests.support.clusters import shared_cluster
 
 VARIANTS = int(os.environ.get("EMLA_SWEEP_VARIANTS", "500"))

@@ -10,9 +10,9 @@ import pytest
 from emla_cosim.base.errors import CommandError
 from emla_cosim.recorders.metrics import Shown
 from emla_cosim.sweeps.drawing import bands as bands_module
-from emla_cosim.sweeps.drawing.bands import PERCENTILES, bands
-from emla_cosim.sweeps.drawing.labels import shortened, with_unit, wrapped
-from emla_cosim.sweeps.pictures import drawn
+from emla_cosim.sweeps.drawing.bands import PERCENTILES, compute_bands
+from emla_cosim.sweeps.drawing.labels import label_with_unit, shorten_text, wrap_text
+from emla_cosim.sweeps.pictures import draw_pictures
 from emla_cosim.sweeps.result import SweepResult
 from tests.support.sweep_results import series, swept
 
@@ -111,7 +111,7 @@ def test_bands_are_percentiles_of_the_variants_that_came_that_far() -> None:
     values = np.random.default_rng(1).normal(size=(40, 11))
     lengths = [11 if i % 3 else 4 for i in range(40)]
     kept = series({"s": lambda i, own: values[i, : len(own)]}, [t[:n] for n in lengths])
-    found = bands(swept({"a": range(40)}, {}, signals=["s"], series=kept), "s")
+    found = compute_bands(swept({"a": range(40)}, {}, signals=["s"], series=kept), "s")
     assert np.array_equal(found.times, t)
     expected = [
         np.percentile([values[i, k] for i in range(40) if k < lengths[i]], PERCENTILES) for k in range(11)
@@ -122,7 +122,7 @@ def test_bands_are_percentiles_of_the_variants_that_came_that_far() -> None:
 def test_bands_of_variants_with_other_times_are_interpolated() -> None:
     times = [np.linspace(0, 1, 5 + 2 * i) for i in range(7)]
     kept = series({"s": lambda i, t: i * t}, times)
-    found = bands(swept({"a": range(7)}, {}, signals=["s"], series=kept), "s")
+    found = compute_bands(swept({"a": range(7)}, {}, signals=["s"], series=kept), "s")
     assert np.array_equal(found.times, times[-1])
     assert np.allclose(found.values, np.outer(np.percentile(range(7), PERCENTILES), times[-1]))
 
@@ -131,9 +131,9 @@ def test_bands_of_many_rows_are_the_same_in_parts(monkeypatch: pytest.MonkeyPatc
     t = np.linspace(0, 1, 1001)
     kept = series({"s": lambda i, own: np.sin(own + i)}, [t] * 50)
     result = swept({"a": range(50)}, {}, signals=["s"], series=kept.reverse())  # parts come in any order
-    whole = bands(result, "s")
+    whole = compute_bands(result, "s")
     monkeypatch.setattr(bands_module, "_ROWS_AT_ONCE", 3500)
-    parts = bands(result, "s")
+    parts = compute_bands(result, "s")
     assert len(whole.times) == 400
     assert whole.times[[0, -1]].tolist() == [0.0, 1.0]
     assert np.array_equal(whole.values, parts.values)
@@ -142,7 +142,7 @@ def test_bands_of_many_rows_are_the_same_in_parts(monkeypatch: pytest.MonkeyPatc
 
 def test_bands_leave_out_what_is_no_number() -> None:
     kept = series({"s": lambda i, t: [1.0, np.nan, np.inf, 1e200][i] + 0 * t}, [np.arange(3.0)] * 4)
-    found = bands(swept({"a": range(4)}, {}, signals=["s"], series=kept), "s")
+    found = compute_bands(swept({"a": range(4)}, {}, signals=["s"], series=kept), "s")
     assert np.array_equal(found.values, np.ones((5, 3)))
 
 
@@ -243,7 +243,7 @@ def nasty() -> dict[str, tuple[SweepResult, list[str]]]:
 @pytest.mark.parametrize("case", nasty())
 def test_nasty_sweeps_draw_what_there_is(case: str, tmp_path: Path) -> None:
     result, expected = nasty()[case]
-    pictures = dict(drawn(result))
+    pictures = dict(draw_pictures(result))
     assert list(pictures) == [f"{name}.png" for name in expected]
     for name, figure in pictures.items():
         path = tmp_path / name
@@ -280,11 +280,16 @@ def test_what_cannot_be_drawn_is_a_sentence() -> None:
 
 
 def test_texts_are_cut_in_the_middle_and_broken_at_dots() -> None:
-    assert shortened("lift.plant.motor.R_s", 20) == "lift.plant.motor.R_s"
-    assert shortened("lift.plant.motor.R_s", 19) == "lift.plan…motor.R_s"
-    assert shortened("a\nb\tc", 9) == "a b c"
-    assert wrapped("lift.plant.motor.R_s / Ohm", 20) == "lift.plant.motor.\nR_s / Ohm"
-    assert wrapped("position error / µm", 16) == "position\nerror / µm"
-    assert wrapped("torque / (N m)", 9) == "torque /\n(N m)"
-    assert max(map(len, wrapped("x" * 500, 30).split("\n"))) == 30
-    assert [with_unit("v", u) for u in ("", "m", "m/s", "N m")] == ["v", "v / m", "v / (m/s)", "v / (N m)"]
+    assert shorten_text("lift.plant.motor.R_s", 20) == "lift.plant.motor.R_s"
+    assert shorten_text("lift.plant.motor.R_s", 19) == "lift.plan…motor.R_s"
+    assert shorten_text("a\nb\tc", 9) == "a b c"
+    assert wrap_text("lift.plant.motor.R_s / Ohm", 20) == "lift.plant.motor.\nR_s / Ohm"
+    assert wrap_text("position error / µm", 16) == "position\nerror / µm"
+    assert wrap_text("torque / (N m)", 9) == "torque /\n(N m)"
+    assert max(map(len, wrap_text("x" * 500, 30).split("\n"))) == 30
+    assert [label_with_unit("v", u) for u in ("", "m", "m/s", "N m")] == [
+        "v",
+        "v / m",
+        "v / (m/s)",
+        "v / (N m)",
+    ]

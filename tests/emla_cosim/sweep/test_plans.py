@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError, CosimError, RunError
 from emla_cosim.base.ownership import MANIFEST
-from emla_cosim.sandbox.locking import alone
+from emla_cosim.sandbox.locking import exclusive_lock
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures
-from emla_cosim.sweeps.plan import Plan, plan_of
-from emla_cosim.sweeps.sweeping import sweep
-from emla_cosim.sweeps.worker import Chunk, Outcome
+from emla_cosim.sweeps.plan import Plan, load_plan
+from emla_cosim.sweeps.runner import sweep
+from emla_cosim.sweeps.worker import Chunk, VariantOutcome
 from emla_cosim.system.model import Component, System
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most
@@ -145,7 +145,7 @@ def test_a_vary_that_says_nothing(text: str, emla: Emla) -> None:
 
 def test_a_mark_of_byte_order_is_no_matter(tmp_path: Path) -> None:
     (tmp_path / "p.toml").write_bytes(b"\xef\xbb\xbf" + PLAN.encode())
-    assert plan_of(tmp_path / "p.toml").vary == {R_S: [0.1]}
+    assert load_plan(tmp_path / "p.toml").vary == {R_S: [0.1]}
 
 
 names = st.from_regex(r"[a-z]{1,5}(\.[a-z]{1,4}){0,2}", fullmatch=True)
@@ -160,7 +160,7 @@ def test_a_plan_is_read_as_it_was_written(
     path = tmp_path_factory.getbasetemp() / "written.toml"
     lines = [f"{json.dumps(name)} = {_toml(given)}" for name, given in vary.items()]
     path.write_text("\n".join(['scenario = "lift"', f"seed = {seed}", "[vary]", *lines]), "utf-8")
-    plan = plan_of(path)
+    plan = load_plan(path)
     assert (dict(plan.vary), plan.seed) == (vary, seed)
 
 
@@ -182,7 +182,7 @@ def folder_with(parts: list[list[int]], path: Path) -> SweepFolder:
     path.mkdir(parents=True)
     folder.begin({"identity": {}}, resume=False)
     for part in parts:
-        outcomes = [Outcome(n, "done", None, 1.0, {"y": math.sqrt(n)}) for n in part]
+        outcomes = [VariantOutcome(n, "done", None, 1.0, {"y": math.sqrt(n)}) for n in part]
         folder.keep(Chunk(outcomes, 0.1), Measures(figures=["y"]))
     return folder
 
@@ -241,7 +241,7 @@ def test_what_a_folder_has_decides_what_can_begin_in_it(
     (out / "parts/000000000.parquet").unlink()
     assert sweep("lift", **plan, resume=True).complete
     assert (out / "variants.parquet").read_bytes() == before
-    with alone(out), pytest.raises(CommandError, match="another run writes to"):
+    with exclusive_lock(out), pytest.raises(CommandError, match="another run writes to"):
         sweep("lift", **plan)
     (out / "sweep.json").write_text("[]")
     with pytest.raises(CommandError, match=r"sweep.json' was changed since emla wrote it"):
@@ -318,7 +318,7 @@ def test_paths_in_a_plan_are_relative_to_its_folder(tmp_path: Path) -> None:
     text = 'scenario = "lift"\n[vary]\n"lift.plant" = ["a.fmu", "/b.fmu"]\n"lift.observer" = "c.fmu"\n'
     table = '"lift.reference" = { distribution = "values", values = ["d.fmu"] }\n'
     (away / "p.toml").write_text(text + table)
-    assert plan_of(away / "p.toml").vary == {
+    assert load_plan(away / "p.toml").vary == {
         "lift.plant": [str(away / "a.fmu"), "/b.fmu"],
         "lift.observer": str(away / "c.fmu"),
         "lift.reference": {"distribution": "values", "values": [str(away / "d.fmu")]},

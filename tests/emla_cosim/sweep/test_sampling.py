@@ -14,14 +14,14 @@ from scipy import stats
 from scipy.stats import qmc
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.sweeps.distributions import Distribution, distribution
-from emla_cosim.sweeps.sampling import SAMPLINGS, count, sample
+from emla_cosim.sweeps.distributions import Distribution, parse_distribution
+from emla_cosim.sweeps.sampling import SAMPLINGS, count_variants, sample
 
 DRAWING = ["random", "latin-hypercube", "sobol", "saltelli"]
 
 
 def made(*given: Any) -> list[Distribution]:
-    return [distribution(g, "x") for g in given]
+    return [parse_distribution(g, "x") for g in given]
 
 
 MIXED = made("normal(0.14, 0.01)", "log-uniform(1, 100)", "integers(0, 9)", ["a", "b", "c"])
@@ -44,7 +44,7 @@ def test_there_are_as_many_variants_as_counted_and_no_warnings(method: str, runs
         warnings.simplefilter("error")
         columns = sample(method, MIXED, runs, 1)
     expected = runs * 6 if method == "saltelli" else runs
-    assert sizes(columns) == {expected} == {count(method, MIXED, runs)} and len(columns) == 4
+    assert sizes(columns) == {expected} == {count_variants(method, MIXED, runs)} and len(columns) == 4
 
 
 @pytest.mark.parametrize("method", DRAWING)
@@ -88,14 +88,14 @@ def test_sobol_is_a_scrambled_net() -> None:
 
 def test_a_grid_has_all_combinations_with_the_last_one_fastest() -> None:
     factors = made("0:1:3", ["a", "b"], "integers(4, 6)", "7")
-    assert count("grid", factors, None) == 18
+    assert count_variants("grid", factors, None) == 18
     rows = list(zip(*sample("grid", factors, None, 0), strict=True))
     assert rows == list(itertools.product([0.0, 0.5, 1.0], "ab", [4, 5, 6], [7]))
 
 
 def test_a_grid_beyond_all_memory_is_counted() -> None:
-    assert count("grid", made(*["0:1:1000000"] * 10), None) == 10**60
-    assert count("saltelli", UNITS, 2**30) == 5 * 2**30
+    assert count_variants("grid", made(*["0:1:1000000"] * 10), None) == 10**60
+    assert count_variants("saltelli", UNITS, 2**30) == 5 * 2**30
 
 
 def test_one_at_a_time_leaves_the_others_as_they_are() -> None:
@@ -105,7 +105,7 @@ def test_one_at_a_time_leaves_the_others_as_they_are() -> None:
     assert columns[0] == [None, 1.0, 2.0, None, None, None, None]
     assert columns[1] == [None, None, None, 1, 3, None, None]
     assert columns[2][:5] == [None] * 5 and columns[2][5:] == pytest.approx([-deviation, deviation])
-    assert count("one-at-a-time", factors, None) == 7
+    assert count_variants("one-at-a-time", factors, None) == 7
 
 
 def ishigami(x: np.ndarray, a: float = 7.0, b: float = 0.1) -> np.ndarray:

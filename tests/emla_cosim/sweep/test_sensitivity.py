@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.sweeps.columns import Factor, influence
+from emla_cosim.sweeps.columns import FactorColumn, influence
 from emla_cosim.sweeps.result import SweepResult
 from emla_cosim.sweeps.sensitivity import local_sensitivities, sobol_indices
 from tests.support.sweep_results import swept
@@ -166,9 +166,9 @@ def test_influence_is_the_rank_correlation() -> None:
     y = np.where(rng.random(80) < 0.1, np.nan, -np.exp(x) * rng.random(80))
     kept = ~np.isnan(y)
     expected = abs(spearmanr(x[kept], y[kept]).statistic)
-    assert influence(Factor("x", x, None), y) == pytest.approx(expected, rel=1e-12)
-    assert influence(Factor("x", np.ones(80), None), y) == 0.0
-    assert influence(Factor("x", x, None), np.full(80, np.nan)) == 0.0
+    assert influence(FactorColumn("x", x, None), y) == pytest.approx(expected, rel=1e-12)
+    assert influence(FactorColumn("x", np.ones(80), None), y) == 0.0
+    assert influence(FactorColumn("x", x, None), np.full(80, np.nan)) == 0.0
 
 
 def test_levels_have_influence_where_they_explain_ranks_and_none_by_chance() -> None:
@@ -176,7 +176,7 @@ def test_levels_have_influence_where_they_explain_ranks_and_none_by_chance() -> 
     level = np.arange(400) % 4.0
     names = ("a", "b", "c", "d")
     explained = np.array([5.0, 1.0, 9.0, 3.0])[level.astype(int)]  # in no order
-    assert influence(Factor("x", level, names), explained) == pytest.approx(1.0)
-    assert influence(Factor("x", level, names), rng.random(400)) < 0.15
+    assert influence(FactorColumn("x", level, names), explained) == pytest.approx(1.0)
+    assert influence(FactorColumn("x", level, names), rng.random(400)) < 0.15
     single = tuple(map(str, range(400)))
-    assert influence(Factor("x", np.arange(400.0), single), rng.random(400)) == 0.0
+    assert influence(FactorColumn("x", np.arange(400.0), single), rng.random(400)) == 0.0

@@ -8,10 +8,10 @@ import pytest
 
 from emla_cosim.base.progress import Progress
 from emla_cosim.sweeps.data import DONE
-from emla_cosim.sweeps.design import Design, designed
+from emla_cosim.sweeps.design import Design, design_variants
 from emla_cosim.sweeps.factors import Factor
-from emla_cosim.sweeps.plan import plan_of
-from emla_cosim.sweeps.sweeping import sweep
+from emla_cosim.sweeps.plan import load_plan
+from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.targets import Target
 from tests.support.commands import Emla
 
@@ -21,7 +21,7 @@ JOINTS = ("lift", "tilt", "telescope")
 
 @pytest.fixture(scope="module")
 def design(fmu_folder: Path) -> Design:
-    return designed(plan_of(NAME).updated({"options": {"fmus": fmu_folder}}), Progress())
+    return design_variants(load_plan(NAME).updated({"options": {"fmus": fmu_folder}}), Progress())
 
 
 def ends(factor: Factor, target: Target) -> list[float]:

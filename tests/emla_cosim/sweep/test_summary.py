@@ -11,7 +11,7 @@ from rich.console import Console, RenderableType
 from emla_cosim.base.errors import CommandError
 from emla_cosim.recorders.metrics import Shown
 from emla_cosim.sweeps.result import SweepResult
-from emla_cosim.sweeps.summary import commands, summary, worst
+from emla_cosim.sweeps.summary import find_worst_variants, format_summary, list_worst_commands
 from emla_cosim.sweeps.targets import Target
 from tests.support.sweep_results import swept
 
@@ -50,7 +50,7 @@ def lines(parts: Sequence[RenderableType], width: int = 100) -> list[str]:
 
 
 def test_variants_are_counted_by_status_and_figures_shown_in_their_units() -> None:
-    printed = lines(summary(made()))
+    printed = lines(format_summary(made()))
     assert printed[0] == "11 variants: 9 done (1 of them not held), 1 diverged, 1 died"
     assert printed[1] == "Figures of the variants that are done (9)"
     assert printed[3] == "least median 95 % largest"
@@ -62,9 +62,21 @@ def test_variants_are_counted_by_status_and_figures_shown_in_their_units() -> No
 
 
 def test_the_worst_are_first_those_that_failed_then_those_without_the_figure() -> None:
-    assert worst(made(), "lift.error_m", 20)["variant"].to_list() == [8, 10, 3, 4, 7, 2, 5, 9, 6, 1, 0]
-    assert worst(made(), "lift.held", 5)["variant"].to_list() == [8, 10, 3, 0, 1]
-    assert worst(made(), "plain", 4).rows(named=True)[3] == {
+    assert find_worst_variants(made(), "lift.error_m", 20)["variant"].to_list() == [
+        8,
+        10,
+        3,
+        4,
+        7,
+        2,
+        5,
+        9,
+        6,
+        1,
+        0,
+    ]
+    assert find_worst_variants(made(), "lift.held", 5)["variant"].to_list() == [8, 10, 3, 0, 1]
+    assert find_worst_variants(made(), "plain", 4).rows(named=True)[3] == {
         "variant": 9,
         "a": 9,
         "status": "done",
@@ -73,11 +85,11 @@ def test_the_worst_are_first_those_that_failed_then_those_without_the_figure() -
         "lift.error_m": 5e-6,
         "plain": 9.0,
     }
-    assert worst(made(), "plain", 0).is_empty()
+    assert find_worst_variants(made(), "plain", 0).is_empty()
 
 
 def test_each_of_the_worst_has_its_problem() -> None:
-    printed = lines(summary(made(), "lift.error_m", 4))
+    printed = lines(format_summary(made(), "lift.error_m", 4))
     start = printed.index("variant status lift error / µm")
     assert printed[start + 2 :] == [
         "8 diverged 9 m it diverged at 0.3 s.",
@@ -86,25 +98,25 @@ def test_each_of_the_worst_has_its_problem() -> None:
         "4 done none",
         printed[-1],
     ]
-    printed = lines(summary(made(), "lift.held", 3))
+    printed = lines(format_summary(made(), "lift.held", 3))
     assert "3 not held no" in printed
 
 
 def test_each_of_the_worst_has_the_command_that_runs_it_alone() -> None:
     result = replace(made(), base=["emla", "run", "my study"], targets={"a": [Target("x.y[1]")]})
-    assert commands(result, "lift.error_m", 2) == [
+    assert list_worst_commands(result, "lift.error_m", 2) == [
         "What runs each alone:",
         "emla run 'my study' --set 'x.y[1]=8'",
         "emla run 'my study' --set 'x.y[1]=10'",
     ]
-    assert commands(made(), "lift.error_m") == []
+    assert list_worst_commands(made(), "lift.error_m") == []
 
 
 def test_a_saltelli_sample_has_sobol_indices() -> None:
     a, b = np.random.default_rng(0).random((2, 3000))
     rows = np.column_stack([a, b, a, b]).ravel()  # a, then with the first factor of b, the second, b
     values = [None, *rows[1:]]
-    printed = lines(summary(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
+    printed = lines(format_summary(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
     assert "Sobol indices of f, from 2,999 base samples, 1 left out" in printed
     found = [line.split() for line in printed if line.startswith(("x[red]", "y "))]
     assert [row[0] for row in found] == ["x[red]", "y"]
@@ -113,7 +125,7 @@ def test_a_saltelli_sample_has_sobol_indices() -> None:
 
 
 def test_too_few_base_samples_are_told_and_the_rest_is_shown() -> None:
-    printed = " ".join(lines(summary(swept({"x": range(3)}, {"f": range(3)}, "saltelli"))))
+    printed = " ".join(lines(format_summary(swept({"x": range(3)}, {"f": range(3)}, "saltelli"))))
     assert "1 of 1 base samples of the sweep 'made-up' have the figure 'f'" in printed
 
 
@@ -124,7 +136,7 @@ def test_factors_that_vary_one_at_a_time_have_a_table() -> None:
         "one-at-a-time",
         shown=SHOWN,
     )
-    printed = lines(summary(result))
+    printed = lines(format_summary(result))
     start = printed.index("lift error in µm, each factor alone")
     assert printed[start + 2] == "low nominal high"
     assert printed[start + 4 : start + 6] == ["y[b] 4 1 none", "x 2 1 1"]
@@ -132,20 +144,20 @@ def test_factors_that_vary_one_at_a_time_have_a_table() -> None:
 
 @pytest.mark.parametrize("sampling", ["random", "saltelli", "one-at-a-time"])
 def test_nothing_to_show_is_shown(sampling: str) -> None:
-    assert lines(summary(swept({"a": []}, {"f": []}, sampling))) == ["0 variants: none"]
-    assert lines(summary(swept({"a": [1, 2]}, {}, sampling))) == ["2 variants: 2 done"]
-    failed = lines(summary(swept({"a": [1]}, {"f": [None]}, sampling, ["refused"])))
+    assert lines(format_summary(swept({"a": []}, {"f": []}, sampling))) == ["0 variants: none"]
+    assert lines(format_summary(swept({"a": [1, 2]}, {}, sampling))) == ["2 variants: 2 done"]
+    failed = lines(format_summary(swept({"a": [1]}, {"f": [None]}, sampling, ["refused"])))
     assert failed[:2] == ["1 variant: 1 refused", "The worst variants"]
 
 
 def test_all_of_a_long_name_is_shown_and_markup_is_none() -> None:
     name = "[bold]a_<$" + "long.name" * 9
-    printed = lines(summary(swept({name: [1, 2]}, {name + "!": [1.0, 2.0]}, name=name)), 60)
+    printed = lines(format_summary(swept({name: [1, 2]}, {name + "!": [1.0, 2.0]}, name=name)), 60)
     assert name + "!" in "".join(line.split(" ")[0] for line in printed[5:])
 
 
 def test_a_figure_that_is_not_there_is_a_sentence() -> None:
     with pytest.raises(CommandError, match=r"no figure 'lift.eror_m'; did you mean lift.error_m"):
-        summary(made(), "lift.eror_m")
+        format_summary(made(), "lift.eror_m")
     with pytest.raises(CommandError, match="no figure"):
-        worst(made(), "nothing like it")
+        find_worst_variants(made(), "nothing like it")

@@ -16,10 +16,10 @@ from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.recorders.metrics import is_verdict
-from emla_cosim.sweeps import farm
-from emla_cosim.sweeps.reading import read_sweep
+from emla_cosim.sweeps import executor
+from emla_cosim.sweeps.runner import sweep
 from emla_cosim.sweeps.sensitivity import sobol_indices
-from emla_cosim.sweeps.sweeping import sweep
+from emla_cosim.sweeps.stored import read_sweep
 from emla_cosim.system.model import Component, Replacement, System
 from fmublock import Block, Output, Parameter, build, sin
 from tests.support.commands import Emla
@@ -91,8 +91,8 @@ def test_it_gives_what_single_runs_give(
                 assert np.array_equal(own[SIGNAL].to_numpy(), run[SIGNAL])
                 assert np.array_equal(own["time"].to_numpy(), run["time"])
 
-    monkeypatch.setattr(farm, "_CHUNK_S", 1e-9)
-    monkeypatch.setattr(farm, "_CHUNK_S_PER_THREAD", 0.0)
+    monkeypatch.setattr(executor, "_CHUNK_S", 1e-9)
+    monkeypatch.setattr(executor, "_CHUNK_S_PER_THREAD", 0.0)
     names = list(cluster.scheduler_info()["workers"])
     with monkeypatch.context() as patched:  # on one of the workers alone, in chunks of one
         submit = cluster.submit

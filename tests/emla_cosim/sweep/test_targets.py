@@ -6,30 +6,30 @@ import pytest
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.option import SWEEP
-from emla_cosim.cli.commands.options import with_values
+from emla_cosim.cli.commands.options import add_flag_values
 from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.run.options import Options
-from emla_cosim.sweeps.targets import FMU, OPTION, Target, as_arguments, assigned, merged
+from emla_cosim.sweeps.targets import FMU, OPTION, Target, assign_value, format_arguments, merge_options
 from emla_cosim.system.model import Replacement
 
 
 def test_values_go_to_options_components_and_start_values() -> None:
-    assert assigned([Target("gains", OPTION)], "robust") == {"gains": "robust"}
-    assert assigned([Target("parameters", OPTION)], "a.ssv") == {"parameters": ["a.ssv"]}
-    assert assigned([Target("j.plant", FMU)], "a.fmu") == {"replace": {"j.plant": "a.fmu"}}
-    assert assigned([Target("j.plant.R")], 2.0) == {"set": {"j.plant.R": 2.0}}
-    assert assigned([Target("j.plant.R"), Target("k.plant.R")], None) == {}
+    assert assign_value([Target("gains", OPTION)], "robust") == {"gains": "robust"}
+    assert assign_value([Target("parameters", OPTION)], "a.ssv") == {"parameters": ["a.ssv"]}
+    assert assign_value([Target("j.plant", FMU)], "a.fmu") == {"replace": {"j.plant": "a.fmu"}}
+    assert assign_value([Target("j.plant.R")], 2.0) == {"set": {"j.plant.R": 2.0}}
+    assert assign_value([Target("j.plant.R"), Target("k.plant.R")], None) == {}
 
 
 def test_what_multiplies_several_values_is_told_as_such_and_one_by_its_value() -> None:
     several = [Target("j.R", nominal=2.0), Target("k.R", nominal=5.0)]
-    assert assigned(several, 1.5) == {"set": {"j.R": 3.0, "k.R": 7.5}}
-    assert assigned(several[:1], 3.0) == {"set": {"j.R": 3.0}}
+    assert assign_value(several, 1.5) == {"set": {"j.R": 3.0, "k.R": 7.5}}
+    assert assign_value(several[:1], 3.0) == {"set": {"j.R": 3.0}}
 
 
 def test_options_of_several_factors_are_those_of_one_run() -> None:
     parts = [{"set": {"a.x": 1}}, {"gains": "robust"}, {"set": {"a.y": 2}, "replace": {"a": "f.fmu"}}]
-    assert merged(parts) == {"set": {"a.x": 1, "a.y": 2}, "gains": "robust", "replace": {"a": "f.fmu"}}
+    assert merge_options(parts) == {"set": {"a.x": 1, "a.y": 2}, "gains": "robust", "replace": {"a": "f.fmu"}}
 
 
 def test_arguments_mean_what_the_options_did() -> None:
@@ -45,7 +45,7 @@ def test_arguments_mean_what_the_options_did() -> None:
         "isolate": True,
         "gains": None,
     }
-    found = as_arguments(options)
+    found = format_arguments(options)
     assert found is not None
     assert found == [
         *["--set", "a.x=0.30000000000000004", "--set", "a.on=true", "--set", "a.n=3"],
@@ -53,10 +53,10 @@ def test_arguments_mean_what_the_options_did() -> None:
         *["--parameters", "one.ssv", "--parameters", "two.ssv", "--order", "a,b", "--step-multiple", "a=3"],
         *["--step-size", "0.0001", "--algorithm", "jacobi", "--no-kernel", "--isolate"],
     ]
-    assert with_values(found, SWEEP)[-1] == "--isolate=*"
+    assert add_flag_values(found, SWEEP)[-1] == "--isolate=*"
 
 
 def test_objects_of_python_have_no_arguments() -> None:
-    assert as_arguments({"algorithm": Jacobi()}) is None
+    assert format_arguments({"algorithm": Jacobi()}) is None
     with pytest.raises(CommandError, match="no option"):
         Options().updated({"nonsense": 1})

@@ -14,9 +14,9 @@ import emla_cosim as ec
 from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.run.requirements import RENAMED
 from emla_cosim.sweeps.folder import SweepFolder
-from emla_cosim.sweeps.measures import Asked, resolved, with_verdicts
-from emla_cosim.sweeps.summary import figures_table, status_line, worst
-from emla_cosim.sweeps.sweeping import sweep
+from emla_cosim.sweeps.measures import MetricRequest, resolve_measures, with_verdicts
+from emla_cosim.sweeps.runner import sweep
+from emla_cosim.sweeps.summary import figures_table, find_worst_variants, status_line
 from emla_cosim.system.model import Component, System
 from fmublock import Block, Output, Parameter, build
 from tests.support.faulty_fmu import Fault
@@ -91,7 +91,7 @@ def test_every_table_keeps_the_verdict(
     legend = [text.get_text() for text in axes.legends[0].get_texts()]
     assert legend == [f"held ({9 - failing})", f"not held ({failing})"]
     size = next(figure for figure in ("j.largest", "peak") if figure in result.figures)
-    last = worst(result, size, 1).row(0, named=True)
+    last = find_worst_variants(result, size, 1).row(0, named=True)
     assert not last["j.held"] and last["problem"] == f"j: y comes to {product.max():g}, beyond 2."
     kept = result.variants.filter("j.held")
     assert kept["problem"].null_count() == len(kept)
@@ -161,7 +161,7 @@ def test_verdicts_are_kept_once_and_last() -> None:
         (["tilt.held"], ["tilt.held", "lift.held"]),
         ([], list(FIGURES)),
     ):
-        measures = resolved(Asked.of(metrics, "the plan"), FIGURES, [], [], "the plan")
+        measures = resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, [], [], "the plan")
         kept = with_verdicts(measures, FIGURES)
         assert kept.names == names and sorted(kept.truths) == ["lift.held", "tilt.held"]
 
@@ -169,14 +169,14 @@ def test_verdicts_are_kept_once_and_last() -> None:
 @pytest.mark.parametrize("name", ["held", "lift.held", "mine.held"])
 def test_nobody_else_says_what_is_held(name: str) -> None:
     with pytest.raises(ec.CommandError, match=f"'{name}', but 'held' is the verdict"):
-        Asked.of([f"{name} = max(lift.x) < 1"], "the plan")
+        MetricRequest.of([f"{name} = max(lift.x) < 1"], "the plan")
 
 
 @pytest.mark.parametrize("old", ["lift.converged", "*.converged", "*.saturated_after_convergence"])
 def test_an_old_name_ends_in_the_new_one(old: str) -> None:
     of, _, figure = old.rpartition(".")
     with pytest.raises(ec.CommandError) as caught:
-        resolved(Asked.of([old], "the plan"), FIGURES, [], [], "the plan")
+        resolve_measures(MetricRequest.of([old], "the plan"), FIGURES, [], [], "the plan")
     assert f"'{figure}' is called '{of}.{RENAMED[figure]}' now" in str(caught.value)
 
 

@@ -10,9 +10,9 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.base.progress import Progress
-from emla_cosim.base.units import LinearTransformation, Unit
-from emla_cosim.sweeps.design import designed
-from emla_cosim.sweeps.plan import plan_of
+from emla_cosim.base.units import LinearTransformation, SiUnit
+from emla_cosim.sweeps.design import design_variants
+from emla_cosim.sweeps.plan import load_plan
 from emla_cosim.system.model import Alias, Component, System
 from fmublock import Block, Output, Parameter, build
 from tests.support.commands import Emla
@@ -24,7 +24,7 @@ LEAD, L_D, L_Q = "lift.plant.screw.lead", "lift.plant.motor.L_d", "lift.plant.mo
 def table(vary: Any, fmu_folder: Path, **plan: Any) -> tuple[dict[str, list[Any]], list[str]]:
     """What varies by variant, and the units of the factors."""
     options = {"fmus": fmu_folder, **plan.pop("options", {})}
-    found = designed(plan_of("lift").updated({"vary": vary, "options": options, **plan}), Progress())
+    found = design_variants(load_plan("lift").updated({"vary": vary, "options": options, **plan}), Progress())
     return found.table().drop("variant").to_dict(as_series=False), [f.unit for f in found.factors]
 
 
@@ -110,10 +110,10 @@ class Gauge(Block):
 def test_the_unit_is_that_which_the_system_has(tmp_path: Path) -> None:
     """An FMU in m, and the same one whose length the system calls by another name, in cm."""
     build(Gauge, tmp_path / "Gauge.fmu", producer=PRODUCER)
-    cm = Alias("length", LinearTransformation(0.01), Unit("cm", (0, 1, 0, 0, 0, 0, 0, 0), 0.01))
+    cm = Alias("length", LinearTransformation(0.01), SiUnit("cm", (0, 1, 0, 0, 0, 0, 0, 0), 0.01))
     for aliases, name, expected in (({}, "length", [0.002, 0.04]), ({"size": cm}, "size", [0.2, 4.0])):
         system = System((Component("a.b", "Gauge", {}, tmp_path / "Gauge.fmu", aliases),), ())
-        found = designed(plan_of(system).updated({"vary": {f"a.b.{name}": "2 mm,4 cm"}}), Progress())
+        found = design_variants(load_plan(system).updated({"vary": {f"a.b.{name}": "2 mm,4 cm"}}), Progress())
         assert found.table()[f"a.b.{name}"].to_list() == pytest.approx(expected)
 
 

@@ -8,21 +8,21 @@ from typing import Any
 
 import pytest
 
-from emla_cosim.verification import verifying
-from emla_cosim.verification.examiner import Job
+from emla_cosim.verification import runner
+from emla_cosim.verification.examiner import ExaminerJob
 from emla_cosim.verification.findings import Examined
 
 OF_THEIR_OWN = ("test_verify_command.py",)
 """Files that test how examiners start and end."""
 
 
-class Sharing(verifying._Examiners):
+class Sharing(runner._ExaminerPool):
     """Examiners that wait for the next report when one is done."""
 
     folder: Path
     waiting: list[Any] = []  # noqa: RUF012 - of all reports
 
-    def examined(self, jobs: Sequence[Job]) -> tuple[Examined, ...]:
+    def examined(self, jobs: Sequence[ExaminerJob]) -> tuple[Examined, ...]:
         self._folder = self.folder
         self._taken: list[Any] = []
         with ThreadPoolExecutor(min(2, len(jobs))) as pool:
@@ -53,5 +53,5 @@ def sharing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[type[Sharing]]
 def examiners_are_shared(request: pytest.FixtureRequest, sharing: type[Sharing]) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         if request.path.name not in OF_THEIR_OWN:
-            patch.setattr(verifying, "_Examiners", sharing)
+            patch.setattr(runner, "_ExaminerPool", sharing)
         yield

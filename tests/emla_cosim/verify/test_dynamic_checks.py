@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emla_cosim.verification.checks._sameness import compared
-from emla_cosim.verification.host.drive import Trajectory
+from emla_cosim.verification.checks._sameness import compare_runs
+from emla_cosim.verification.host.instance_runs import OutputTrajectory
+from emla_cosim.verification.runner import verify
 from emla_cosim.verification.verdict import Verdict
-from emla_cosim.verification.verifying import verify
 from tests.support.broken.dynamic import Fault, build_good_fmu
 
 
@@ -28,23 +28,23 @@ def test_a_sentence_says_where_it_went_wrong(tmp_path: Path, fault: Fault, words
     assert all(word in found["run.completes"].sentence for word in words), found["run.completes"].sentence
 
 
-def _run(values: list[list[float]]) -> Trajectory:
+def _run(values: list[list[float]]) -> OutputTrajectory:
     rows = np.array(values)
-    return Trajectory(np.arange(len(rows), dtype=float), ["y", "z"], rows)
+    return OutputTrajectory(np.arange(len(rows), dtype=float), ["y", "z"], rows)
 
 
 def test_runs_that_differ_by_rounding_are_no_failure() -> None:
     """The last bit is worth a warning; more than the tolerance fails; NaN is like NaN alone."""
     wanted = _run([[0.0, 1.0], [1.0, 1.0]])
-    assert compared(wanted, wanted, "It").verdict == Verdict.PASSED
-    rounded = compared(_run([[0.0, 1.0], [1.0 + 2e-16, 1.0]]), wanted, "It")
+    assert compare_runs(wanted, wanted, "It").verdict == Verdict.PASSED
+    rounded = compare_runs(_run([[0.0, 1.0], [1.0 + 2e-16, 1.0]]), wanted, "It")
     assert rounded.verdict == Verdict.WARNING
     assert "from y at t = 1 s on" in rounded.sentence
-    assert compared(_run([[0.0, 1.0], [1.001, 1.0]]), wanted, "It").verdict == Verdict.FAILED
-    assert compared(_run([[0.0, 1.0]]), wanted, "It").verdict == Verdict.FAILED
+    assert compare_runs(_run([[0.0, 1.0], [1.001, 1.0]]), wanted, "It").verdict == Verdict.FAILED
+    assert compare_runs(_run([[0.0, 1.0]]), wanted, "It").verdict == Verdict.FAILED
     spoiled = _run([[0.0, 1.0], [np.nan, 1.0]])
-    assert compared(spoiled, wanted, "It").verdict == Verdict.FAILED
-    assert compared(spoiled, spoiled, "It").verdict == Verdict.PASSED
+    assert compare_runs(spoiled, wanted, "It").verdict == Verdict.FAILED
+    assert compare_runs(spoiled, spoiled, "It").verdict == Verdict.PASSED
 
 
 def test_an_output_is_measured_by_its_range() -> None:

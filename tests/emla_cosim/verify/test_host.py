@@ -14,11 +14,11 @@ from scipy.linalg import expm
 
 from emla_cosim.fmu.unpack import unpack
 from emla_cosim.sandbox import child
-from emla_cosim.verification.examination import examined
-from emla_cosim.verification.host.afresh import EndedError, afresh
-from emla_cosim.verification.host.drive import Trajectory, alone
-from emla_cosim.verification.host.experiment import Experiment, experiment
-from emla_cosim.verification.host.instance import CallError
+from emla_cosim.verification.examination import examine_fmu
+from emla_cosim.verification.host.experiment import Experiment, make_experiment
+from emla_cosim.verification.host.fresh_process import EndedError, in_fresh_process
+from emla_cosim.verification.host.hosted_instance import CallError
+from emla_cosim.verification.host.instance_runs import OutputTrajectory, run_alone
 from emla_cosim.verification.host.integration import Integration
 from emla_cosim.verification.settings import Settings
 from emla_cosim.verification.subject import Subject
@@ -49,29 +49,29 @@ def _exact(course: Experiment) -> np.ndarray:
 def test_a_run_is_the_exact_solution(tmp_path: Path, kind: str) -> None:
     """Inputs reach the FMU at the right times, and outputs are those of the end of each step."""
     subject = _subject(tmp_path)
-    course = experiment(subject)
-    found = alone(subject, course, kind)
+    course = make_experiment(subject)
+    found = run_alone(subject, course, kind)
     assert found.names[:2] == ["position", "speed"]
     np.testing.assert_allclose(found.values[:, :2], _exact(course), atol=2e-7)
 
 
 def test_a_run_ends_where_the_fmu_asks_to(tmp_path: Path) -> None:
     """The step that it did not do has no row."""
-    found = alone(_subject(tmp_path, Fault.ASKS_TO_END))
+    found = run_alone(_subject(tmp_path, Fault.ASKS_TO_END))
     assert found.times[-1] == pytest.approx(0.5)
 
 
 def test_an_error_comes_back_from_another_process(tmp_path: Path) -> None:
     """With its sentence, its call and its status; what it logged is heard where nobody else listens."""
     with pytest.raises(CallError, match="fmi2ExitInitializationMode answered fmi2Error") as caught:
-        alone(_subject(tmp_path, Fault.INITIALIZATION_ERROR))
+        run_alone(_subject(tmp_path, Fault.INITIALIZATION_ERROR))
     assert (caught.value.call, caught.value.status) == ("fmi2ExitInitializationMode", 3)
 
 
 def test_the_end_of_another_process_is_told() -> None:
     """By the signal that ended it."""
     with pytest.raises(EndedError) as caught:
-        afresh(_end)
+        in_fresh_process(_end)
     assert caught.value.how == "SIGKILL"
 
 
@@ -165,7 +165,7 @@ def test_events_without_end_are_told() -> None:
 
 def test_a_run_can_be_cut() -> None:
     """To its first rows."""
-    run = Trajectory(np.arange(3.0), ["y"], np.arange(3.0)[:, None])
+    run = OutputTrajectory(np.arange(3.0), ["y"], np.arange(3.0)[:, None])
     assert run.until(2).values.tolist() == [[0.0], [1.0]]
 
 
@@ -173,5 +173,5 @@ def test_checks_go_to_processes_that_share_nothing(tmp_path: Path, monkeypatch: 
     """As on Windows, where processes cannot divide."""
     monkeypatch.setattr(child, "_CONTEXT", multiprocessing.get_context("spawn"))
     settings = Settings(only=("run.finite", "run.ranges", "calls.phases"))
-    found = examined(Subject(build_good_fmu(tmp_path), tmp_path / "fmu", settings))
+    found = examine_fmu(Subject(build_good_fmu(tmp_path), tmp_path / "fmu", settings))
     assert {f.check: f.verdict for f in found.findings} == dict.fromkeys(settings.only, Verdict.PASSED)

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from lxml import etree
 
-from emla_cosim.verification.labels import labels
 from emla_cosim.verification.report import Report
+from emla_cosim.verification.short_names import shorten_names
 from tests.support.reports import STARTED, hostile, ordinary, report
 
 ALLOWED = {
@@ -85,6 +85,6 @@ def test_control_characters_are_shown(tmp_path: Path) -> None:
 
 def test_fmus_are_called_apart() -> None:
     paths = ["a/x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu"]
-    assert labels(paths) == ["x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu"]
-    assert labels(["P.fmu", "P.fmu"]) == ["P.fmu", "P.fmu"]
-    assert labels([]) == []
+    assert shorten_names(paths) == ["x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu"]
+    assert shorten_names(["P.fmu", "P.fmu"]) == ["P.fmu", "P.fmu"]
+    assert shorten_names([]) == []

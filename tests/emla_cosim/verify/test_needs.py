@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from emla_cosim.verification.runner import verify
 from emla_cosim.verification.verdict import Verdict
-from emla_cosim.verification.verifying import verify
 
 
 @pytest.fixture

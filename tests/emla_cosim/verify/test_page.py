@@ -8,13 +8,13 @@ import html5lib
 import numpy as np
 import pytest
 
-from emla_cosim.verification.page import page
+from emla_cosim.verification.page import render_page
 from emla_cosim.verification.report import Report
 from emla_cosim.verification.verdict import passed
-from emla_cosim.views.pages.curves import thinned
-from emla_cosim.views.pages.page import Plots, rendered
-from emla_cosim.views.pages.plot import as_json
-from emla_cosim.views.pages.text import number, shortened, visible
+from emla_cosim.views.pages.curve_data import thin_points
+from emla_cosim.views.pages.page import Plots, render_template
+from emla_cosim.views.pages.plot_data import as_json
+from emla_cosim.views.pages.text import format_number, make_visible, shorten_text
 from emla_cosim.views.panels import Band, Line, Plot
 from tests.support.reports import examined, finding, hostile, ordinary, report, ten
 
@@ -39,7 +39,7 @@ def text_of(element: Any) -> str:
 
 @pytest.mark.parametrize("make", [ordinary, hostile, report])
 def test_it_is_html5(make: Any) -> None:
-    root = parsed(page(make()))
+    root = parsed(render_page(make()))
     ids = [e.get("id") for e in root.iter() if e.get("id")]
     assert len(ids) == len(set(ids))
     for link in elements(root, "a"):
@@ -50,7 +50,7 @@ def test_it_is_html5(make: Any) -> None:
 
 
 def test_it_says_what_was_found() -> None:
-    root = parsed(page(ordinary()))
+    root = parsed(render_page(ordinary()))
     assert text_of(elements(root, "h1")[0]) == "1 of 2 FMUs failed"
     assert [text_of(h) for h in elements(root, "h2")] == ["build/Plant.fmu", "other/Plant.fmu"]
     findings = elements(root, "details", data_verdict="failed")
@@ -70,7 +70,7 @@ def test_it_says_what_was_found() -> None:
 
 
 def test_the_matrix_has_every_fmu_and_group() -> None:
-    matrix = elements(parsed(page(ordinary())), "table")[0]
+    matrix = elements(parsed(render_page(ordinary())), "table")[0]
     rows = [[text_of(cell) for cell in row] for row in elements(matrix, "tr")]
     assert rows == [
         ["FMU", "archive", "description", "state", "reference", "time"],
@@ -78,8 +78,8 @@ def test_the_matrix_has_every_fmu_and_group() -> None:
         ["other/Plant.fmu", "passed", "", "", "passed", "1.5 s"],
     ]
     alone = Report(ordinary().examined[:1], "0", "then")
-    assert "card overview" not in [s.get("class") for s in elements(parsed(page(alone)), "section")]
-    assert text_of(elements(parsed(page(alone)), "h1")[0]) == "The FMU failed"
+    assert "card overview" not in [s.get("class") for s in elements(parsed(render_page(alone)), "section")]
+    assert text_of(elements(parsed(render_page(alone)), "h1")[0]) == "The FMU failed"
 
 
 @pytest.mark.parametrize(
@@ -94,11 +94,11 @@ def test_the_matrix_has_every_fmu_and_group() -> None:
 )
 def test_systems_are_called_so(paths: list[str], headline: str) -> None:
     given = report(*(examined(path, [finding("a.b", passed("It is."))]) for path in paths))
-    assert text_of(elements(parsed(page(given)), "h1")[0]) == headline
+    assert text_of(elements(parsed(render_page(given)), "h1")[0]) == headline
 
 
 def test_hostile_texts_make_no_elements() -> None:
-    text = page(hostile())
+    text = render_page(hostile())
     root = parsed(text)
     assert not elements(root, "img")
     allowed = {"theme.js", "curves.js", "plots.js", "search.js", "page.js"}
@@ -112,7 +112,7 @@ def test_hostile_texts_make_no_elements() -> None:
 
 
 def test_it_reaches_for_nothing() -> None:
-    root = parsed(page(ordinary()))
+    root = parsed(render_page(ordinary()))
     policy = elements(root, "meta", http_equiv="Content-Security-Policy")[0].get("content")
     assert policy.startswith("default-src 'none';") and "http" not in policy
     for element in root.iter():
@@ -121,7 +121,7 @@ def test_it_reaches_for_nothing() -> None:
 
 
 def test_ten_fmus_are_less_than_five_megabytes() -> None:
-    assert len(page(ten()).encode()) < 5e6
+    assert len(render_page(ten()).encode()) < 5e6
 
 
 # ---- plots -----------------------------------------------------------------------------------------
@@ -138,12 +138,12 @@ def test_thinning_keeps_extremes_and_gaps() -> None:
     rng = np.random.default_rng(1)
     curve = rng.normal(size=100_000)
     curve[70_000], curve[31_234], curve[5_000:5_400] = 50, -50, np.nan
-    kept = thinned(curve)
+    kept = thin_points(curve)
     assert len(kept) <= 1202 and {0, 31_234, 70_000, 99_999} <= set(kept)
     assert np.isnan(curve[kept]).any()
     for part in np.array_split(np.arange(100_000), 400)[::37]:
         assert np.nanmax(curve[part]) == np.nanmax(curve[kept[np.isin(kept, part)]])
-    assert list(thinned(curve[:800])) == list(range(800))
+    assert list(thin_points(curve[:800])) == list(range(800))
 
 
 def test_curves_are_as_they_were_where_it_can_be_seen() -> None:
@@ -217,7 +217,7 @@ def test_plots_of_one_shape_share_a_figure() -> None:
 
 
 def test_a_page_without_plots_has_no_library() -> None:
-    text = rendered("emla_cosim.verification", "page.html", Plots(), **_empty())
+    text = render_template("emla_cosim.verification", "page.html", Plots(), **_empty())
     assert "Anaconda" not in text and len(text) < 40_000
 
 
@@ -232,10 +232,11 @@ def _empty() -> dict[str, Any]:
 
 
 def test_texts_and_numbers_for_people() -> None:
-    assert visible("a\x1b[31m\u202eb\udc80\tc\r\nd") == "a\\x1b[31m\\u202eb\\udc80\tc\n\nd"
-    assert visible("µ עברית 你好") == "µ עברית 你好"
-    assert shortened("abc" * 100, 20) == "abcabcabcabcabc … bcabc"
-    assert shortened("abc", 3) == "abc"
-    assert [number(v) for v in (1 / 3, 1e-9, float("nan"), float("-inf"), 500, 10**400, True, "x\x07")] == [
+    assert make_visible("a\x1b[31m\u202eb\udc80\tc\r\nd") == "a\\x1b[31m\\u202eb\\udc80\tc\n\nd"
+    assert make_visible("µ עברית 你好") == "µ עברית 你好"
+    assert shorten_text("abc" * 100, 20) == "abcabcabcabcabc … bcabc"
+    assert shorten_text("abc", 3) == "abc"
+    values = (1 / 3, 1e-9, float("nan"), float("-inf"), 500, 10**400, True, "x\x07")
+    assert [format_number(v) for v in values] == [
         "0.3333", "1e-09", "not a number", "-∞", "500", "∞", "True", "x\\x07",
     ]  # fmt: skip

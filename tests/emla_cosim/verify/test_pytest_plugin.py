@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-import emla_cosim.verification.verifying  # noqa: F401 - for pytest runs in this process
+import emla_cosim.verification.runner  # noqa: F401 - for pytest runs in this process
 from tests.support.paths import ROOT
 from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
 
@@ -17,10 +17,10 @@ PLUGIN = "emla_cosim.verification.pytest_plugin"
 VERIFYING = """
 import sys
 from dataclasses import replace
-import emla_cosim.verification.verifying
+import emla_cosim.verification.runner
 from emla_cosim.verification.verdict import warned
 
-module = sys.modules["emla_cosim.verification.verifying"]
+module = sys.modules["emla_cosim.verification.runner"]
 real = module.verify
 """
 """How a conftest.py begins that puts something between the plugin and `verify`."""

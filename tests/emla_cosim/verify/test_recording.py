@@ -12,8 +12,8 @@ import pytest
 from fmpy.util import read_csv
 
 import emla_cosim as ec
-from emla_cosim.verification.references.excitation import SHAPES, excited
-from emla_cosim.verification.references.following import inputs_at
+from emla_cosim.verification.references.excitation import SHAPES, excite_inputs
+from emla_cosim.verification.references.playback import inputs_at
 from emla_cosim.verification.verdict import Verdict
 from tests.support.commands import Emla, sentence
 from tests.support.toy_fmu import build_toy
@@ -181,7 +181,7 @@ def test_inputs_move_within_whatever_range_is_declared(shape: str, begin: float)
     usual |= dict.fromkeys(("min", "max", "nominal", "start"))
     variables = [SimpleNamespace(**{**usual, "name": name, **of}) for name, of in RANGES.items()]
     subject: Any = SimpleNamespace(description=SimpleNamespace(modelVariables=variables))
-    columns = excited(subject, shape, np.linspace(begin, begin + 1.0, 2001))
+    columns = excite_inputs(subject, shape, np.linspace(begin, begin + 1.0, 2001))
     least = {"truth": 0.0, "literal": 3.0}
     most = {"truth": 1.0, "literal": 8.0}
     for name, of in RANGES.items():

@@ -9,7 +9,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.verification.findings import Finding
-from emla_cosim.verification.references.files import read_reference, reference_folder
+from emla_cosim.verification.references.reference_files import read_reference, reference_folder
 from emla_cosim.verification.verdict import Verdict
 from tests.support.paths import ROOT
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from markdown_it import MarkdownIt
 
-from emla_cosim.verification.summary import summary
+from emla_cosim.verification.ci_summary import format_ci_summary
 from emla_cosim.verification.verdict import Verdict
 
 
@@ -36,7 +36,7 @@ def shown(text: str) -> str:
 
 
 def test_counts_and_failures_are_shown() -> None:
-    text = summary(report(verdicts="passed passed warning failed skipped"))
+    text = format_ci_summary(report(verdicts="passed passed warning failed skipped"))
     assert "| ❌ | build/x.fmu | 2 | 1 | 1 | 1 | 1.3 |" in text
     page = shown(text)
     assert page.count("<tr>") == 2 and page.count("<li>") == 2
@@ -57,8 +57,8 @@ def test_counts_and_failures_are_shown() -> None:
     ],
 )
 def test_texts_are_shown_as_they_are(odd: str) -> None:
-    page = shown(summary(report(odd, odd, "failed")))
-    plain = shown(summary(report("plain", "plain", "failed")))
+    page = shown(format_ci_summary(report(odd, odd, "failed")))
+    plain = shown(format_ci_summary(report("plain", "plain", "failed")))
     assert page.count("<") == plain.count("<")  # no element more
     assert unescape(page).count(" ".join(odd.split())) == 3
 
@@ -66,13 +66,13 @@ def test_texts_are_shown_as_they_are(odd: str) -> None:
 def test_a_large_report_stays_below_what_github_takes() -> None:
     large = report(sentence="long " * 1000, verdicts="failed " * 500)
     large["examined"] *= 500
-    text = summary(large)
+    text = format_ci_summary(large)
     assert len(text.encode()) < 2**20
     assert "and 300 more" in text and "and 249900 more" in text
 
 
 def test_every_verdict_has_a_column() -> None:
     """In the order of the headline."""
-    (headline,) = [x for x in summary(report()).splitlines() if x.startswith("| | FMU")]
+    (headline,) = [x for x in format_ci_summary(report()).splitlines() if x.startswith("| | FMU")]
     names = [name.strip() for name in headline.split("|")][3:7]
     assert [n.removesuffix("s") for n in names] == [v.value.removesuffix("s") for v in Verdict]

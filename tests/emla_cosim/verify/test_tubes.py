@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.recorders.tubes.comparing import compared, how_it_left, that_left
-from emla_cosim.recorders.tubes.comparison import Comparison
-from emla_cosim.recorders.tubes.tolerance import Tolerance, read_tolerances, tolerance_of, tolerances_in
+from emla_cosim.recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
+from emla_cosim.recorders.tubes.signal_comparison import Comparison
+from emla_cosim.recorders.tubes.tolerance import Tolerance, find_tolerance, parse_tolerances, read_tolerances
 from emla_cosim.recorders.tubes.tube import Tube
 
 EXACT = Tolerance(relative=1e-3, time=0.0)
@@ -21,7 +21,7 @@ values = st.lists(st.floats(-10.0, 10.0).map(lambda x: round(x, 3)), min_size=2,
 
 def against(values: np.ndarray, reference: np.ndarray, tolerance: Tolerance, step: float = 0.1) -> Comparison:
     time = step * np.arange(len(values))
-    return compared("y", "m", time, values, step * np.arange(len(reference)), reference, tolerance)
+    return compare_signal("y", "m", time, values, step * np.arange(len(reference)), reference, tolerance)
 
 
 @given(values=values, width=st.floats(0.0, 3.0), gaps=st.lists(st.integers(1, 5), min_size=12, max_size=12))
@@ -63,7 +63,7 @@ def test_a_jump_may_come_earlier_or_later() -> None:
     at = np.linspace(0.0, 2.0, 41)
     for shift, inside in ((0.09, True), (-0.09, True), (0.16, False), (-0.16, False)):
         late = (at >= 1.0 + shift).astype(float)
-        found = compared("y", "", at, late, time, reference, Tolerance(time=0.1))
+        found = compare_signal("y", "", at, late, time, reference, Tolerance(time=0.1))
         assert found.inside == inside
 
 
@@ -93,7 +93,9 @@ def test_a_drift_is_told_when_it_leaves_and_where_it_is_worst() -> None:
     assert found.left_at is not None and found.left_at < found.worst_at
     outside = (found.values > found.upper) | (found.values < found.lower)
     assert found.left_at == found.time[outside][0]
-    assert how_it_left(found).startswith(f"y left its tube at t = {found.left_at:.9g} s; it is off by up to")
+    assert describe_departure(found).startswith(
+        f"y left its tube at t = {found.left_at:.9g} s; it is off by up to"
+    )
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
@@ -140,15 +142,15 @@ def test_the_first_that_left_comes_first() -> None:
         values[k] = 1.0
         found.append(against(values, reference, EXACT))
     found.append(against(reference, reference, EXACT))
-    assert [c.left_at for c in that_left(found)] == pytest.approx([0.2, 0.5, 0.7])
+    assert [c.left_at for c in select_outside(found)] == pytest.approx([0.2, 0.5, 0.7])
 
 
 def test_later_tolerances_fill_and_replace_what_earlier_ones_say() -> None:
     given = read_tolerances(["1e-4", "a.*=time:0,absolute:1e-9", "a.x=1e-6"])
-    assert tolerance_of("b", given) == Tolerance(1e-4)
-    assert tolerance_of("a.y", given) == Tolerance(1e-4, 1e-9, 0.0)
-    assert tolerance_of("a.x", given) == Tolerance(1e-6, 1e-9, 0.0)
-    assert tolerance_of("z", {}) == Tolerance()
+    assert find_tolerance("b", given) == Tolerance(1e-4)
+    assert find_tolerance("a.y", given) == Tolerance(1e-4, 1e-9, 0.0)
+    assert find_tolerance("a.x", given) == Tolerance(1e-6, 1e-9, 0.0)
+    assert find_tolerance("z", {}) == Tolerance()
 
 
 @pytest.mark.parametrize("text", ["", "x=", "=1", "x=relativ:1", "x=1,,", "q", "x=1e-3;time:0"])
@@ -164,7 +166,7 @@ def test_a_tolerance_that_is_none_is_told(text: str) -> None:
 
 
 def test_a_file_may_give_numbers_and_parts() -> None:
-    found = tolerances_in({"x": 1e-5, "y": {"time": 0.0}}, "'f'")
+    found = parse_tolerances({"x": 1e-5, "y": {"time": 0.0}}, "'f'")
     assert found == {"x": Tolerance(1e-5), "y": Tolerance(time=0.0)}
     with pytest.raises(CommandError, match=r"'x' in 'tolerance' of 'f' is .*; it must be a number, or"):
-        tolerances_in({"x": {"tme": 0.0}}, "'f'")
+        parse_tolerances({"x": {"tme": 0.0}}, "'f'")

@@ -19,10 +19,10 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.commands import verify as commands_verify
 from emla_cosim.fmu.models import FLAVOURS, MODELS, build, fmu_path
-from emla_cosim.verification.apart import _late
 from emla_cosim.verification.catalogue import CHECKS, DYNAMIC, RECORDED
-from emla_cosim.verification.examination import chosen, needed
+from emla_cosim.verification.examination import select_checks, select_needed_checks
 from emla_cosim.verification.settings import Settings
+from emla_cosim.verification.subprocess_run import _describe_timeout
 from emla_cosim.verification.verdict import Verdict
 from fmublock import Block
 from tests.support.broken.dynamic import Fault, build_good_fmu
@@ -56,15 +56,18 @@ def test_every_check_says_what_it_rests_on() -> None:
 def test_a_check_brings_what_it_needs_and_does_not_show_it(plant: str) -> None:
     report = ec.verify(plant, only="run.finite")
     assert [f.check for f in report[plant].findings] == ["run.finite"]
-    assert {c.name for c in needed(Settings(only=["run.finite"]))} >= {"archive.safe", "run.completes"}
+    assert {c.name for c in select_needed_checks(Settings(only=["run.finite"]))} >= {
+        "archive.safe",
+        "run.completes",
+    }
 
 
 def test_groups_and_patterns_choose_checks() -> None:
     groups = {c.group for c in CHECKS}
     for group in groups:
-        assert {c.group for c in chosen(Settings(only=[group]))} == {group}
-        assert {c.group for c in chosen(Settings(skip=[group]))} == groups - {group}
-    assert {c.name for c in chosen(Settings(only=["*.safe"]))} == {"archive.safe"}
+        assert {c.group for c in select_checks(Settings(only=[group]))} == {group}
+        assert {c.group for c in select_checks(Settings(skip=[group]))} == groups - {group}
+    assert {c.name for c in select_checks(Settings(only=["*.safe"]))} == {"archive.safe"}
 
 
 @pytest.mark.parametrize(
@@ -261,5 +264,5 @@ def _busy(processes: list[psutil.Process]) -> bool:
 
 
 def test_what_is_slow_is_not_said_to_hang() -> None:
-    assert "went on" in _late("fmi2DoStep at t = 3 s", 10.0, 0.1).sentence
-    assert "did not return from fmi2DoStep" in _late("fmi2DoStep at t = 3 s", 10.0, 9.0).sentence
+    assert "went on" in _describe_timeout("fmi2DoStep at t = 3 s", 10.0, 0.1).sentence
+    assert "did not return from fmi2DoStep" in _describe_timeout("fmi2DoStep at t = 3 s", 10.0, 9.0).sentence

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from emla_cosim.verification import verifying
-from emla_cosim.verification.examiner import Job
+from emla_cosim.verification import runner
+from emla_cosim.verification.examiner import ExaminerJob
 from emla_cosim.verification.findings import Examined
 from emla_cosim.verification.settings import Settings
 from tests.support.broken.broken import Broken
@@ -16,6 +16,6 @@ def examined_all(broken: Iterable[tuple[Broken, Settings]], folder: Path) -> dic
     for one, settings in broken:
         (folder / one.name).mkdir()
         path = one.build(folder / one.name)
-        jobs.append(Job(path, settings, one.name, path))
-    found = verifying._Examiners(folder, lambda: None).examined(jobs) if jobs else ()
+        jobs.append(ExaminerJob(path, settings, one.name, path))
+    found = runner._ExaminerPool(folder, lambda: None).examined(jobs) if jobs else ()
     return {one.name: one for one in found}

@@ -4,19 +4,19 @@ from collections.abc import Sequence
 
 from ...run.scenarios.scenario import Scenario
 from ...study.actuator.actuator import Actuator
-from ...views.terminal import say
+from ...views.terminal import print_line
 
 
-def show_before(scenario: Scenario) -> Sequence[str]:
+def show_actuators(scenario: Scenario) -> Sequence[str]:
     """Show the actuators of a scenario that has others, with its notes; the notes that were shown."""
     own = {joint: one for joint, one in scenario.options.actuator.items() if isinstance(one, Actuator)}
     for joint, one in own.items():
-        say(f"{joint} has {one.title or one.label}:")
+        print_line(f"{joint} has {one.title or one.label}:")
         for conversion in one.conversions:
             if conversion.is_short:
-                say(f"  {conversion}")
+                print_line(f"  {conversion}")
     if not own:
         return ()
     for note in scenario.notes:
-        say(f"Note: {note}.")
+        print_line(f"Note: {note}.")
     return scenario.notes

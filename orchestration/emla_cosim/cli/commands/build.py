@@ -7,8 +7,8 @@ import typer
 
 from ...base.errors import CommandError, check_choice
 from ...base.option import BUILD
-from ...fmu.models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, block_of, build, check_place
-from ...views.bars import BarProgress
+from ...fmu.models import FLAVOURS, FMU_FOLDER, MODELS, PLATFORMS, build, check_build_path, find_block
+from ...views.progress_bars import BarProgress
 from ...views.terminal import show_file
 
 OPTIONS = BUILD
@@ -43,10 +43,10 @@ def command(
     if platform and flavour != "native":
         raise CommandError("PythonFMU FMUs bring PythonFMU's own binaries; leave --platform out.")
     platforms = platform or list(PLATFORMS)
-    blocks = {name: name if name in MODELS else block_of(name) for name in chosen}
+    blocks = {name: name if name in MODELS else find_block(name) for name in chosen}
     overwrite = given.get("overwrite", False)
     for model in blocks.values():
-        check_place(model, flavour, output, overwrite)
+        check_build_path(model, flavour, output, overwrite)
     with BarProgress() as progress:
         paths = []
         for name, model in blocks.items():

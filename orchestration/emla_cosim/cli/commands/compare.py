@@ -8,17 +8,17 @@ import typer
 
 from ...base.errors import CommandError, CosimError
 from ...base.option import COMPARE
-from ...base.wording import counted
+from ...base.wording import format_count
 from ...comparison import certificates
-from ...comparison.comparing import RESOLUTION, SEEDS, compare
 from ...comparison.data import CERTIFICATE, STABILITY, TABLES
+from ...comparison.folder import CSV, MARKDOWN, RECORD, CompareFolder
 from ...comparison.result import CompareResult
-from ...comparison.tables import lost_lines
-from ...comparison.writing import CSV, MARKDOWN, RECORD, CompareFolder
-from ...study.certificate import certificate_table
-from ...views.bars import BarProgress
+from ...comparison.runner import RESOLUTION, SEEDS, compare
+from ...comparison.tables import describe_lost_joints
+from ...study.joint_certificates import build_certificate_table
 from ...views.output_folder import results_folder
-from ...views.terminal import say, show
+from ...views.progress_bars import BarProgress
+from ...views.terminal import print_line, show
 from .options import Scheduler, Workers
 
 OPTIONS = COMPARE
@@ -100,7 +100,7 @@ def command(
     overwrite = given.get("overwrite", False)
     if table == CERTIFICATE:
         _check_certificate(controllers, seeds, reserves, resolution, scheduler, workers)
-        _certify(scenario, _listed(gains), certificates.CertificateFolder(place, overwrite), given)
+        _certify(scenario, _split_names(gains), certificates.CertificateFolder(place, overwrite), given)
         return
     folder = CompareFolder(place, overwrite)
     if plots:
@@ -108,8 +108,8 @@ def command(
     with BarProgress() as progress:
         result = compare(
             scenario,
-            _listed(controllers),
-            gains=_listed(gains),
+            _split_names(controllers),
+            gains=_split_names(gains),
             table=table,
             seeds=seeds,
             reserves=_numbers(reserves),
@@ -145,17 +145,17 @@ def _certify(
 ) -> None:
     """Certify RSBA's sets of gains in runs of the scenario, and show and write what came out."""
     with BarProgress() as progress, folder.alone():
-        found = certificates.certificates(scenario, gains, progress, **given)
+        found = certificates.certify_gains(scenario, gains, progress, **given)
         folder.keep(found)
     for one in found:
         if one.problem is None:
-            show(certificate_table(one.joints, one.gains))
+            show(build_certificate_table(one.joints, one.gains))
         else:
-            say(f"{one.gains}: {one.problem}")
-    say(f"Wrote {folder.path}/: {certificates.CSV}, {certificates.MARKDOWN}")
+            print_line(f"{one.gains}: {one.problem}")
+    print_line(f"Wrote {folder.path}/: {certificates.CSV}, {certificates.MARKDOWN}")
 
 
-def _listed(text: str | None) -> list[str] | None:
+def _split_names(text: str | None) -> list[str] | None:
     return None if text is None else [part.strip() for part in text.split(",")]
 
 
@@ -172,21 +172,21 @@ def _numbers(text: str | None) -> list[float] | None:
 
 def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
     """Show what was not held, first and in words; then the tables, and where everything is."""
-    lines = lost_lines(result)
+    lines = describe_lost_joints(result)
     if lines:
         show(f"[bold red]Not held: {result.lost.height} of {result.rows.height}.[/]", highlight=False)
         shown = lines[:_MOST_LOST]
         if len(lines) > len(shown):
             shown.append(f"and {len(lines) - len(shown)} more, in {place / MARKDOWN}")
         for line in shown:
-            say(line)
+            print_line(line)
     for grid in result.grids:
         show(grid.rich())
         for sentence in grid.under:
-            say(sentence)
+            print_line(sentence)
     for note in result.notes:
-        say(note)
-    say(f"{counted(result.rows['run'].n_unique(), 'run')} in {result.wall_s:.0f} s")
-    say(f"Wrote {place}/: {CSV}, {MARKDOWN}, {RECORD}")
+        print_line(note)
+    print_line(f"{format_count(result.rows['run'].n_unique(), 'run')} in {result.wall_s:.0f} s")
+    print_line(f"Wrote {place}/: {CSV}, {MARKDOWN}, {RECORD}")
     if pictures:
-        say(f"Pictures: {', '.join(path.name for path in pictures)}")
+        print_line(f"Pictures: {', '.join(path.name for path in pictures)}")

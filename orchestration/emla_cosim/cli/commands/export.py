@@ -5,10 +5,10 @@ from typing import Annotated, Any
 
 import typer
 
-from ...base.files import check_places
+from ...base.files import check_output_files
 from ...base.option import EXPORT
 from ...study.loading import load
-from ...views.bars import BarProgress
+from ...views.progress_bars import BarProgress
 from ...views.terminal import show_file
 from .options import SOURCE
 
@@ -32,7 +32,7 @@ def command(
 ) -> None:
     """Write a scenario as an SSP package."""
     chosen = load(scenario, **given)
-    check_places({file: "the package"}, {Path(scenario): "the scenario"} | chosen.options.files_read())
+    check_output_files({file: "the package"}, {Path(scenario): "the scenario"} | chosen.options.files_read())
     with BarProgress() as progress:
         chosen.export(file, nested, progress)
     show_file(file)

@@ -12,17 +12,17 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ...base.errors import CommandError
-from ...base.files import check_places
+from ...base.files import check_output_files
 from ...base.option import INFO
 from ...base.ownership import check_replaceable
-from ...inspection.informing import info
-from ...inspection.parts import FmuInfo
-from ...inspection.shown import ShownRow, line, shown_rows
-from ...inspection.told import JSON_FILE, Info, is_info, start_text
+from ...inspection.collector import info
+from ...inspection.display_rows import DisplayRow, build_display_rows, format_line
+from ...inspection.info_parts import FmuInfo
+from ...inspection.system_info import JSON_FILE, Info, format_start, is_info
 from ...study.loading import load
-from ...views.bars import BarProgress
-from ...views.pages.text import shortened
-from ...views.terminal import OUT, put_out, say, show, show_table
+from ...views.pages.text import shorten_text
+from ...views.progress_bars import BarProgress
+from ...views.terminal import OUT, print_exactly, print_line, show, show_table
 from .options import SOURCE
 
 OPTIONS = INFO
@@ -61,7 +61,7 @@ def command(
         used = {Path(source): "the file to tell of"}
         with suppress(CommandError):  # which telling says
             used |= load(source, **given).options.files_read()
-        check_places({json: JSON_FILE}, used)
+        check_output_files({json: JSON_FILE}, used)
         check_replaceable(json, JSON_FILE, is_info, overwrite)
     with BarProgress() as progress:
         found = info(source, progress, **given)
@@ -72,33 +72,35 @@ def command(
     elif to_file:
         found.save_json(json, overwrite)
     else:
-        put_out(found.as_json())
+        print_exactly(found.as_json())
 
 
 def _show(found: Info, header: bool) -> None:
     title = f"{found.name}: {found.description}" if found.description else found.name
-    show(Text(line(title), style="bold"), soft_wrap=True)
+    show(Text(format_line(title), style="bold"), soft_wrap=True)
     if header:
         _show_header(found)
     for note in found.notes:
-        say(f"Note: {line(note)}.")
-    rows = list(islice(shown_rows(found.variables), _MOST_ROWS + 1))
+        print_line(f"Note: {format_line(note)}.")
+    rows = list(islice(build_display_rows(found.variables), _MOST_ROWS + 1))
     _show_rows(rows[:_MOST_ROWS])
     if len(rows) > _MOST_ROWS:
         count = len(found.variables)
-        say(f"The first {_MOST_ROWS} rows of {count} variables; --match chooses, --json has them all.")
+        print_line(f"The first {_MOST_ROWS} rows of {count} variables; --match chooses, --json has them all.")
     settable = next((row.first for row in rows if row.first.settable and row.first.start is not None), None)
     if settable is not None:
-        say(f"What has a + can be set, such as --set '{line(settable.name)}={_text(settable.start)}'")
+        print_line(
+            f"What has a + can be set, such as --set '{format_line(settable.name)}={_text(settable.start)}'"
+        )
 
 
 def _show_header(found: Info) -> None:
     start, stop, step = found.start_time or 0.0, found.stop_time, found.step_size
     if stop is not None and step is not None:
-        say(f"Runs from {start:g} to {stop:g} s in steps of {step:g} s.")
+        print_line(f"Runs from {start:g} to {stop:g} s in steps of {step:g} s.")
     if len(found.components) == 1:
         for what, text in _about(found.fmus[0]):
-            say(f"{what:<12} {text}")
+            print_line(f"{what:<12} {text}")
         return
     names: list[list[str]] = [[] for _ in found.fmus]
     for component in found.components:
@@ -108,9 +110,9 @@ def _show_header(found: Info) -> None:
         table.add_row(*(_cell(x) for x in (fmu.model, ", ".join(components), fmu.path)))
     show_table(table)
     if (more := len(found.fmus) - _MOST_FMUS) > 0:
-        say(f"and {more} more FMUs; --json has them all")
+        print_line(f"and {more} more FMUs; --json has them all")
     counts = len(found.components), len(found.fmus), len(found.connections), len(found.variables)
-    say("{} components of {} FMUs, {} connections, {} variables".format(*counts))
+    print_line("{} components of {} FMUs, {} connections, {} variables".format(*counts))
 
 
 def _about(fmu: FmuInfo) -> Iterator[tuple[str, str]]:
@@ -134,19 +136,19 @@ def _about(fmu: FmuInfo) -> Iterator[tuple[str, str]]:
         "GUID": fmu.guid,
         "SHA-256": fmu.sha256,
     }
-    return ((what, shortened(line(text), _LONGEST)) for what, text in told.items() if text)
+    return ((what, shorten_text(format_line(text), _LONGEST)) for what, text in told.items() if text)
 
 
-def _show_rows(rows: Sequence[ShownRow]) -> None:
+def _show_rows(rows: Sequence[DisplayRow]) -> None:
     """On a terminal a table for each component; where nobody looks one, with full names in each row."""
     if not OUT.is_terminal:
         _show_table(rows, "variable", "")
         return
     for component, some in groupby(rows, lambda row: row.first.component):
-        _show_table(list(some), line(component), line(f"{component}."))
+        _show_table(list(some), format_line(component), format_line(f"{component}."))
 
 
-def _show_table(rows: Sequence[ShownRow], title: str, prefix: str) -> None:
+def _show_table(rows: Sequence[DisplayRow], title: str, prefix: str) -> None:
     """Variables, their names without a prefix; on a narrow terminal the meaning has what they are, too."""
     if not rows:
         return
@@ -170,7 +172,7 @@ def _show_table(rows: Sequence[ShownRow], title: str, prefix: str) -> None:
     show_table(table)
 
 
-def _start(row: ShownRow) -> Text:
+def _start(row: DisplayRow) -> Text:
     """The value in effect with its unit, and that of the FMU where it is another one."""
     start = " ".join(filter(None, (row.start, row.unit if row.start else "")))
     return Text(
@@ -178,14 +180,14 @@ def _start(row: ShownRow) -> Text:
     )
 
 
-def _meaning(row: ShownRow, about: str = "") -> Text:
+def _meaning(row: DisplayRow, about: str = "") -> Text:
     """The description, and what the variable is connected to."""
     unit = f"[{row.unit}] " if row.unit and not row.start else ""
     meaning = _cell(unit + row.meaning)
     more = [f"and {len(row.connected) - _MOST_ENDS} more"] if len(row.connected) > _MOST_ENDS else []
     for added in filter(None, (about, *row.connected[:_MOST_ENDS], *more)):
         meaning.append("; " if meaning else "")
-        meaning.append(shortened(added, _LONGEST), style="dim")
+        meaning.append(shorten_text(added, _LONGEST), style="dim")
     return meaning
 
 
@@ -196,8 +198,8 @@ def _table(*columns: Column | str) -> Table:
 
 def _cell(text: str) -> Text:
     """A text of others as it is: no markup, in one line, not endless."""
-    return Text(shortened(line(text), _LONGEST))
+    return Text(shorten_text(format_line(text), _LONGEST))
 
 
 def _text(value: Any) -> str:
-    return line(start_text(value))
+    return format_line(format_start(value))

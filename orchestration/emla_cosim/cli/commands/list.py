@@ -5,8 +5,8 @@ import tomllib
 from rich.table import Table
 
 from ...fmu.models import MODELS
-from ...run.options import table
-from ...run.scenarios.built_in import PLANS, SCENARIOS, TUNINGS, built_in
+from ...run.options import list_options
+from ...run.scenarios.built_in import PLANS, SCENARIOS, TUNINGS, find_built_in
 from ...study.controllers import CONTROLLERS
 from ...study.registration import register
 from ...views.terminal import show
@@ -23,7 +23,7 @@ def command() -> None:
         title_justify="left",
     )
     for name in SCENARIOS:
-        scenarios.add_row(f"[bold]{name}[/]", built_in(name).description)
+        scenarios.add_row(f"[bold]{name}[/]", find_built_in(name).description)
     plans = Table("plan", "what it is", title="Sweeps: emla sweep PLAN", title_justify="left")
     for name, text in PLANS.items():
         plans.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
@@ -34,7 +34,7 @@ def command() -> None:
     for name, block in MODELS.items():
         models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])
     choices = Table("option", "choices", title="Choices", title_justify="left")
-    for option in table().values():
+    for option in list_options().values():
         if option.about.choices is not None:
             choices.add_row(option.flag, ", ".join(option.about.choices()))
     choices.add_row("--controller", ", ".join(CONTROLLERS))

@@ -12,7 +12,7 @@ import typer
 
 from ...base.errors import CommandError
 from ...base.option import Option
-from ...run.options import read_option, table
+from ...run.options import list_options, read_option
 
 SOURCE = (
     "What to run: a name that `emla list` shows, a scenario file (.toml), an SSP (.ssp, .ssd, or folder), an "
@@ -46,7 +46,7 @@ def with_options(function: Callable[..., None], command: str) -> Callable[..., N
 
     It raises CommandError for texts that are no such values.
     """
-    options = list(table(command).values())
+    options = list(list_options(command).values())
     own = [p for p in inspect.signature(function).parameters.values() if p.name != "given"]
 
     @wraps(function)
@@ -60,12 +60,14 @@ def with_options(function: Callable[..., None], command: str) -> Callable[..., N
     return called
 
 
-def with_values(arguments: Sequence[str], command: str, own: Mapping[str, str] | None = None) -> list[str]:
+def add_flag_values(
+    arguments: Sequence[str], command: str, own: Mapping[str, str] | None = None
+) -> list[str]:
     """The arguments of a command, each flag that may stand alone followed by what it stands for then.
 
     `own` has those flags that only this command has.
     """
-    alone = {o.flag: o.about.alone for o in table(command).values() if o.about.alone} | dict(own or {})
+    alone = {o.flag: o.about.alone for o in list_options(command).values() if o.about.alone} | dict(own or {})
     found = list[str]()
     for argument, following in pairwise([*arguments, "-"]):
         stands = argument in alone and following.startswith("-")

@@ -6,15 +6,15 @@ from typing import Annotated, Any
 import typer
 
 from ...base.errors import CommandError
-from ...base.files import check_places, writing_to, written_whole
+from ...base.files import check_output_files, report_write_errors, write_atomically
 from ...base.option import PLOT
 from ...base.ownership import check_replaceable
-from ...base.quantities import quantity, unit_named
+from ...base.quantities import parse_quantity, parse_unit_name
 from ...recorders.registry import TABLES
 from ...study.registration import register
-from ...views.plots.overlay import overlaid, traces
+from ...views.plots.overlay import overlay_runs, read_traces
 from ...views.plots.style import is_picture, save
-from ...views.terminal import say, show_file
+from ...views.terminal import print_line, show_file
 
 register()
 
@@ -53,16 +53,16 @@ def command(
     """Draw signals of runs over time: one run by unit, several over one another with a panel per signal."""
     if output.suffix.lower() != ".png":
         raise CommandError(f"the picture '{output}' must end in .png.")
-    found = traces(runs)
-    check_places({output: "the picture"}, {file: "read" for run in found for file in run.files})
+    found = read_traces(runs)
+    check_output_files({output: "the picture"}, {file: "read" for run in found for file in run.files})
     check_replaceable(output, "the picture", is_picture, given.get("overwrite", False))
-    overlay = overlaid(found, signals or [], _seconds("--from", begin), _seconds("--to", end))
-    with writing_to(output.parent), written_whole(output) as stream:
+    overlay = overlay_runs(found, signals or [], _seconds("--from", begin), _seconds("--to", end))
+    with report_write_errors(output.parent), write_atomically(output) as stream:
         save(overlay.figure, stream)
     for note in overlay.notes:
-        say(f"Note: {note}")
+        print_line(f"Note: {note}")
     show_file(output)
 
 
 def _seconds(flag: str, text: str | None) -> float | None:
-    return None if text is None else quantity(text, flag).in_unit(unit_named("s", flag), flag)
+    return None if text is None else parse_quantity(text, flag).in_unit(parse_unit_name("s", flag), flag)

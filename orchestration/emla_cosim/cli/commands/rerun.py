@@ -6,15 +6,15 @@ from typing import Annotated, Any
 
 import typer
 
-from ...base.files import digest, real_place
+from ...base.files import hash_if_readable, real_place
 from ...base.option import RUN, Option
-from ...run.options import table
-from ...run.repetition import differences, sentence
+from ...run.options import list_options
+from ...run.repetition import describe_differences, find_differences
 from ...run.result import Result
-from ...run.scenarios.recorded import recorded_run
+from ...run.scenarios.recorded import load_recorded_run
 from ...study.loading import load
 from ...views.output_folder import RECORD
-from ...views.terminal import say
+from ...views.terminal import print_line
 from .run import run_into
 
 OPTIONS = RUN
@@ -33,22 +33,22 @@ def command(
 ) -> None:
     """Repeat a run in a folder beside its own."""
     record = _record(run)
-    recorded = recorded_run(record, given)
+    recorded = load_recorded_run(record, given)
     chosen = load(recorded.source, **recorded.with_options(given))
     table_name = f"results.{chosen.options.output_format}"
-    before = digest(record.parent / table_name)  # which may be about to be replaced
+    before = hash_if_readable(record.parent / table_name)  # which may be about to be replaced
     folder = given.get("output") or _beside(record)
 
-    known = table(RUN)
+    known = list_options(RUN)
 
     def compare(result: Result) -> None:
-        found = differences(recorded.content, result.record, {known[name].record for name in given})
+        found = find_differences(recorded.content, result.record, {known[name].record for name in given})
         if found:
-            say(sentence(found, str(record)))
+            print_line(describe_differences(found, str(record)))
         if before is not None and _same_table(known[name] for name in given):
-            same = digest(folder / table_name) == before
+            same = hash_if_readable(folder / table_name) == before
             what = "is that" if same else "differs from that"
-            say(f"{table_name} {what} of {record.parent}{', to the last bit' * same}")
+            print_line(f"{table_name} {what} of {record.parent}{', to the last bit' * same}")
 
     run_into(chosen, folder, None if "output" in given else record, compare)
 

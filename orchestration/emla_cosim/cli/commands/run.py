@@ -7,23 +7,23 @@ from typing import Annotated, Any
 import typer
 
 from ...base.errors import CosimError
-from ...base.files import check_places
+from ...base.files import check_output_files
 from ...base.option import RUN
 from ...master.stepping.checkpoint import check_checkpoint
 from ...recorders.progress import ProgressRecorder
-from ...run.experiment import check_run, selected
 from ...run.options import Options
 from ...run.result import Result
+from ...run.run_setup import check_run, select_signals
 from ...run.scenarios.scenario import Scenario
-from ...sandbox.interruption import interruption
+from ...sandbox.interruption import catch_interrupts
 from ...study.loading import load
 from ...views.animation import check_animated
-from ...views.bars import BarProgress
 from ...views.output_folder import OutputFolder, results_folder
+from ...views.progress_bars import BarProgress
 from ...views.terminal import show_result
-from .actuators import show_before
+from .actuators import show_actuators
+from .crash_rescue import CrashRecorder
 from .options import SOURCE
-from .rescue import Remembered
 
 OPTIONS = RUN
 """Options that the command takes."""
@@ -51,7 +51,7 @@ def run_into(
     """
     options = chosen.options
     check_run(options, chosen.name)
-    told = show_before(chosen)
+    told = show_actuators(chosen)
     with BarProgress() as progress:
         output = OutputFolder(
             folder,
@@ -63,15 +63,15 @@ def run_into(
         )
         _check_places(file, options, output)
         with output.alone():
-            remembered = Remembered(chosen, output)
+            remembered = CrashRecorder(chosen, output)
             with chosen.prepare(progress) as simulation:
                 if options.animate:
-                    kept = [simulation.names[i] for i in selected(options.signals, simulation.names)]
+                    kept = [simulation.names[i] for i in select_signals(options.signals, simulation.names)]
                     check_animated(chosen.name, simulation.names, kept)
                 remembered.watch(simulation)
                 writing = output.recorders(continued=options.resume is not None)
                 recorders = [*writing, ProgressRecorder(progress), remembered]
-                with interruption() as asked:  # from the first row to the last file
+                with catch_interrupts() as asked:  # from the first row to the last file
                     result = simulation.attempt(recorders=recorders)
                     # before FMUs are terminated, which is their last occasion to fail
                     result, pictures = output.keep(
@@ -94,8 +94,8 @@ def _check_places(file: Path | None, options: Options, output: OutputFolder) -> 
     results = output.roles
     read = ({} if file is None else {file: "the scenario"}) | options.files_read()
     if options.checkpoint is not None:
-        check_places({options.checkpoint: "the checkpoint"}, results | read)
+        check_output_files({options.checkpoint: "the checkpoint"}, results | read)
         check_checkpoint(options.checkpoint, options.overwrite)
     if options.resume is not None:
         read[options.resume] = "the checkpoint to continue"
-    check_places(results, read)
+    check_output_files(results, read)

@@ -7,21 +7,21 @@ from typing import Annotated, Any
 import typer
 
 from ...base.errors import CommandError, CosimError
-from ...base.files import writing_to
+from ...base.files import report_write_errors
 from ...base.option import SWEEP
 from ...base.progress import Progress
 from ...sweeps.data import DONE, STATUS
 from ...sweeps.distributions import FORMS
 from ...sweeps.folder import RECORD, SERIES, TABLE, WORST, SweepFolder
-from ...sweeps.pictures import drawn
-from ...sweeps.plan import plan_of
+from ...sweeps.pictures import draw_pictures
+from ...sweeps.plan import load_plan
 from ...sweeps.result import SweepResult
+from ...sweeps.runner import sweep
 from ...sweeps.sampling import SAMPLINGS
-from ...sweeps.summary import commands, summary
-from ...sweeps.sweeping import sweep
-from ...views.bars import BarProgress
+from ...sweeps.summary import format_summary, list_worst_commands
 from ...views.output_folder import results_folder
-from ...views.terminal import say, show
+from ...views.progress_bars import BarProgress
+from ...views.terminal import print_line, show
 from .options import PLAN, RUNS, Scheduler, Workers
 
 OPTIONS = SWEEP
@@ -95,7 +95,7 @@ def command(
     ] = False,
 ) -> None:
     """Run many variants of a scenario into an output folder."""
-    found = plan_of(plan)
+    found = load_plan(plan)
     output, plots = given.pop("output", None), given.pop("plots", True)
     place, overwrite = Path(output or results_folder(found.name)), given.pop("overwrite", False)
     folder = SweepFolder(place, overwrite)
@@ -104,7 +104,7 @@ def command(
     with BarProgress() as progress:
         result = sweep(
             found,
-            _varied(vary or []),
+            _parse_vary(vary or []),
             runs=runs,
             seed=seed,
             sampling=sampling,
@@ -118,7 +118,7 @@ def command(
             progress=progress,
             **given,
         )
-        pictures = _drawn(result, folder, progress) if plots and result.variants.height else []
+        pictures = _draw_pictures(result, folder, progress) if plots and result.variants.height else []
     _show(result, folder, pictures)
     if not result.complete:
         raise CosimError(f"interrupted; what was computed is in {place}, and --resume goes on.")
@@ -128,36 +128,36 @@ def command(
 
 def _show(result: SweepResult, folder: SweepFolder, pictures: Sequence[Path]) -> None:
     """Tables, what runs the worst variants alone, and where everything is."""
-    for part in summary(result):
+    for part in format_summary(result):
         show(part)
     files = [TABLE, RECORD, *([SERIES] if result.series is not None else [])]
-    lines = [*_short(commands(result), folder), f"Wrote {folder.path}/: {', '.join(files)}"]
+    lines = [*_short(list_worst_commands(result), folder), f"Wrote {folder.path}/: {', '.join(files)}"]
     if pictures:
         lines.append(f"Pictures: {', '.join(path.name for path in pictures)}")
     for line in lines:
-        say(line)
+        print_line(line)
 
 
 def _short(lines: Sequence[str], folder: SweepFolder) -> Sequence[str]:
     """Lines to show: commands as they are, or where the file is that has those that fill a screen."""
     if sum(map(len, lines)) <= _MOST_LETTERS:
         return lines
-    with folder.alone(), writing_to(folder.path):
+    with folder.alone(), report_write_errors(folder.path):
         written = folder.write(WORST, "\n".join([f"# {lines[0]}", *lines[1:], ""]).encode())
         folder.settle()
     return [f"What runs each alone is in {written}."]
 
 
-def _drawn(result: SweepResult, folder: SweepFolder, progress: Progress) -> list[Path]:
+def _draw_pictures(result: SweepResult, folder: SweepFolder, progress: Progress) -> list[Path]:
     progress.begin("drawing plots", 1)
-    with folder.alone(), writing_to(folder.path):
-        found = [folder.draw(name, figure) for name, figure in drawn(result)]
+    with folder.alone(), report_write_errors(folder.path):
+        found = [folder.draw(name, figure) for name, figure in draw_pictures(result)]
         folder.settle()
     progress.advance(1)
     return found
 
 
-def _varied(texts: Sequence[str]) -> dict[str, str]:
+def _parse_vary(texts: Sequence[str]) -> dict[str, str]:
     found = dict[str, str]()
     for text in texts:
         name, equals, values = (part.strip() for part in text.partition("="))

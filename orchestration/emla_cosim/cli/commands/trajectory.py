@@ -7,20 +7,20 @@ import typer
 
 from ...base.errors import CosimError
 from ...base.option import TRAJECTORY
-from ...trajectories.finding import trajectory
-from ...trajectories.given import problem_of, with_values
 from ...trajectories.pictures import picture_places
-from ...trajectories.summary import costs, lines, peaks, remarks
-from ...views.bars import BarProgress
+from ...trajectories.problem import load_problem, override_values
+from ...trajectories.runner import trajectory
+from ...trajectories.summary import format_costs, format_lines, format_peaks, remarks
 from ...views.output_folder import results_folder
-from ...views.terminal import say, show
+from ...views.progress_bars import BarProgress
+from ...views.terminal import print_line, show
 from .options import pairs
 
 OPTIONS = TRAJECTORY
 """Options that the command takes."""
 
 _WHAT, _HOW, _OUT = "What is asked", "How it is found", "What comes out"
-_USUAL = trajectory.__kwdefaults__ or {}
+_DEFAULT_PATH = trajectory.__kwdefaults__ or {}
 
 EXAMPLES = (
     "emla trajectory",
@@ -50,26 +50,26 @@ def command(
             help="How an end speed beyond its bound is read: clip, exempt, decimal, rest.",
             rich_help_panel=_WHAT,
         ),
-    ] = _USUAL["end_speed"],
+    ] = _DEFAULT_PATH["end_speed"],
     tie_break: Annotated[
         float,
         typer.Option(
             help="Weight of the joints' own powers beside the square of their sum; 0 is as printed.",
             rich_help_panel=_WHAT,
         ),
-    ] = _USUAL["tie_break"],
-    degree: Annotated[int, typer.Option(help="Degree of the spline, 3 to 5.", rich_help_panel=_HOW)] = _USUAL[
-        "degree"
-    ],
+    ] = _DEFAULT_PATH["tie_break"],
+    degree: Annotated[
+        int, typer.Option(help="Degree of the spline, 3 to 5.", rich_help_panel=_HOW)
+    ] = _DEFAULT_PATH["degree"],
     knots: Annotated[
         int, typer.Option(help="Different knots, closer together at both ends.", rich_help_panel=_HOW)
-    ] = _USUAL["knots"],
+    ] = _DEFAULT_PATH["knots"],
     points: Annotated[
         int, typer.Option(help="Collocation points between two knots.", rich_help_panel=_HOW)
-    ] = _USUAL["points"],
+    ] = _DEFAULT_PATH["points"],
     starts: Annotated[
         int, typer.Option(help="Starts, of which the best result counts.", rich_help_panel=_HOW)
-    ] = _USUAL["starts"],
+    ] = _DEFAULT_PATH["starts"],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -81,9 +81,9 @@ def command(
     given: dict[str, Any],
 ) -> None:
     """Find the motion of the manipulator that takes least actuator power."""
-    asked = with_values(problem_of(problem), pairs("--set", set or []))
+    asked = override_values(load_problem(problem), pairs("--set", set or []))
     overwrite = given.get("overwrite", False)
-    place = output or _usual_place()
+    place = output or _default_path()
     pictures = picture_places(place, plots, problem, overwrite)
     with BarProgress() as progress:
         result = trajectory(
@@ -100,15 +100,15 @@ def command(
             progress=progress,
         )
     for remark in remarks(result):
-        say(remark)
-    show(costs(result))
-    show(peaks(result))
+        print_line(remark)
+    show(format_costs(result))
+    show(format_peaks(result))
     files = ", ".join((str(place), *(path.name for path in pictures)))
-    for line in (*lines(result), f"Wrote {files}"):
-        say(line)
+    for line in (*format_lines(result), f"Wrote {files}"):
+        print_line(line)
 
 
-def _usual_place() -> Path:
+def _default_path() -> Path:
     folder = results_folder("trajectory")
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -9,13 +9,13 @@ from ...base.errors import CosimError
 from ...base.option import SWEEP
 from ...sweeps.distributions import FORMS
 from ...tuning.folder import BEST, HISTORY, PICTURE, RECORD
-from ...tuning.plan import tuning_of
+from ...tuning.plan import load_tuning_plan
 from ...tuning.result import TuneResult
-from ...tuning.summary import lines, summary
-from ...tuning.tuning import tune
-from ...views.bars import BarProgress
+from ...tuning.runner import tune
+from ...tuning.summary import format_lines, format_summary
 from ...views.output_folder import results_folder
-from ...views.terminal import say, show
+from ...views.progress_bars import BarProgress
+from ...views.terminal import print_line, show
 from .options import PLAN, Scheduler, Workers, pairs
 
 OPTIONS = SWEEP
@@ -89,7 +89,7 @@ def command(
     workers: Workers = None,
 ) -> None:
     """Look for gains of a scenario's controllers, into an output folder."""
-    found = tuning_of(plan)
+    found = load_tuning_plan(plan)
     output, plots = given.pop("output", None), given.pop("plots", True)
     place = Path(output or results_folder(f"tune-{found.name}"))
     overwrite = given.pop("overwrite", False)
@@ -123,8 +123,8 @@ def command(
 
 def _show(result: TuneResult, place: Path, plots: bool) -> None:
     """Tables, how it went, and where everything is."""
-    for part in summary(result):
+    for part in format_summary(result):
         show(part)
     files = [BEST, RECORD, HISTORY, *([PICTURE] if plots else [])]
-    for line in (*lines(result), f"emla run {place / BEST}", f"Wrote {place}/: {', '.join(files)}"):
-        say(line)
+    for line in (*format_lines(result), f"emla run {place / BEST}", f"Wrote {place}/: {', '.join(files)}"):
+        print_line(line)

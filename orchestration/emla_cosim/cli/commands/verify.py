@@ -9,11 +9,11 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from ...base.errors import CommandError, CosimError, check_choice
-from ...base.files import check_places
+from ...base.files import check_output_files
 from ...base.option import VERIFY
 from ...base.ownership import IsOurs, check_replaceable
 from ...base.progress import Progress
-from ...base.wording import counted
+from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
 from ...recorders.tubes.tolerance import read_tolerances
 from ...verification.catalogue import CHECKS
@@ -21,11 +21,11 @@ from ...verification.findings import Examined
 from ...verification.marks import is_json, is_junit, is_page
 from ...verification.references.excitation import SHAPES
 from ...verification.report import Report
+from ...verification.runner import verify
 from ...verification.settings import Recording, Settings
 from ...verification.verdict import Verdict
-from ...verification.verifying import verify
-from ...views.bars import BarProgress
-from ...views.pages.text import visible
+from ...views.pages.text import make_visible
+from ...views.progress_bars import BarProgress
 from ...views.terminal import show
 from .options import pairs
 
@@ -171,7 +171,7 @@ def command(
     else:
         _show(report)
     if not report.passed:
-        raise CosimError(f"{counted(len(report.failures), 'check')} failed.")
+        raise CosimError(f"{format_count(len(report.failures), 'check')} failed.")
 
 
 def _check_places(
@@ -181,7 +181,7 @@ def _check_places(
     used = dict.fromkeys(files, "the file to verify")
     for path, what, is_ours in reports:
         if path is not None:
-            check_places({path: what}, used)
+            check_output_files({path: what}, used)
             check_replaceable(path, what, is_ours, overwrite)
             used[path] = what
 
@@ -225,7 +225,7 @@ def _show_recorded(report: Report) -> None:
 
 def _text(text: str) -> str:
     """What others wrote, as it is: neither markup, nor what a terminal would obey."""
-    return escape(visible(text))
+    return escape(make_visible(text))
 
 
 def _count(count: int, verdict: Verdict) -> str:

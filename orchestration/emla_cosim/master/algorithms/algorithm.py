@@ -10,8 +10,8 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.option import option, options_of
+from ..instances.fmu_instance import FmuInstance
 from ..network import Link, Network
-from ..slaves.slave import Slave
 from .extrapolation import EXTRAPOLATIONS, Exchange
 from .initialization import initialize
 
@@ -26,7 +26,7 @@ class Algorithm(ABC):
     Its fields are its options; `setup` begins everything else anew, so that one can serve many runs.
 
     The calling order is `setup` once, `initialize` once, then `step` for each step. All may
-    raise SlaveError; after that the algorithm is not used again, except that a step which raised
+    raise InstanceError; after that the algorithm is not used again, except that a step which raised
     StepDiscardedError may be tried anew from a snapshot.
     """
 
@@ -110,7 +110,7 @@ class Algorithm(ABC):
         return vars(self.exchange.history)
 
 
-def require(slaves: Sequence[Slave], ability: str, flag: str, purpose: str) -> None:
+def require(slaves: Sequence[FmuInstance], ability: str, flag: str, purpose: str) -> None:
     """Raise CommandError unless all slaves have an ability; `flag` is its name in the FMI."""
     lacking = [slave.name for slave in slaves if not getattr(slave, ability)]
     if lacking:

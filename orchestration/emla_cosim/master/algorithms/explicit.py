@@ -3,15 +3,15 @@
 from abc import abstractmethod
 from dataclasses import dataclass
 
-from ...base.errors import listed
+from ...base.errors import join_names
 from ..network import Network
 from .algorithm import Span
-from .sampling import Sampling
+from .operation_table import OperationTableAlgorithm
 from .tasks import Operation
 
 
 @dataclass(eq=False)
-class Explicit(Sampling):
+class Explicit(OperationTableAlgorithm):
     """Works through a table of operations in every step."""
 
     def setup(self, network: Network) -> None:
@@ -30,7 +30,8 @@ class Explicit(Sampling):
         if not loops:
             return None
         return (
-            f"{listed(loops[0])} depend on each other without delay, but here some are a step late: where a "
+            f"{join_names(loops[0])} depend on each other without delay, but here some are a step late: "
+            "where a "
             "round through such a loop amplifies (a spectral radius of more than 1, as of a load with more "
             "mass than what drives it), that diverges at any step size. Use the algorithm strong, which lets "
             "them agree."

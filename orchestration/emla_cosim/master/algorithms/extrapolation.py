@@ -67,12 +67,12 @@ class Exchange:
 
     def __init__(self, network: Network, extrapolation: str = "none") -> None:
         self.network = network
-        count, size = len(network.slaves), len(network.signals)
+        count, size = len(network.instances), len(network.signals)
         self.owners: Indices = np.zeros(size, dtype=np.intp)
         self.smooth = np.zeros(size, dtype=bool)
-        for i, (slave, part) in enumerate(zip(network.slaves, network.parts, strict=True)):
+        for i, (slave, part) in enumerate(zip(network.instances, network.parts, strict=True)):
             self.owners[part], self.smooth[part] = i, slave.continuous_outputs
-        self.modes = [int(_mode(extrapolation, slave.interpolates)) for slave in network.slaves]
+        self.modes = [int(_mode(extrapolation, slave.interpolates)) for slave in network.instances]
         self.derivatives: Vector = np.zeros(len(network.inputs))
         taken = len(network.inputs)
         self.history = History(*(np.zeros(n) for n in (size, count, count, taken, taken)))
@@ -103,7 +103,7 @@ class Exchange:
         if mode == _HOLD:
             self.network.pass_inputs(i)
             return
-        slave, sources = self.network.slaves[i], self.network.sources[i]
+        slave, sources = self.network.instances[i], self.network.sources[i]
         slopes = self.derivatives[self.network.input_parts[i]]
         rates = self._rates_since_taken(i) if self.rare[i] else self._rates(sources)
         slopes[:] = np.where(slave.continuous_inputs, rates, 0.0)
@@ -120,7 +120,7 @@ class Exchange:
         """How far slave i's inputs at the end of a step follow a change of the signals there."""
         follows = self.network.factors[i].copy()
         if self.modes[i] == _MIDDLE:
-            moves = self.smooth[self.network.sources[i]] & self.network.slaves[i].continuous_inputs
+            moves = self.smooth[self.network.sources[i]] & self.network.instances[i].continuous_inputs
             follows[moves] *= 0.5
         return follows
 

@@ -12,7 +12,7 @@ from .tasks import Call, Operation
 class GaussSeidel(InOrder, Explicit):
     """Slaves step in the network's order; who comes later reads what earlier ones just computed.
 
-    Only connections against the order are late by one step; see `Network.feedback`.
+    Only connections against the order are late by one step; see `Network.find_feedback_links`.
     """
 
     def table(self, network: Network) -> list[Operation]:
@@ -21,4 +21,4 @@ class GaussSeidel(InOrder, Explicit):
 
     def late(self) -> list[Link]:
         """Those against the order."""
-        return self.network.feedback()
+        return self.network.find_feedback_links()

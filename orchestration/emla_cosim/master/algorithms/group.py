@@ -11,7 +11,7 @@ from .snapshot import Snapshot
 
 
 @dataclass
-class Group:
+class CoupledGroup:
     """Slaves in order, the signals to agree on, and what was learned about them.
 
     `start` is where the present step began; None where a slave of the group cannot go back. `halves`
@@ -19,29 +19,29 @@ class Group:
     """
 
     members: list[int]
-    cut: Indices
+    coupling_variables: Indices
     newton: QuasiNewton
     start: Snapshot | None
     halves: bool
 
 
-def loop_derivatives(exchange: Exchange, group: Group) -> Vector | None:
+def loop_derivatives(exchange: Exchange, group: CoupledGroup) -> Vector | None:
     """How the answer of a step changes with the guess, value by value; None where a slave does not say.
 
     What shows at once in outputs counts; what goes through states is less, the shorter the step.
     """
-    network, count = exchange.network, len(group.cut)
-    if not all(network.slaves[i].differentiates for i in group.members):
+    network, count = exchange.network, len(group.coupling_variables)
+    if not all(network.instances[i].differentiates for i in group.members):
         return None
     found = np.zeros((count, count))
-    for c, signal in enumerate(group.cut):
+    for c, signal in enumerate(group.coupling_variables):
         change = np.zeros(len(network.signals))
         change[signal] = 1.0
         for i in group.members:
             direction = exchange.shares(i) * change[network.sources[i]]
-            answer = network.slaves[i].directional_derivative(direction)
+            answer = network.instances[i].directional_derivative(direction)
             if answer is None:
                 return None
             change[network.parts[i]] = answer
-        found[:, c] = change[group.cut]
+        found[:, c] = change[group.coupling_variables]
     return found

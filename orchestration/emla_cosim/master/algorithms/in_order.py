@@ -32,4 +32,4 @@ class InOrder(Algorithm):
 
     def report(self) -> dict[str, Any]:
         """Also the order."""
-        return {**super().report(), "order": [self.network.slaves[i].name for i in self.network.order]}
+        return {**super().report(), "order": [self.network.instances[i].name for i in self.network.order]}

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.errors import RunError, listed
+from ...base.errors import RunError, join_names
 from ..network import Link, Network
 from .newton import Newton, NoSolutionError
 from .scale import Scale
@@ -15,20 +15,20 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     Slaves get their inputs in the order in which initial values depend on each other; loops of
     such dependencies are solved, beginning at the start values of the inputs. Values are
     exchanged once more after initialization mode. Raises RunError where a loop has no solution
-    that can be found, SlaveError where a slave fails.
+    that can be found, InstanceError where a slave fails.
     """
-    for slave in network.slaves:
+    for slave in network.instances:
         slave.enter_initialization(start_time, stop_time)
-    for i in range(len(network.slaves)):
+    for i in range(len(network.instances)):
         network.assume_inputs(i)  # start values stand in for what is not known yet
     scale = Scale(network)
     for group in network.groups(_is_initial):
         _settle(network, group, scale)
-    for i in range(len(network.slaves)):  # inputs that no initial value depends on
+    for i in range(len(network.instances)):  # inputs that no initial value depends on
         network.pass_inputs(i)
-    for slave in network.slaves:
+    for slave in network.instances:
         slave.exit_initialization()
-    for slave in network.slaves:
+    for slave in network.instances:
         slave.get_outputs()
     for i in network.order:
         network.pass_inputs(i)
@@ -45,9 +45,9 @@ def _settle(network: Network, group: list[int], scale: Scale) -> None:
     def sweep() -> None:
         for i in group:
             network.pass_inputs(i)
-            network.slaves[i].get_outputs()
+            network.instances[i].get_outputs()
 
-    cut = network.cut(group, _is_initial)
+    cut = network.find_coupling_variables(group, _is_initial)
     if not len(cut):
         sweep()
         return
@@ -70,7 +70,7 @@ def _settle(network: Network, group: list[int], scale: Scale) -> None:
 def _no_solution(network: Network, group: list[int], cut: np.ndarray, failure: NoSolutionError) -> str:
     loop = network.loop_name(group)
     if failure.singular.any():
-        names = listed([network.names[s] for s in cut[failure.singular]])
+        names = join_names([network.names[s] for s in cut[failure.singular]])
         gap = failure.gap[failure.singular]
         return (
             f"the initial values of the loop {loop} have no solution: a change of {names} comes back "
@@ -79,7 +79,9 @@ def _no_solution(network: Network, group: list[int], cut: np.ndarray, failure: N
         )
     lost = [network.names[s] for s in cut[~np.isfinite(failure.gap)]]
     moving = [network.names[s] for s in cut[failure.gap != 0.0]]
-    problem = f"{listed(lost)} became infinite or no number" if lost else f"{listed(moving)} still change"
+    problem = (
+        f"{join_names(lost)} became infinite or no number" if lost else f"{join_names(moving)} still change"
+    )
     return (
         f"the initial values of the loop {loop} do not settle in {failure.calls} exchanges: {problem}. "
         "Set start values of its inputs nearer to the solution, or remove a connection."

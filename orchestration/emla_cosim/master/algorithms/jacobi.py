@@ -16,7 +16,7 @@ class Jacobi(Explicit):
 
     def table(self, network: Network) -> list[Operation]:
         """All inputs, all steps, all outputs."""
-        return [Operation(call, i) for call in Call for i in range(len(network.slaves))]
+        return [Operation(call, i) for call in Call for i in range(len(network.instances))]
 
     def late(self) -> list[Link]:
         """All of them."""

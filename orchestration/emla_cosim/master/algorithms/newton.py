@@ -143,13 +143,13 @@ class Newton:
         if inverse.hidden.size:
             inverse = self._differences(x, found, np.maximum(sizes, np.abs(gap)))
         if inverse.hidden.size:
-            lost = gap - self._undone(inverse, gap)
+            lost = gap - self._correctable_part(inverse, gap)
             if self._weigh(x, lost) > TOLERANCE:
                 main = np.abs(inverse.hidden).max(axis=1)
                 raise NoSolutionError(gap, self._calls, main > 0.1 * main.max())
         return inverse
 
-    def _undone(self, inverse: _Inverse, gap: Vector) -> Vector:
+    def _correctable_part(self, inverse: _Inverse, gap: Vector) -> Vector:
         """The part of a gap that a correction takes away."""
         return self._slopes @ (inverse.matrix @ gap)
 

@@ -20,7 +20,7 @@ class Scale:
 
     def __init__(self, network: Network) -> None:
         self._signals = network.signals
-        nominals = [slave.nominals for slave in network.slaves]
+        nominals = [slave.nominals for slave in network.instances]
         self.floor: Vector = np.fmax(NOMINAL_SHARE * np.concatenate([np.empty(0), *nominals]), TINY)
         self.largest: Vector = np.zeros(len(network.signals))
 

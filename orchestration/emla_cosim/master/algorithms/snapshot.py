@@ -15,7 +15,7 @@ class Snapshot:
     def __init__(self, algorithm: Algorithm, slaves: Sequence[int] | None = None) -> None:
         network = algorithm.network
         self._algorithm = algorithm
-        self._members = [network.slaves[i] for i in (slaves or range(len(network.slaves)))]
+        self._members = [network.instances[i] for i in (slaves or range(len(network.instances)))]
         self._states: list[Any] = [None] * len(self._members)
         self._copies: list[Vector] = []  # each as long as the whole system: made where one is taken
         self._steps = algorithm.steps

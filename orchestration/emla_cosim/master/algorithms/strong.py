@@ -9,16 +9,16 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...base.option import option
+from ..instances.fmu_instance import DiscardedStepError
 from ..network import Link, Network
-from ..slaves.slave import StepDiscardedError
 from .algorithm import Span, require
-from .group import Group, loop_derivatives
+from .group import CoupledGroup, loop_derivatives
 from .in_order import InOrder
+from .operation_table import OperationTableAlgorithm
 from .quasi_newton import NoAgreementError, QuasiNewton
-from .sampling import Sampling
 from .scale import Scale
 from .snapshot import Snapshot
-from .tasks import Call, Operation, Task, tasks
+from .tasks import Call, Operation, StepTask, plan_tasks
 
 SWEEPS = 30
 """A loop that has not agreed after so many sweeps is taken to have no solution near."""
@@ -28,7 +28,7 @@ HALVINGS = 10
 
 
 @dataclass(eq=False)
-class Strong(InOrder, Sampling):
+class Strong(InOrder, OperationTableAlgorithm):
     """Every slave steps with the values of its sources at the *end* of the step.
 
     Slaves outside loops are stepped once, in the order of the graph. Each loop of slaves goes back
@@ -72,43 +72,43 @@ class Strong(InOrder, Sampling):
     def _sampled_slaves(self) -> set[int]:
         """Those that are named, and what passes their values on."""
         network = self.network
-        sampled = {i for i, slave in enumerate(network.slaves) if slave.name in self.step_multiples}
+        sampled = {i for i, slave in enumerate(network.instances) if slave.name in self.step_multiples}
         for _ in network.followers:  # one may follow another
             links = [link for link in network.links if link.target in network.followers]
             sampled |= {link.target for link in links if link.source in sampled}
         return sampled
 
-    def _group(self, members: list[int]) -> Group:
-        slaves = [self.network.slaves[i] for i in members]
-        cut = self.network.cut(members)
+    def _group(self, members: list[int]) -> CoupledGroup:
+        slaves = [self.network.instances[i] for i in members]
+        cut = self.network.find_coupling_variables(members)
         if len(cut):
             require(slaves, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
         start = Snapshot(self, members) if all(s.rolls_back for s in slaves) else None
-        return Group(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in slaves))
+        return CoupledGroup(members, cut, QuasiNewton(len(cut)), start, all(s.varies_step for s in slaves))
 
     def initialize(self, start_time: float, stop_time: float | None) -> None:
         """Also learn of the loops what their slaves can say."""
         super().initialize(start_time, stop_time)
         for group in self.groups:
-            if len(group.cut):
+            if len(group.coupling_variables):
                 group.newton.forget(loop_derivatives(self.exchange, group))
 
-    def tasks(self) -> list[Task]:
+    def tasks(self) -> list[StepTask]:
         """What a step consists of: the groups, each as a whole, then what is sampled."""
-        return tasks(self.exchange, self.operations, [group.members for group in self.groups])
+        return plan_tasks(self.exchange, self.operations, [group.members for group in self.groups])
 
     def late(self) -> list[Link]:
         """Those from sampled slaves to the others, and against the order of the sampled."""
-        return [link for link in self.network.feedback() if link.source in self._sampled]
+        return [link for link in self.network.find_feedback_links() if link.source in self._sampled]
 
     @property
     def loops(self) -> list[list[int]]:
         """The loops found, each as the positions of its slaves."""
-        return [group.members for group in self.groups if len(group.cut)]
+        return [group.members for group in self.groups if len(group.coupling_variables)]
 
     def report(self) -> dict[str, Any]:
         """Also the loops, and how often they were stepped."""
-        names = [[self.network.slaves[i].name for i in loop] for loop in self.loops]
+        names = [[self.network.instances[i].name for i in loop] for loop in self.loops]
         return {**super().report(), "sweeps_over_loops": self.sweeps, "loops": names}
 
     @property
@@ -143,25 +143,25 @@ class Strong(InOrder, Sampling):
             self._advance(group, time, step, HALVINGS)
         self.operate(time, step, span)
 
-    def _advance(self, group: Group, time: float, step: float, halvings: int) -> None:
+    def _advance(self, group: CoupledGroup, time: float, step: float, halvings: int) -> None:
         """Bring a group to the end of the step, in halves where it does not work in one."""
         if group.start is not None:
             group.start.take()
         try:
             self._solve(group, time, step)
-        except (StepDiscardedError, NoAgreementError) as failure:
+        except (DiscardedStepError, NoAgreementError) as failure:
             if group.start is None or not group.halves or not halvings:
-                raise self._given_up(group, time, step, failure) from failure
+                raise self._no_agreement_error(group, time, step, failure) from failure
             group.start.restore()
             middle, end = time + 0.5 * step, time + step
             self._advance(group, time, middle - time, halvings - 1)
             self._advance(group, middle, end - middle, halvings - 1)
 
-    def _solve(self, group: Group, time: float, step: float) -> None:
-        guess = self.exchange.predict(group.cut, time + step)
+    def _solve(self, group: CoupledGroup, time: float, step: float) -> None:
+        guess = self.exchange.predict(group.coupling_variables, time + step)
         for i in group.members:
             self.exchange.shift(i, time + step)
-        if group.start is None or not len(group.cut):
+        if group.start is None or not len(group.coupling_variables):
             self._sweep(group, time, step)
             return
         start, fresh = group.start, True
@@ -171,28 +171,32 @@ class Strong(InOrder, Sampling):
             if not fresh:
                 start.restore_slaves()
             fresh = False
-            self.network.signals[group.cut] = guess
+            self.network.signals[group.coupling_variables] = guess
             self._sweep(group, time, step)
             self.sweeps += 1
-            return self.network.signals[group.cut]
+            return self.network.signals[group.coupling_variables]
 
         def agreed(difference: Vector) -> bool:
-            return bool((self.scale.relative(difference, group.cut) <= self.coupling_tolerance).all())
+            return bool(
+                (self.scale.relative(difference, group.coupling_variables) <= self.coupling_tolerance).all()
+            )
 
-        group.newton.solve(guess, answer, agreed, SWEEPS, self.scale.sizes(group.cut))
+        group.newton.solve(guess, answer, agreed, SWEEPS, self.scale.sizes(group.coupling_variables))
 
-    def _sweep(self, group: Group, time: float, step: float) -> None:
+    def _sweep(self, group: CoupledGroup, time: float, step: float) -> None:
         for i in group.members:
             self.exchange.pass_inputs(i, time, step)
-            self.network.slaves[i].do_step(time, step)
-            self.network.slaves[i].get_outputs()
+            self.network.instances[i].do_step(time, step)
+            self.network.instances[i].get_outputs()
 
-    def _given_up(self, group: Group, time: float, step: float, failure: Exception) -> Exception:
+    def _no_agreement_error(
+        self, group: CoupledGroup, time: float, step: float, failure: Exception
+    ) -> Exception:
         if not isinstance(failure, NoAgreementError):
             return failure
         names = self.network.loop_name(group.members)
-        gaps = self.scale.relative(failure.gap, group.cut)
-        worst = self.network.names[group.cut[gaps.argmax()]]
+        gaps = self.scale.relative(failure.gap, group.coupling_variables)
+        worst = self.network.names[group.coupling_variables[gaps.argmax()]]
         if not np.isfinite(gaps).all():
             return RunError(
                 f"the loop {names} gives no finite {worst} on the step from t = {time:.9g} s of {step:.3g} s."

@@ -31,14 +31,14 @@ def perform(exchange: Exchange, call: int, i: int, begin: float, length: float, 
     if call == _SET:
         exchange.pass_inputs(i, begin, length)
     elif call == _STEP:
-        exchange.network.slaves[i].do_step(begin, length)
+        exchange.network.instances[i].do_step(begin, length)
     else:
         exchange.shift(i, end)
-        exchange.network.slaves[i].get_outputs()
+        exchange.network.instances[i].get_outputs()
 
 
 @dataclass(frozen=True)
-class Task:
+class StepTask:
     """A part of a step that one thread does: the step of a group of slaves, or one call of a slave.
 
     `slaves` are the positions of those that it calls. `after` are the places of tasks that have to be through
@@ -51,14 +51,14 @@ class Task:
     steps: bool
 
 
-def tasks(
+def plan_tasks(
     exchange: Exchange, operations: Sequence[Operation], groups: Sequence[Sequence[int]] = ()
-) -> list[Task]:
+) -> list[StepTask]:
     """The tasks of a step by place: groups of slaves come first, if there are any, then operations.
 
     Operations come after all groups: where one of these is done anew, none of them has been done.
     """
-    network, found = exchange.network, _Found(len(exchange.network.slaves))
+    network, found = exchange.network, _TaskList(len(exchange.network.instances))
     sources = [sorted(set(exchange.owners[signals].tolist())) for signals in network.sources]
     for members in groups:
         read = {source for i in members for source in sources[i]}
@@ -71,11 +71,11 @@ def tasks(
     return found.tasks
 
 
-class _Found:
+class _TaskList:
     """Tasks so far, and who used what last: slaves themselves, and their outputs."""
 
     def __init__(self, slaves: int) -> None:
-        self.tasks: list[Task] = []
+        self.tasks: list[StepTask] = []
         self._called: list[set[int]] = [set() for _ in range(slaves)]
         self._written: list[set[int]] = [set() for _ in range(slaves)]
         self._read: list[list[int]] = [[] for _ in range(slaves)]
@@ -99,4 +99,4 @@ class _Found:
         for i in writes:
             before |= {*self._written[i], *self._read[i]}
             self._written[i], self._read[i] = {place}, []
-        self.tasks.append(Task(tuple(slaves), tuple(sorted(before - {place})), steps))
+        self.tasks.append(StepTask(tuple(slaves), tuple(sorted(before - {place})), steps))

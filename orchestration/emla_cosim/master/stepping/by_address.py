@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba import from_dtype, njit, types
 from numba.extending import intrinsic
 
-from .layout import GROUP, INPUT, LANE, LOOP, OPERATION, PRESENT, SLAVE, TASK
+from .record_layout import GROUP, INPUT, LANE, LOOP, OPERATION, PRESENT, SLAVE, TASK
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
 """What all functions are compiled with."""

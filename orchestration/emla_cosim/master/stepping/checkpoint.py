@@ -12,11 +12,11 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from ...base.files import HERE, written_whole
+from ...base.files import HERE, write_atomically
 from ...base.ownership import check_replaceable
 from ..algorithms.algorithm import require
 from ..network import Network
-from .stepping import Stepping
+from .stepping_base import Stepping
 
 FORMAT = 3
 _STATE, _MEMORY = "state/", "memory/"
@@ -33,10 +33,10 @@ class Checkpoint:
     def restore(self, stepping: Stepping) -> None:
         """Bring a simulation of the same system, which has been initialized, to this point.
 
-        Raises SlaveError where a slave does not take its state.
+        Raises InstanceError where a slave does not take its state.
         """
         network = stepping.algorithm.network
-        for slave in network.slaves:
+        for slave in network.instances:
             slave.deserialize(self.states[slave.name])
         network.signals[:] = self.memory["signals"]
         stepping.remember(self.memory)
@@ -62,24 +62,24 @@ def checkpoint_place(path: Path, network: Network, folder: Path, overwrite: bool
             pass
     except OSError as error:
         raise CommandError(f"the checkpoint '{path}' cannot be written: {error.strerror}.") from error
-    require(network.slaves, "serializes", "canSerializeFMUstate", "a checkpoint")
+    require(network.instances, "serializes", "canSerializeFMUstate", "a checkpoint")
     return place
 
 
 def save_checkpoint(path: Path, stepping: Stepping, notes: Mapping[str, Any]) -> None:
     """Write where a simulation is; `notes` is plain data to find again.
 
-    An earlier file is replaced only when the new one is complete. Raises OSError, SlaveError.
+    An earlier file is replaced only when the new one is complete. Raises OSError, InstanceError.
     """
     network = stepping.algorithm.network
     content: dict[str, Any] = {
-        _STATE + s.name: np.frombuffer(s.serialize(), dtype=np.uint8) for s in network.slaves
+        _STATE + s.name: np.frombuffer(s.serialize(), dtype=np.uint8) for s in network.instances
     }
     content |= {_MEMORY + name: value for name, value in stepping.memory().items()}
     content[_MEMORY + "signals"] = network.signals
     header = json.dumps({"format": FORMAT, "notes": notes, "arrays": list(content)})
     content["header"] = np.frombuffer(header.encode(), dtype=np.uint8)
-    with written_whole(path) as stream:
+    with write_atomically(path) as stream:
         np.savez(stream, allow_pickle=False, **content)
 
 

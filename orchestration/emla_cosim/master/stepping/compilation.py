@@ -20,7 +20,7 @@ def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
     """
     if not isinstance(algorithm, COMPILED):
         return None
-    points = [slave.entry_points() for slave in algorithm.network.slaves]
+    points = [slave.entry_points() for slave in algorithm.network.instances]
     known = [p for p in points if p is not None]
     if len(known) < len(points):
         return None

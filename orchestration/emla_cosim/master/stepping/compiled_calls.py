@@ -1,9 +1,9 @@
 """Calls of slaves through the FMI, for compiled code; each answers a failure and the slave's status."""
 
 from ..algorithms.extrapolation import Mode
-from ..slaves.calls import CALLS
+from ..instances.call_codes import CALLS
 from .by_address import copy_state, derive, do_step, doubles, exchange, input_at, part, positions
-from .layout import Failure
+from .record_layout import Failure
 
 _HOLD, _MIDDLE, _LINE = int(Mode.HOLD), int(Mode.MIDDLE), int(Mode.LINE)
 _NONE, _SET_REAL, _SET_DERIVATIVES = int(Failure.NONE), int(Failure.SET_REAL), int(Failure.SET_DERIVATIVES)

@@ -20,7 +20,7 @@ from .compiled_calls import (
     shift_back,
     step,
 )
-from .layout import Failure
+from .record_layout import Failure
 
 _NONE, _DO_STEP, _NOT_IN_ONE = int(Failure.NONE), int(Failure.DO_STEP), int(Failure.NOT_IN_ONE)
 _DISCARD = 2

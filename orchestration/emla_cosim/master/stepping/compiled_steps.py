@@ -5,7 +5,7 @@ import numpy as np
 from ..algorithms.tasks import Call
 from .by_address import doubles, operation_at, part, positions, present_at, slave_at
 from .compiled_calls import get_outputs, set_inputs, shift, step
-from .layout import Failure
+from .record_layout import Failure
 
 _SET, _STEP = int(Call.SET), int(Call.STEP)
 _NONE = int(Failure.NONE)

@@ -13,10 +13,10 @@ from ...base.errors import CommandError, RunError
 from ..algorithms.algorithm import Algorithm, require
 from ..algorithms.scale import Scale
 from ..algorithms.snapshot import Snapshot
-from ..slaves.slave import StepDiscardedError
+from ..instances.fmu_instance import DiscardedStepError
 from .step_control import StepControl
-from .stepping import ROUNDING, Rows, Stepping
-from .timing import Timing, clock
+from .stepping_base import ROUNDING, RowSink, Stepping
+from .timing import CommunicationPoints, make_clock
 
 SMALLEST = 1e-6
 """The smallest step, as a fraction of the first one."""
@@ -45,7 +45,7 @@ BENT = 0.1
 CRAWLING, CRAWLING_STEPS = 1e-2, 200
 """So many steps in a row, each below this part of the first one, show that something jumps at every point."""
 
-WORTH_A_REMARK = 10.0
+REMARK_THRESHOLD = 10.0
 """The sum of all errors, in tolerances, from which on it is worth a remark."""
 
 
@@ -78,7 +78,7 @@ class ErrorControl(Stepping):
     def __init__(
         self,
         algorithm: Algorithm,
-        times: Timing,
+        times: CommunicationPoints,
         tolerance: float,
         interval: float | None = None,
         largest: float | None = None,
@@ -103,7 +103,7 @@ class ErrorControl(Stepping):
         super().__init__(algorithm, times)
         if any(algorithm.exchange.rare):
             raise CommandError("step multiples need fixed steps; leave out the error tolerance or them.")
-        slaves = algorithm.network.slaves
+        slaves = algorithm.network.instances
         require(slaves, "rolls_back", "canGetAndSetFMUstate", "error control")
         require(slaves, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
         self.tolerance = tolerance
@@ -113,7 +113,7 @@ class ErrorControl(Stepping):
         power = algorithm.accuracy + (0 if self._per_unit else 1)
         self.control = StepControl(min(times.step, longest), power, SMALLEST * times.step, longest)
         self._events = _event_points(events, times)
-        self._output = None if interval is None else clock(times.start, interval)
+        self._output = None if interval is None else make_clock(times.start, interval)
         self._end = _last_point(times, interval)
         self._time = times.start
         self._points = 0
@@ -123,15 +123,15 @@ class ErrorControl(Stepping):
         """The first step tried from here, and its errors, if it was rejected."""
         self._last_rejected: tuple[float, Vector] | None = None
         """The same of the last one."""
-        self._judged = _judged(algorithm)
+        self._judged = _find_controlled_signals(algorithm)
         self._jumped = np.zeros(len(self._judged), dtype=bool)
         """Which signals were found to jump in the last step."""
         self._sum: Vector = np.zeros(len(self._judged))
         """Errors of all steps so far, relative to the sizes, added up."""
         self._unread = ~np.isin(self._judged, algorithm.network.read)
-        self._looked_at = ~self._unread | _of_unread_parts(algorithm)[self._judged] | (not sampled)
+        self._looked_at = ~self._unread | _find_unread_signals(algorithm)[self._judged] | (not sampled)
         """Which of the signals make a step too long."""
-        self._beside = self._unread & ~_of_unread_parts(algorithm)[self._judged]
+        self._beside = self._unread & ~_find_unread_signals(algorithm)[self._judged]
         """Which signals nobody reads, of slaves of which something is read."""
         self._short_steps = 0
         """Steps in a row that were far shorter than the first one."""
@@ -154,7 +154,7 @@ class ErrorControl(Stepping):
         """Whether the stop time is reached."""
         return self._time >= self._end
 
-    def advance(self, rows: Rows, most: int, until: float = math.inf) -> None:
+    def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most so many steps, none beyond `until` in s, and record them."""
         if self.watch is not None and self._time == self.times.start:
             self.watch(self._time, self.algorithm.network.signals)
@@ -166,7 +166,7 @@ class ErrorControl(Stepping):
             met = step == point - self._time
             end = point if met else self._time + step
             leap = event and met and step <= 2.0 * JUST_BEFORE * self.times.step
-            if not self._tried(step, end, leap):
+            if not self._try_step(step, end, leap):
                 continue
             self.algorithm.network.check_finite(end)
             self._time = end
@@ -190,7 +190,7 @@ class ErrorControl(Stepping):
 
     def remarks(self) -> list[str]:
         """Say so where the errors of all steps add up to far more than the tolerance."""
-        if self._sampled or not self._sum.max(initial=0.0) > WORTH_A_REMARK * self.tolerance:
+        if self._sampled or not self._sum.max(initial=0.0) > REMARK_THRESHOLD * self.tolerance:
             return []
         worst, total = self.algorithm.network.names[self._judged[self._sum.argmax()]], self._sum.max()
         reason = (
@@ -235,8 +235,8 @@ class ErrorControl(Stepping):
         if was_sampled and not self._sampled:
             self._judge_each_step()
         self._short_steps = int(short)
-        self._rejected = _remembered_try(memory["control/tried"])
-        self._last_rejected = _remembered_try(memory["control/tried_last"])
+        self._rejected = _read_rejected_step(memory["control/tried"])
+        self._last_rejected = _read_rejected_step(memory["control/tried_last"])
         self._jumped = memory["control/jumped"] > 0.0
 
     def close(self) -> None:
@@ -256,7 +256,7 @@ class ErrorControl(Stepping):
             return event, False, True
         return recorded, True, event == recorded
 
-    def _tried(self, step: float, end: float, leap: bool) -> bool:
+    def _try_step(self, step: float, end: float, leap: bool) -> bool:
         """Whether the step to `end` was done and is good enough; if not, everything is as before.
 
         One that is a `leap` over an event is good enough.
@@ -264,8 +264,8 @@ class ErrorControl(Stepping):
         self._start.take()
         self._scale.see()
         try:
-            errors = self._doubled(end)
-        except StepDiscardedError as discarded:
+            errors = self._try_doubled_step(end)
+        except DiscardedStepError as discarded:
             self._start.restore()
             try:
                 self.control.discard(step)
@@ -287,7 +287,7 @@ class ErrorControl(Stepping):
             accepted = self.control.judge(step, float(shares.max(initial=0.0)))
         except RunError as too_small:
             name = self.algorithm.network.names[self._judged[shares.argmax()]]
-            failure = self.algorithm.network.not_finite(self._time + step)
+            failure = self.algorithm.network.find_nonfinite_signal(self._time + step)
             raise failure or RunError(f"{too_small} {name} differs most.") from None
         if accepted:
             self._rejected, self._last_rejected, self._jumped = None, None, jumps & ~self._beside
@@ -300,7 +300,7 @@ class ErrorControl(Stepping):
             self._start.restore()
         return accepted
 
-    def _doubled(self, end: float) -> Vector:
+    def _try_doubled_step(self, end: float) -> Vector:
         """Do a step whole, go back, and do it in halves; returns the error relative to the sizes."""
         algorithm, time = self.algorithm, self._time
         signals, middle = algorithm.network.signals, time + 0.5 * (end - time)
@@ -319,7 +319,7 @@ class ErrorControl(Stepping):
         """Give up the error per unit step: something jumps at every communication point."""
         self._per_unit, self._sampled = False, True
         self.control.power = self.algorithm.accuracy + 1
-        self._looked_at = ~self._unread | _of_unread_parts(self.algorithm)[self._judged]
+        self._looked_at = ~self._unread | _find_unread_signals(self.algorithm)[self._judged]
 
     def _allowed(self, step: float) -> float:
         """The error that a step from here may make, relative to the sizes."""
@@ -349,17 +349,17 @@ class ErrorControl(Stepping):
         return errors > 0.6 * step / longer * found
 
 
-def _remembered_try(memory: Vector) -> tuple[float, Vector] | None:
+def _read_rejected_step(memory: Vector) -> tuple[float, Vector] | None:
     """A rejected step and its errors; None where there was none."""
     return None if np.isnan(memory[0]) else (float(memory[0]), memory[1:].copy())
 
 
-def default_largest_step(times: Timing) -> float:
+def default_largest_step(times: CommunicationPoints) -> float:
     """Return the longest step in s that a run takes by default: a fiftieth of it, or ten first steps."""
     return max((times.stop - times.start) / LARGEST_SHARE, SHORTEST_LIMIT * times.step)
 
 
-def _event_points(events: Sequence[float], times: Timing) -> list[float]:
+def _event_points(events: Sequence[float], times: CommunicationPoints) -> list[float]:
     """The times of events within the run, each with a point just before it, in order.
 
     The step over a jump is so short that what is made of its two ends makes no difference.
@@ -368,7 +368,7 @@ def _event_points(events: Sequence[float], times: Timing) -> list[float]:
     return sorted({t - before for t in inside for before in (0.0, JUST_BEFORE * times.step)})
 
 
-def _of_unread_parts(algorithm: Algorithm) -> NDArray[np.bool_]:
+def _find_unread_signals(algorithm: Algorithm) -> NDArray[np.bool_]:
     """Which signals belong to a slave that nobody reads."""
     network = algorithm.network
     read = np.zeros(len(network.signals), dtype=bool)
@@ -379,14 +379,14 @@ def _of_unread_parts(algorithm: Algorithm) -> NDArray[np.bool_]:
     return found
 
 
-def _judged(algorithm: Algorithm) -> Indices:
+def _find_controlled_signals(algorithm: Algorithm) -> Indices:
     """All continuous signals: also what nobody reads tells of states, such as the speed behind a force."""
     return np.flatnonzero(algorithm.exchange.smooth)
 
 
-def _last_point(times: Timing, interval: float | None) -> float:
+def _last_point(times: CommunicationPoints, interval: float | None) -> float:
     """The stop time in s, without the rounding by which it may differ from a multiple of the interval."""
     if interval is None:
         return times.stop
-    point = clock(times.start, interval).point(round((times.stop - times.start) / interval))
+    point = make_clock(times.start, interval).point(round((times.stop - times.start) / interval))
     return point if abs(point - times.stop) <= 1e-9 * interval else times.stop

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 from ...base.errors import CommandError
 from ...sandbox.black_box import THREADS
 from ..algorithms.algorithm import Algorithm
-from ..algorithms.sampling import Sampling
+from ..algorithms.operation_table import OperationTableAlgorithm
 from .compilation import COMPILED, compile_kernel
 from .sharing import Sharing
-from .stepping import ROUNDING, Rows, Stepping
-from .timing import Timing
+from .stepping_base import ROUNDING, RowSink, Stepping
+from .timing import CommunicationPoints
 
 if TYPE_CHECKING:
     from .kernel import Kernel
@@ -25,7 +25,7 @@ class FixedSteps(Stepping):
     """
 
     def __init__(
-        self, algorithm: Algorithm, times: Timing, compiled: bool = True, threads: int | None = 1
+        self, algorithm: Algorithm, times: CommunicationPoints, compiled: bool = True, threads: int | None = 1
     ) -> None:
         """Take an algorithm that is set up.
 
@@ -37,11 +37,11 @@ class FixedSteps(Stepping):
             raise CommandError(f"{threads} threads cannot step FMUs; at least 1 can, and at most {THREADS}.")
         self._kernel = compile_kernel(algorithm) if compiled else None
         self._sharing: Sharing | None = None
-        if self._kernel is not None and threads != 1 and isinstance(algorithm, Sampling):
+        if self._kernel is not None and threads != 1 and isinstance(algorithm, OperationTableAlgorithm):
             self._sharing = Sharing(self._kernel, algorithm, threads)
 
     @property
-    def compiled(self) -> bool:
+    def is_compiled(self) -> bool:
         """Whether compiled code does the steps."""
         return self._kernel is not None
 
@@ -60,7 +60,7 @@ class FixedSteps(Stepping):
         """Whether the stop time is reached."""
         return self.algorithm.steps >= self.times.steps
 
-    def advance(self, rows: Rows, most: int, until: float = math.inf) -> None:
+    def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most so many steps, none beyond `until` in s, and record them."""
         last = min(self.algorithm.steps + most, self._last(until))
         if self._kernel is None:
@@ -79,7 +79,7 @@ class FixedSteps(Stepping):
         """Also whether compiled code did the steps, where that can be."""
         found = super().report()
         if isinstance(self.algorithm, COMPILED):
-            found["compiled"] = self.compiled
+            found["compiled"] = self.is_compiled
             found |= self._sharing.report() if self._sharing is not None else {"threads": 1}
         if self._kernel is not None and (reason := self._kernel.why_not_kept()):
             found["compiled_code_not_kept"] = reason
@@ -95,17 +95,17 @@ class FixedSteps(Stepping):
         ahead = (min(until, self.times.stop) - self.times.start) / self.times.step
         return min(self.times.steps, math.floor(ahead + ROUNDING))
 
-    def _advance_here(self, rows: Rows, last: int) -> None:
+    def _advance_here(self, rows: RowSink, last: int) -> None:
         algorithm, times = self.algorithm, self.times
         for k in range(algorithm.steps, last):
             algorithm.step(times.point(k), times.span(k, 1), partial(times.stretch, k + 1))
-            if (failure := algorithm.network.not_finite(times.point(k + 1))) is not None:
+            if (failure := algorithm.network.find_nonfinite_signal(times.point(k + 1))) is not None:
                 algorithm.steps = k  # as in compiled code: the step does not count
                 raise failure
             if (k + 1) % rows.every == 0:
                 self.record(rows)
 
-    def _advance_compiled(self, kernel: "Kernel", rows: Rows, last: int) -> None:
+    def _advance_compiled(self, kernel: "Kernel", rows: RowSink, last: int) -> None:
         first, times, every = self.algorithm.steps, self.times, rows.every
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
@@ -118,7 +118,7 @@ class FixedSteps(Stepping):
         if self.algorithm.steps < first + count:  # a step that compiled code leaves to Python
             self._advance_here(rows, self.algorithm.steps + 1)
 
-    def _advance_measured(self, kernel: "Kernel", sharing: Sharing, rows: Rows, last: int) -> bool:
+    def _advance_measured(self, kernel: "Kernel", sharing: Sharing, rows: RowSink, last: int) -> bool:
         """As many steps as are measured at once; whether there are more to do, and room for their rows."""
         first = self.algorithm.steps
         if sharing.observing:

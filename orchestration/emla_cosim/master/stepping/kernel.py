@@ -22,11 +22,11 @@ from ...sandbox import black_box
 from ..algorithms import extrapolation, quasi_newton, strong, tasks
 from ..algorithms.explicit import Explicit
 from ..algorithms.strong import Strong
-from ..algorithms.tasks import Task
-from ..slaves import calls
-from ..slaves.slave import EntryPoints
-from . import layout, machine_code
-from .layout import LOOP, NOWHERE, Failure
+from ..algorithms.tasks import StepTask
+from ..instances import call_codes
+from ..instances.fmu_instance import EntryPoints
+from . import machine_code, record_layout
+from .record_layout import LOOP, NOWHERE, Failure
 from .records import (
     add_undo,
     group_records,
@@ -68,7 +68,7 @@ class Kernel:
         """Whether `run` lets all lanes step, if it has been shared out among several."""
         self.share_out([], [[]])
 
-    def share_out(self, work: Sequence[Task], lanes: Sequence[Sequence[int]]) -> None:
+    def share_out(self, work: Sequence[StepTask], lanes: Sequence[Sequence[int]]) -> None:
         """From now on let each lane be run by a thread of its own, the first by that which calls `run`.
 
         Lanes have the places of the tasks of a step, each once, so that no lane waits for what comes later in
@@ -108,7 +108,7 @@ class Kernel:
         lanes["task_count"], loop["read_count"], loop["clock"] = 0, 0, (0.0, 0.0, 1.0)
         try:
             began = time.perf_counter()
-            self._together(0, steps, steps + 1, 0)
+            self._run_threads(0, steps, steps + 1, 0)
             return (time.perf_counter() - began) / steps
         finally:
             lanes["task_count"], loop["read_count"] = kept, checked
@@ -128,7 +128,7 @@ class Kernel:
         loop["clock"] = tuple(clock)
         steps = first, count, every, rows.ctypes.data
         self._lane_records["sweeps"] = 0
-        failure = Failure(self._together(*steps) if self.together else self._alone(*steps))
+        failure = Failure(self._run_threads(*steps) if self.together else self._run_single_thread(*steps))
         reached = int(loop["reached"])
         algorithm.steps += reached - first
         if isinstance(algorithm, Strong):
@@ -138,10 +138,10 @@ class Kernel:
         error = self._error(failure, reached, clock)
         return int(loop["recorded"]), error
 
-    def _alone(self, first: int, count: int, every: int, rows: int) -> int:
+    def _run_single_thread(self, first: int, count: int, every: int, rows: int) -> int:
         return self._advance(self._loop.ctypes.data, first, count, every, rows)
 
-    def _together(self, first: int, count: int, every: int, rows: int) -> int:
+    def _run_threads(self, first: int, count: int, every: int, rows: int) -> int:
         """All lanes at once; RunError where the system has no more threads."""
         assert self._threads is not None
         loop, lanes, work = self._loop, self._lane_records, self._task_records
@@ -180,7 +180,7 @@ class Kernel:
 
     def close(self) -> None:
         """Free the saved states; never raises."""
-        for slave, state in zip(self._algorithm.network.slaves, self._states, strict=True):
+        for slave, state in zip(self._algorithm.network.instances, self._states, strict=True):
             if state:
                 slave.forget(ctypes.c_void_p(int(state)))
         self._states[:] = 0
@@ -218,9 +218,9 @@ class Kernel:
         if failure in (Failure.NONE, Failure.NOT_IN_ONE):
             return None
         if failure == Failure.NOT_FINITE:
-            return network.not_finite(clock.point(reached + 1))
+            return network.find_nonfinite_signal(clock.point(reached + 1))
         i = int(lane["slave"])
-        slave, status = network.slaves[i], int(lane["status"])
+        slave, status = network.instances[i], int(lane["status"])
         time = clock.point(reached + 1 - int(self._algorithm.multiples[i]))
         call = f"doStep at t = {time:.9g} s" if failure == Failure.DO_STEP else _CALL_NAMES[failure]
         return slave.error(call, status)
@@ -233,23 +233,23 @@ _ADDRESS, _NUMBER = ctypes.c_ssize_t, ctypes.c_int64
 def _advance() -> Callable[..., int]:
     """The loop as a function that releases the interpreter's lock."""
     prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER, _ADDRESS)
-    return prototype(_compiled("advance", "loop"))
+    return prototype(_function_address("advance", "loop"))
 
 
 @cache
 def _advance_lane() -> Callable[..., int]:
     """The same for one of several threads."""
     prototype = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER, _NUMBER, _ADDRESS)
-    return prototype(_compiled("advance_lane", "parallel_loop"))
+    return prototype(_function_address("advance_lane", "parallel_loop"))
 
 
-def _compiled(name: str, module: str) -> int:
+def _function_address(name: str, module: str) -> int:
     """The address of a function of a module that is imported only where it has to be compiled."""
 
     def generate() -> str:
         return import_module(f".{module}", __package__).text()
 
-    modules = (layout, calls, tasks, strong, quasi_newton, extrapolation, black_box)
+    modules = (record_layout, call_codes, tasks, strong, quasi_newton, extrapolation, black_box)
     texts = [Path(__file__).with_name(text) for text in (*_TEXTS, f"{module}.py")]
     files = [*(Path(str(m.__file__)) for m in modules), *texts]
     return machine_code.load(name, b"".join(f.read_bytes() for f in files), generate)

@@ -9,7 +9,7 @@ from numba import cfunc, types
 from .by_address import OPTIONS, lane_at, loop_at, part, present_at
 from .compiled_groups import advance_group, see
 from .compiled_steps import all_finite, divides, operate, point, record
-from .layout import Failure
+from .record_layout import Failure
 
 _NONE, _NOT_FINITE, _NOT_IN_ONE = int(Failure.NONE), int(Failure.NOT_FINITE), int(Failure.NOT_IN_ONE)
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import llvmlite
 import llvmlite.binding as llvm
 
-from ...base.files import CacheError, cache_folder, written_whole
-from ...sandbox.interruption import held_back
+from ...base.files import CacheError, cache_folder, write_atomically
+from ...sandbox.interruption import defer_interrupts
 
 _DIGEST = hashlib.sha256
 
@@ -33,8 +33,8 @@ def load(name: str, source: bytes, generate: Callable[[], str]) -> int:
     path = _path(f"{name}-{_key(source)}.o")
     code = _read(path)
     if code is None:
-        with held_back():  # LLVM calls Python as it compiles
-            code = _compiled(generate())
+        with defer_interrupts():  # LLVM calls Python as it compiles
+            code = _compile_text(generate())
         _keep(path, code)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
@@ -75,7 +75,7 @@ def _machine() -> llvm.TargetMachine:
     return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=_features(), opt=3, jit=True)
 
 
-def _compiled(text: str) -> bytes:
+def _compile_text(text: str) -> bytes:
     """Machine code in the form of an object file."""
     module = llvm.parse_assembly(text)
     missing = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
@@ -101,7 +101,7 @@ def _keep(path: Path | None, code: bytes) -> None:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(path) as stream:
+        with write_atomically(path) as stream:
             stream.write(_DIGEST(code).digest() + code)
     except OSError as error:
         _unkept.append(f"'{path.parent}' cannot be written: {error.strerror or error}")

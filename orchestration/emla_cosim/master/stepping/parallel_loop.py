@@ -23,7 +23,7 @@ from .by_address import (
 )
 from .compiled_groups import advance_group, see
 from .compiled_steps import all_finite, divides, operate, point, record
-from .layout import LANE, LOOP, NOWHERE, TASK, Failure
+from .record_layout import LANE, LOOP, NOWHERE, TASK, Failure
 
 _NONE, _NOT_FINITE, _NOT_IN_ONE = int(Failure.NONE), int(Failure.NOT_FINITE), int(Failure.NOT_IN_ONE)
 _RELEASED, _FAILED, _GIVEN_UP = (

@@ -8,29 +8,29 @@ import numpy as np
 
 from ...base.arrays import Indices
 from ...sandbox import black_box
-from ..algorithms.group import Group
-from ..algorithms.sampling import Sampling
+from ..algorithms.group import CoupledGroup
+from ..algorithms.operation_table import OperationTableAlgorithm
 from ..algorithms.scale import Scale
 from ..algorithms.strong import SWEEPS
-from ..algorithms.tasks import Task
-from ..slaves.calls import code_of
-from ..slaves.slave import EntryPoints
-from .layout import GROUP, INPUT, LANE, OPERATION, SLAVE, TASK
+from ..algorithms.tasks import StepTask
+from ..instances.call_codes import code_of
+from ..instances.fmu_instance import EntryPoints
+from .record_layout import GROUP, INPUT, LANE, OPERATION, SLAVE, TASK
 
-Kept = Callable[[Any], Any]
+KeptArrays = Callable[[Any], Any]
 """Takes an array whose address is in a record, so that it lives as long; gives it back."""
 
 
-def operation_records(algorithm: Sampling) -> Any:
+def operation_records(algorithm: OperationTableAlgorithm) -> Any:
     """OPERATION records, in order."""
     return np.array([(o.call, o.slave) for o in algorithm.operations], dtype=OPERATION)
 
 
-def input_records(algorithm: Sampling) -> Any:
+def input_records(algorithm: OperationTableAlgorithm) -> Any:
     """INPUT records of all inputs, slave by slave."""
     network, history = algorithm.network, algorithm.exchange.history
     sources = np.concatenate([np.empty(0, dtype=np.intp), *network.sources])
-    movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.slaves)])
+    movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.instances)])
     records = _source_records(algorithm, sources)
     every = np.arange(len(sources))
     records["taken"], records["taken_at"] = (
@@ -43,7 +43,7 @@ def input_records(algorithm: Sampling) -> Any:
     return records
 
 
-def _source_records(algorithm: Sampling, signals: Indices) -> Any:
+def _source_records(algorithm: OperationTableAlgorithm, signals: Indices) -> Any:
     """INPUT records of what is known of these signals."""
     exchange, history = algorithm.exchange, algorithm.exchange.history
     owners, records = exchange.owners[signals], np.zeros(len(signals), INPUT)
@@ -55,7 +55,11 @@ def _source_records(algorithm: Sampling, signals: Indices) -> Any:
 
 
 def slave_records(
-    algorithm: Sampling, points: Sequence[EntryPoints], sources: Any, states: Any, saved: set[int]
+    algorithm: OperationTableAlgorithm,
+    points: Sequence[EntryPoints],
+    sources: Any,
+    states: Any,
+    saved: set[int],
 ) -> Any:
     """SLAVE records.
 
@@ -73,8 +77,8 @@ def slave_records(
         records[name] = [getattr(p, name) for p in points]
     for name in ("input_references", "derivative_orders", "output_references"):
         records[name] = [getattr(p, name).ctypes.data for p in points]
-    records["input_count"] = [len(s.inputs) for s in network.slaves]
-    records["output_count"] = [len(s.outputs) for s in network.slaves]
+    records["input_count"] = [len(s.inputs) for s in network.instances]
+    records["output_count"] = [len(s.outputs) for s in network.instances]
     records["sources"] = addresses(sources, first_inputs)
     records["inputs"] = addresses(network.inputs, first_inputs)
     records["derivatives"] = addresses(exchange.derivatives, first_inputs)
@@ -87,25 +91,27 @@ def slave_records(
     return records
 
 
-def add_undo(records: Any, kept: Kept) -> None:
+def add_undo(records: Any, kept: KeptArrays) -> None:
     """Give SLAVE records room for what is behind their previous outputs."""
     places = np.cumsum([0, *(records["output_count"] + 1)])
     records["undo"] = addresses(kept(np.zeros(places[-1])), places[:-1])
 
 
-def group_records(algorithm: Sampling, groups: Sequence[Group], scale: Scale | None, kept: Kept) -> Any:
+def group_records(
+    algorithm: OperationTableAlgorithm, groups: Sequence[CoupledGroup], scale: Scale | None, kept: KeptArrays
+) -> Any:
     """GROUP records, in order."""
     records = np.zeros(len(groups), GROUP)
     for record, group in zip(records, groups, strict=True):
-        n = len(group.cut)
+        n = len(group.coupling_variables)
         record["members"] = _address(kept(np.array(group.members, dtype=np.intp)))
         record["member_count"], record["cut_count"] = len(group.members), n
         record["saved"] = group.start is not None
         if scale is None or not n:
             continue
-        record["cut"] = _address(kept(_source_records(algorithm, group.cut)))
-        record["positions"] = _address(kept(group.cut.copy()))
-        record["floors"] = _address(kept(scale.floor[group.cut]))
+        record["cut"] = _address(kept(_source_records(algorithm, group.coupling_variables)))
+        record["positions"] = _address(kept(group.coupling_variables.copy()))
+        record["floors"] = _address(kept(scale.floor[group.coupling_variables]))
         record["jacobian"] = _address(group.newton.jacobian)
         rooms = {"earlier": n * n, "basis": n * n, "residuals": SWEEPS * n, "answers": SWEEPS * n}
         for name, size in (rooms | dict.fromkeys(("sizes", "direction", "guess"), n)).items():
@@ -113,17 +119,17 @@ def group_records(algorithm: Sampling, groups: Sequence[Group], scale: Scale | N
     return records
 
 
-def lane_records(lanes: Sequence[Sequence[int]], kept: Kept) -> Any:
+def lane_records(lanes: Sequence[Sequence[int]], kept: KeptArrays) -> Any:
     """LANE records of threads that do the tasks at these places, each in this order."""
     records = np.zeros(len(lanes), LANE)
     for thread, (record, places) in enumerate(zip(records, lanes, strict=True)):
         record["tasks"] = _address(kept(np.array(places, dtype=np.intp)))
         record["task_count"] = len(places)
-        record["present"] = ctypes.addressof(kept(black_box.present(thread)))
+        record["present"] = ctypes.addressof(kept(black_box.current_activity(thread)))
     return records
 
 
-def task_records(tasks: Sequence[Task], lanes: Sequence[Sequence[int]], kept: Kept) -> Any:
+def task_records(tasks: Sequence[StepTask], lanes: Sequence[Sequence[int]], kept: KeptArrays) -> Any:
     """TASK records by place; what comes earlier in a task's own lane needs no waiting for."""
     records, lane_of = np.zeros(len(tasks), TASK), np.zeros(len(tasks), dtype=np.intp)
     for lane, places in enumerate(lanes):

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from ...base.errors import RunError
 from ...sandbox.black_box import THREADS
-from ...sandbox.processes import cores
-from ..algorithms.sampling import Sampling
-from ..algorithms.tasks import Task
-from ..slaves.slave import Slave
-from .placement import Placement, placed
+from ...sandbox.processes import count_cores
+from ..algorithms.operation_table import OperationTableAlgorithm
+from ..algorithms.tasks import StepTask
+from ..instances.fmu_instance import FmuInstance
+from .thread_schedule import ThreadSchedule, schedule_tasks
 
 if TYPE_CHECKING:
     from .kernel import Kernel
@@ -47,13 +47,13 @@ class Sharing:
     Without a number of `threads`, there are up to one for each core, and only where that is faster.
     """
 
-    def __init__(self, kernel: "Kernel", algorithm: Sampling, threads: int | None) -> None:
+    def __init__(self, kernel: "Kernel", algorithm: OperationTableAlgorithm, threads: int | None) -> None:
         self._kernel, self._algorithm = kernel, algorithm
-        self._most = min(threads or cores(), THREADS, len(algorithm.network.slaves))
+        self._most = min(threads or count_cores(), THREADS, len(algorithm.network.instances))
         self._report: dict[str, Any] = {}
         self._observed: list[list[float]] = []
         self._costs: list[float] = []
-        self._course = self._tried() if threads is None else self._decided()
+        self._course = self._use_threads_if_faster() if threads is None else self._use_requested_threads()
         self._asks = next(self._course, None) if self._most > 1 else None
         self._steps, self._seconds, self._size = 0, 0.0, 1
 
@@ -84,7 +84,7 @@ class Sharing:
     @contextlib.contextmanager
     def observed(self) -> Iterator[None]:
         """Measure what slaves cost in the step that is done meanwhile."""
-        with _watched(self._algorithm.network.slaves) as spent:
+        with _measure_calls(self._algorithm.network.instances) as spent:
             yield
         self._observed.append(spent)
         multiple = int(self._algorithm.multiples.max())
@@ -100,13 +100,13 @@ class Sharing:
         except StopIteration:
             self._asks = None
 
-    def _decided(self) -> _Course:
+    def _use_requested_threads(self) -> _Course:
         """As many threads as are asked for."""
         yield _OBSERVE
         work = self._algorithm.tasks()
-        self._share(work, self._placed(work, self._most))
+        self._share(work, self._schedule_work(work, self._most))
 
-    def _tried(self) -> _Course:
+    def _use_threads_if_faster(self) -> _Course:
         """Threads where they are faster."""
         yield _PROBE  # the first steps are longer than others
         alone = yield _PROBE
@@ -127,9 +127,9 @@ class Sharing:
         if alone * (1.0 - best.length / costs) < handover:
             self._kernel.together = False
             return
-        yield from self._compared()
+        yield from self._alternate_threads()
 
-    def _compared(self) -> _Course:
+    def _alternate_threads(self) -> _Course:
         """Both ways in turn, then for a while the faster one, and so on."""
         kernel, pause = self._kernel, _SOON
         while True:
@@ -144,30 +144,30 @@ class Sharing:
             yield pause
             pause = min(2.0 * pause, _LATE)
 
-    def _fewest(self, work: Sequence[Task]) -> Placement | None:
+    def _fewest(self, work: Sequence[StepTask]) -> ThreadSchedule | None:
         """The placement with as many lanes as still make a step shorter; None where two do not."""
         best, before = None, sum(self._costs)
         for count in range(2, self._most + 1):
-            found = self._placed(work, count)
+            found = self._schedule_work(work, count)
             if found.length > BETTER * before:
                 break
             best, before = found, found.length
         return best
 
-    def _placed(self, work: Sequence[Task], count: int) -> Placement:
-        slaves = self._algorithm.network.slaves
+    def _schedule_work(self, work: Sequence[StepTask], count: int) -> ThreadSchedule:
+        slaves = self._algorithm.network.instances
         alone = {i for i, slave in enumerate(slaves) if not slave.runs_beside_others}
-        return placed(work, self._costs, count, alone)
+        return schedule_tasks(work, self._costs, count, alone)
 
-    def _share(self, work: Sequence[Task], placement: Placement) -> None:
+    def _share(self, work: Sequence[StepTask], placement: ThreadSchedule) -> None:
         self._kernel.share_out(work, placement.lanes)
-        slaves = self._algorithm.network.slaves
+        slaves = self._algorithm.network.instances
         members = [dict.fromkeys(i for place in lane for i in work[place].slaves) for lane in placement.lanes]
         self._report["lanes"] = [[slaves[i].name for i in lane] for lane in members]
 
 
 @contextlib.contextmanager
-def _watched(slaves: Sequence[Slave]) -> Iterator[list[float]]:
+def _measure_calls(slaves: Sequence[FmuInstance]) -> Iterator[list[float]]:
     """The seconds that each slave spends in its calls of a step meanwhile."""
     spent, calls = [0.0] * len(slaves), ("set_inputs", "do_step", "get_outputs")
 

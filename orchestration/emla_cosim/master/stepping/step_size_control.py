@@ -10,8 +10,8 @@ from ...base.option import option, options_of
 from ..algorithms.algorithm import Algorithm
 from .error_control import ErrorControl, default_largest_step
 from .fixed_steps import FixedSteps
-from .stepping import Stepping
-from .timing import Timing
+from .stepping_base import Stepping
+from .timing import CommunicationPoints
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class StepRequest:
     jump or bend, `row_distance` the distance of rows in the data of inputs.
     """
 
-    times: Timing
+    times: CommunicationPoints
     interval: float | None
     sampled: bool
     compiled: bool

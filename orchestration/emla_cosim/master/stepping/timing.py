@@ -32,7 +32,7 @@ class Clock(NamedTuple):
         return (self.first + k * self.per_step) / self.denominator
 
 
-def clock(start: float, step: float) -> Clock:
+def make_clock(start: float, step: float) -> Clock:
     """Points `start + k * step` for k up to `MAXIMUM_STEPS`, in s.
 
     `start` and `step` mean the shortest decimal numbers that give these doubles: 1e-4 is a ten
@@ -48,7 +48,7 @@ def clock(start: float, step: float) -> Clock:
 
 
 @dataclass(frozen=True)
-class Timing:
+class CommunicationPoints:
     """Communication points `start + k * step` for k = 0 ... steps, in s; see `clock`."""
 
     start: float
@@ -58,7 +58,7 @@ class Timing:
     @cached_property
     def clock(self) -> Clock:
         """The communication points, also beyond the last."""
-        return clock(self.start, self.step)
+        return make_clock(self.start, self.step)
 
     @property
     def stop(self) -> float:
@@ -82,7 +82,9 @@ class Timing:
         return self.point(k - count), self.span(k - count, count)
 
 
-def timing(stop_time: float, step_size: float, start_time: float = 0.0) -> Timing:
+def make_communication_points(
+    stop_time: float, step_size: float, start_time: float = 0.0
+) -> CommunicationPoints:
     """Communication points from start to stop, in s.
 
     Raises CommandError where times make no sense or the span is not a whole number of steps.
@@ -112,4 +114,4 @@ def timing(stop_time: float, step_size: float, start_time: float = 0.0) -> Timin
         raise CommandError(
             f"steps of {step_size:.12g} s cannot be told apart near t = {latest:.12g} s; start nearer to 0 s."
         )
-    return Timing(start_time, step_size, steps)
+    return CommunicationPoints(start_time, step_size, steps)

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ...base.arrays import Vector, stored
-from ...base.errors import CommandError, near_or_some
-from ...master.algorithms.exchanged import Exchanged
+from ...base.arrays import Vector, read_stored_array
+from ...base.errors import CommandError, suggest_names
+from ...master.algorithms.continuous_connections import ContinuousConnection
 from ...system.bond import Bond
 from ..recorder import Outline
 from .members import Members, members
@@ -16,7 +16,7 @@ from .steps import Steps, Use, integral
 
 
 @dataclass(frozen=True)
-class _End:
+class _BondEnd:
     """One signal of a bond: its column in rows with the time first, and who uses it on the other side."""
 
     column: int
@@ -37,7 +37,7 @@ class BondEnergy:
                 f"{bond.effort} or {bond.flow} in continuous time.",
                 bond=name,
             )
-        self._ends = _End(1 + effort, users[0]), _End(1 + flow, users[1])
+        self._ends = _BondEnd(1 + effort, users[0]), _BondEnd(1 + flow, users[1])
         if name in {x.name for x in outline.exchanged}:
             raise CommandError(f"'{name}' is the name of a connection; call the bond otherwise.", bond=name)
         units = [outline.units[signal] for signal in (effort, flow)]
@@ -86,11 +86,11 @@ class BondEnergy:
         """Go on from what `memory` gave."""
         self._exchanged = float(memory["exchanged"])
         for missed, before in zip(self._missed, memory["missed"], strict=True):
-            missed[:] = stored(before, missed.shape)
+            missed[:] = read_stored_array(before, missed.shape)
 
 
-def applicable(
-    bonds: Mapping[str, Bond], names: Sequence[str], exchanged: Sequence[Exchanged]
+def select_applicable(
+    bonds: Mapping[str, Bond], names: Sequence[str], exchanged: Sequence[ContinuousConnection]
 ) -> dict[str, Bond]:
     """Return those of a system's bonds whose signals there are, with one that is used in continuous time."""
     used = {names[x.signal] for x in exchanged}
@@ -130,13 +130,13 @@ class BondEnergies:
             bond.take(energy, missed)
 
 
-def _use(x: Exchanged) -> Use:
+def _use(x: ContinuousConnection) -> Use:
     return Use(1 + x.signal, x.is_late, x.mode)
 
 
 def _position(name: str, signal: str, outline: Outline) -> int:
     if signal not in outline.names:
-        meant = near_or_some(signal, outline.names)
+        meant = suggest_names(signal, outline.names)
         raise CommandError(f"there is no signal '{signal}' for the bond {name}; {meant}", name=signal)
     return list(outline.names).index(signal)
 

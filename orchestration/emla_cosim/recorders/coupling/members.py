@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.arrays import Vector
-from ...master.algorithms.exchanged import Exchanged
+from ...master.algorithms.continuous_connections import ContinuousConnection
 
 
 @dataclass(frozen=True)
 class Members:
     """The connections whose residuals make that of one connection, which is one of them."""
 
-    connections: tuple[Exchanged, ...]
+    connections: tuple[ContinuousConnection, ...]
     own: int
 
     def row(self, responses: Mapping[int, Vector]) -> Vector:
@@ -27,7 +27,7 @@ class Members:
         return response[own.place, [x.place for x in self.connections]]
 
 
-def members(connection: Exchanged, every: Sequence[Exchanged]) -> Members:
+def members(connection: ContinuousConnection, every: Sequence[ContinuousConnection]) -> Members:
     """Return those of one of the connections."""
     if connection.group < 0:
         return Members((connection,), 0)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from ...base.wording import counted
+from ...base.wording import format_count
 from .residual import Residual
 
 LARGEST_ENERGY_ERROR = 0.02
@@ -66,4 +66,6 @@ def _percent(share: float) -> str:
 
 def _more(found: Mapping[str, float]) -> str:
     others = len(found) - 1
-    return f", and so it is at {counted(others, 'more connection', 'more connections')}" if others else ""
+    return (
+        f", and so it is at {format_count(others, 'more connection', 'more connections')}" if others else ""
+    )

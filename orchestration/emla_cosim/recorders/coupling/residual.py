@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...base.arrays import Vector, stored
-from ...master.algorithms.exchanged import Exchanged
+from ...base.arrays import Vector, read_stored_array
+from ...master.algorithms.continuous_connections import ContinuousConnection
 from .members import members
 from .steps import PRODUCTS, Steps, Use, integral
 
@@ -50,7 +50,7 @@ class Residual:
 class Residuals:
     """Adds up residuals, step by step, and how the signals vary."""
 
-    def __init__(self, connections: Sequence[Exchanged]) -> None:
+    def __init__(self, connections: Sequence[ContinuousConnection]) -> None:
         self.connections = list(connections)
         own = [members(x, self.connections) for x in self.connections]
         groups = {x.group: m.connections for x, m in zip(self.connections, own, strict=True) if x.group >= 0}
@@ -132,7 +132,7 @@ class Residuals:
                 products = row @ self._products[x.group] @ row
             extent, *motion = by_signal[x.signal]
             same, next_, next_but_one = (products / self._time).tolist()
-            rms = _lasting(same, next_, next_but_one, extent)
+            rms = _lasting_residual(same, next_, next_but_one, extent)
             found[x.name] = Residual(rms / extent if rms else rms, *motion)
         return found
 
@@ -155,19 +155,19 @@ class Residuals:
             ("moments", self._moments),
             ("squares", self._squares),
         ):
-            values[:] = stored(memory[name], values.shape)
+            values[:] = read_stored_array(memory[name], values.shape)
         for number, products in self._products.items():
-            products[:] = stored(memory["products"][str(number)], products.shape)
+            products[:] = read_stored_array(memory["products"][str(number)], products.shape)
 
 
-def _lasting(same: float, next_: float, next_but_one: float, extent: float) -> float:
+def _lasting_residual(same: float, next_: float, next_but_one: float, extent: float) -> float:
     """The rms of the residuals that count, from the means of their products over 0, 1 and 2 steps."""
     rms = math.sqrt(max(same, 0.0))
     alternates = next_ < 0.0 and next_but_one > ALTERNATING * same
     return rms if alternates or rms > UNRESOLVED * extent else math.sqrt(max(next_, 0.0))
 
 
-def _kind(x: Exchanged) -> tuple[int, bool, int]:
+def _kind(x: ContinuousConnection) -> tuple[int, bool, int]:
     return 1 + x.signal, x.is_late, x.mode
 
 

@@ -58,7 +58,7 @@ class Steps:
         change, before = values[:, 1], self._differences(columns)[2]
         offset, slope = np.zeros_like(change), np.zeros_like(change)
         for i, use in enumerate(uses):
-            offset[:, i], slope[:, i] = _used(use, change[:, i], before[:, i])
+            offset[:, i], slope[:, i] = _used_value(use, change[:, i], before[:, i])
         return np.stack((offset, slope - change, -values[:, 2]), axis=1)
 
     def halved(self) -> "Steps":
@@ -88,7 +88,7 @@ def integral(lengths: Vector, first: Vector, second: Vector) -> Vector:
     return weighted.reshape(rows, -1).T @ second.reshape(rows, -1)
 
 
-def _used(use: Use, change: Vector, before: Vector) -> tuple[Vector | float, Vector | float]:
+def _used_value(use: Use, change: Vector, before: Vector) -> tuple[Vector | float, Vector | float]:
     """Offset from the value at the beginning of the step, and slope, of what a consumer uses."""
     match use.mode, use.is_late:
         case Mode.HOLD, True:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.arrays import Indices, Vector, stored
+from ...base.arrays import Indices, Vector, read_stored_array
 from .steps import Steps
 
 EVERY_STEP, THINNED = 500, 31
@@ -101,4 +101,4 @@ class EveryStep:
 
 def _points(memory: Any, count: int, columns: Indices) -> Vector:
     """The points before the next row, or none, from a memory."""
-    return stored(memory, (count, len(columns)), (0, len(columns)))
+    return read_stored_array(memory, (count, len(columns)), (0, len(columns)))

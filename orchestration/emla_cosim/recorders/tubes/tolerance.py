@@ -7,8 +7,8 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from ...base.patterns import fits
-from ...base.values import converted
+from ...base.patterns import matches_pattern
+from ...base.values import convert_value
 from .tube import Tube
 
 RELATIVE = 1e-3
@@ -47,11 +47,11 @@ class Tolerance:
         return Tube(value if scale > 0.0 else max(value, _LEAST), _or(self.time, half))
 
 
-def tolerance_of(signal: str, given: Mapping[str, Tolerance]) -> Tolerance:
+def find_tolerance(signal: str, given: Mapping[str, Tolerance]) -> Tolerance:
     """That of a signal, by names and patterns of which each fills or replaces what those before say."""
     found: dict[str, float] = {}
     for pattern, tolerance in given.items():
-        if fits(signal, pattern):
+        if matches_pattern(signal, pattern):
             found |= {name: value for name, value in vars(tolerance).items() if value is not None}
     return Tolerance(**found)
 
@@ -82,9 +82,9 @@ def _read(text: str) -> tuple[str, Tolerance]:
     return pattern.strip() or "*", Tolerance(**found)
 
 
-def tolerances_in(table: object, where: str) -> dict[str, Tolerance]:
+def parse_tolerances(table: object, where: str) -> dict[str, Tolerance]:
     """Tolerances as a file has them: by name or pattern a number, or its parts. Raises CommandError."""
-    return converted(table, Mapping[str, Tolerance], f"'tolerance' of {where}")
+    return convert_value(table, Mapping[str, Tolerance], f"'tolerance' of {where}")
 
 
 def _or(value: float | None, otherwise: float) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
-from ...base.option import Entered
+from ...base.option import FileOrObject
 from ...system.model import System
 from ..options import Options
 from .scenario_file import ScenarioFile, parse_scenario
@@ -15,7 +15,7 @@ SYSTEMS: dict[str, Callable[..., System]] = {}
 FOLLOWING: set[str] = set()
 """Systems that are made of the file of a trajectory too, if there is one: `trajectory`."""
 
-READERS: dict[str, Callable[[Path], Entered]] = {}
+READERS: dict[str, Callable[[Path], FileOrObject]] = {}
 """What reads the files that an option names for joints, by the option: `actuator`."""
 
 REMARKS: list[Callable[[System, Options], Sequence[str]]] = []
@@ -32,6 +32,6 @@ TUNINGS: dict[str, Callable[[], str]] = {}
 
 
 @cache
-def built_in(name: str) -> ScenarioFile:
+def find_built_in(name: str) -> ScenarioFile:
     """The scenario file of this name."""
     return parse_scenario(SCENARIOS[name](), name, Path())

@@ -8,8 +8,8 @@ from typing import Any, get_origin
 
 from ...base.errors import CommandError
 from ...base.files import read_text
-from ..options import read_options, repeated, table
-from ..origin import Origin
+from ..options import list_options, read_options, select_repeatable
+from ..origin import RunOrigin
 from ..run_record import PYTHON
 
 
@@ -18,15 +18,15 @@ class RecordedRun:
     """A run as its record tells it: what was named, what was given beside it, and the whole record."""
 
     source: str
-    changed: Mapping[str, Any]
+    overrides: Mapping[str, Any]
     content: Mapping[str, Any]
 
     def with_options(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """What was given then, and over it what is given now; CommandError for what does not fit."""
-        return Origin(changed=self.changed).updated(read_options(given)).changed
+        return RunOrigin(overrides=self.overrides).updated(read_options(given)).overrides
 
 
-def recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
+def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
     """The run whose run.json this is, to be repeated with these options over its own.
 
     Raises CommandError for a file that is no such record, for one of a system or with an option that were
@@ -53,19 +53,19 @@ def recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
         raise CommandError(f"{where} has the source {source!r}; it must be the name or path of a scenario.")
     if not isinstance(changed, dict):
         raise CommandError(f"{where} has no table 'changed' of the options that were given.")
-    kept = {name: value for name, value in changed.items() if not _replaced(name, given)}
+    kept = {name: value for name, value in changed.items() if not _is_replaced(name, given)}
     _check(kept, where)
-    return RecordedRun(source, read_options(repeated(kept), where), content)
+    return RecordedRun(source, read_options(select_repeatable(kept), where), content)
 
 
-def _replaced(name: str, given: Mapping[str, Any]) -> bool:
+def _is_replaced(name: str, given: Mapping[str, Any]) -> bool:
     """Whether what is given now leaves nothing of what was given then."""
     return name in given and not isinstance(given[name], Mapping)
 
 
 def _check(changed: Mapping[str, Any], where: str) -> None:
     """Raise CommandError for options that no record has, and for those that were objects of Python."""
-    known = table()
+    known = list_options()
     for name, value in changed.items():
         if name not in known:
             continue  # which reading it tells better

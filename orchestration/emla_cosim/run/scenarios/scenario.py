@@ -5,15 +5,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ...base.errors import CommandError, called_as_in
+from ...base.errors import CommandError, show_paths_relative_to
 from ...base.progress import Progress
-from ...ssp.writer.writing import Experiment, check_package, write_ssp
+from ...ssp.writer.package_writer import SystemTimes, check_package, write_ssp
 from ...system.bond import Bond
 from ...system.model import System
-from ..experiment import run_times
-from ..options import Options, read_options, table
-from ..origin import Origin
-from ..preparation import prepared, until_data_end
+from ..options import Options, list_options, read_options
+from ..origin import RunOrigin
+from ..preparation import limit_to_data_end, prepare_system
+from ..run_setup import run_times
 from ..simulation import Simulation
 
 
@@ -33,8 +33,8 @@ class Scenario:
     options: Options = field(default_factory=Options)
     notes: Sequence[str] = ()
     unpacked: Path | None = field(default=None, compare=False)
-    holds: object = field(default=None, compare=False, repr=False)
-    origin: Origin = field(default_factory=Origin, compare=False, repr=False)
+    resources: object = field(default=None, compare=False, repr=False)
+    origin: RunOrigin = field(default_factory=RunOrigin, compare=False, repr=False)
     remarks: Callable[[System, Options], Sequence[str]] | None = field(
         default=None, compare=False, repr=False
     )
@@ -46,7 +46,7 @@ class Scenario:
         """
         if not given:
             return self
-        for name, option in table().items():
+        for name, option in list_options().items():
             if name in given and option.about.makes:
                 raise CommandError(
                     f"the system of '{self.name}' is made already; give {name} where a scenario is loaded.",
@@ -74,7 +74,7 @@ class Scenario:
             self.name,
             progress,
             self.unpacked,
-            self.holds,
+            self.resources,
             chosen.origin,
             self.notes_with,
         )
@@ -88,13 +88,13 @@ class Scenario:
         no package of ours is only replaced with the option `overwrite`. Raises CommandError for what does not
         fit, RunError where something cannot be built or written.
         """
-        chosen = until_data_end(self.with_options(options).options)
+        chosen = limit_to_data_end(self.with_options(options).options)
         check_package(Path(file), chosen.overwrite)
         told = progress or Progress()
         times = run_times(chosen, self.name)
-        experiment = Experiment(times.start, times.stop, times.step)
-        with called_as_in(self.unpacked):
-            system, fmus = prepared(self.system, chosen, told)
+        experiment = SystemTimes(times.start, times.stop, times.step)
+        with show_paths_relative_to(self.unpacked):
+            system, fmus = prepare_system(self.system, chosen, told)
             bonds = {name: Bond.read(name, text) for name, text in chosen.bonds.items()}
             system = replace(system, bonds={**system.bonds, **bonds})
             write_ssp(

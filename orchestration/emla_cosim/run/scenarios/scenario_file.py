@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_origin
 
-from ...base.errors import CommandError, check_choice, listed
+from ...base.errors import CommandError, check_choice, join_names
 from ...base.option import RUN
-from ...base.values import converted
+from ...base.values import convert_value
 from ...system.model import System
-from ..options import table
+from ..options import list_options
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,12 @@ def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
     label = f"the scenario '{where}'"
     if "system" not in content:
         _refuse_without_kind(content, label)
-    given = options_given(content, label, ("system", "description"))
+    given = read_given_options(content, label, ("system", "description"))
     if "system" not in content:
         raise CommandError(f'{label} has no system; write system = "study" or the path of an SSP.')
     return ScenarioFile(
-        converted(content.get("description", ""), str, f"'description' of {label}"),
-        converted(content["system"], str, f"'system' of {label}"),
+        convert_value(content.get("description", ""), str, f"'description' of {label}"),
+        convert_value(content["system"], str, f"'system' of {label}"),
         given,
         where,
         folder,
@@ -82,34 +82,34 @@ def _refuse_without_kind(content: Mapping[str, Any], label: str) -> None:
             )
 
 
-def options_given(
+def read_given_options(
     content: Mapping[str, Any], label: str, own: Sequence[str], command: str = RUN
 ) -> dict[str, Any]:
     """The options of a command among the keys of a file, which has the keys `own` beside them.
 
     Raises CommandError for any other key; sentences call the file `label`.
     """
-    options = {name: option for name, option in table(command).items() if option.about.in_file}
+    options = {name: option for name, option in list_options(command).items() if option.about.in_file}
     known = sorted([*options, *own])
     for key in content:
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1)
-            meant = f"did you mean '{near[0]}'?" if near else f"it may have {listed(known)}."
+            meant = f"did you mean '{near[0]}'?" if near else f"it may have {join_names(known)}."
             raise CommandError(f"{label} has the key '{key}'; {meant}", key=key)
     given = {key: value for key, value in content.items() if key in options}
     for key, value in given.items():
         if get_origin(options[key].type) is Mapping and isinstance(value, dict):
-            given[key] = dict(_flat(value, options[key].type.__args__[1]))
+            given[key] = dict(_flatten(value, options[key].type.__args__[1]))
     return given
 
 
-def _flat(table: Mapping[str, Any], of: Any) -> Iterator[tuple[str, Any]]:
+def _flatten(table: Mapping[str, Any], of: Any) -> Iterator[tuple[str, Any]]:
     """Entries by their whole name: TOML nests names with dots unless they are quoted.
 
     Where the entries are tables themselves, names have to be quoted.
     """
     for key, value in table.items():
         if isinstance(value, dict) and not hasattr(of, "__dataclass_fields__"):
-            yield from ((f"{key}.{name}", inner) for name, inner in _flat(value, of))
+            yield from ((f"{key}.{name}", inner) for name, inner in _flatten(value, of))
         else:
             yield key, value

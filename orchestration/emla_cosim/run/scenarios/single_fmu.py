@@ -35,19 +35,19 @@ class SingleFmu:
     notes: tuple[str, ...]
 
 
-def single_fmu(path: Path, options: Options) -> SingleFmu:
+def make_single_fmu(path: Path, options: Options) -> SingleFmu:
     """An FMU as a system of one component; times of the options win over its own.
 
     Raises CommandError for a file that is no FMU, or nothing this master can run.
     """
     interface = read_interface(path)
-    name = component_name(str(interface.description.modelName))
+    name = make_component_name(str(interface.description.modelName))
     times, notes = _times(interface, options)
     description = " ".join(str(interface.description.description or "").split())
     return SingleFmu(name, description, System((Component(name, fmu=path),), ()), times, tuple(notes))
 
 
-def component_name(model: str) -> str:
+def make_component_name(model: str) -> str:
     """What the component of a model is called: the last part of its name, with _ for what is no letter.
 
     `Modelica.Blocks.PID 2` is `PID_2`.

@@ -4,18 +4,18 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ...base.errors import CommandError
-from ...base.units import Unit
+from ...base.units import SiUnit
 from ...system.bond import Bond
-from .parameters import read_mapping, read_parameter_set
-from .structure import (
+from .parameter_sets import read_mapping, read_parameter_set
+from .ssd_data import (
     FMU,
     ComponentElement,
-    Connection,
     Connector,
     DictionaryReference,
     Element,
+    FileReference,
     ParameterBinding,
-    Reference,
+    SsdConnection,
     Structure,
     SystemElement,
 )
@@ -26,12 +26,12 @@ from .xml import (
     OWN_NAMESPACE,
     RENAMES,
     XmlElement,
-    boolean,
     check,
     child,
     children,
     local_name,
     parse,
+    parse_boolean,
     read_transformation,
     read_unit,
     read_units,
@@ -92,7 +92,7 @@ def _step_size(root: XmlElement, where: str) -> float | None:
 class _Reader:
     """Elements of one document, with its units."""
 
-    def __init__(self, where: str, units: dict[str, Unit]) -> None:
+    def __init__(self, where: str, units: dict[str, SiUnit]) -> None:
         self._where, self._units = where, units
 
     def _fault(self, element: XmlElement, text: str) -> CommandError:
@@ -164,7 +164,7 @@ class _Reader:
         mapping = child(element, "ssd:ParameterMapping")
         values = self._content(element, child(element, "ssd:ParameterValues"), "ssv")
         return ParameterBinding(
-            values=values if isinstance(values, Reference) else read_parameter_set(values, self._where),
+            values=values if isinstance(values, FileReference) else read_parameter_set(values, self._where),
             prefix=element.get("prefix", ""),
             mapping=self._mapping(mapping) if mapping is not None else None,
             renames=any(
@@ -172,7 +172,7 @@ class _Reader:
             ),
         )
 
-    def _connection(self, element: XmlElement) -> Connection:
+    def _connection(self, element: XmlElement) -> SsdConnection:
         if element.get("startIndices") or element.get("endIndices"):
             raise self._fault(element, "the connection has indices; FMI 2.0 has no arrays")
         geometry = child(element, "ssd:ConnectionGeometry")
@@ -180,24 +180,24 @@ class _Reader:
             [float(p) for p in geometry.get(name).split()] if geometry is not None else []
             for name in ("pointsX", "pointsY")
         )
-        return Connection(
+        return SsdConnection(
             start_element=element.get("startElement"),
             start_connector=element.get("startConnector"),
             end_element=element.get("endElement"),
             end_connector=element.get("endConnector"),
             transformation=read_transformation(element, self._where),
-            suppress_unit_conversion=boolean(element.get("suppressUnitConversion")),
+            suppress_unit_conversion=parse_boolean(element.get("suppressUnitConversion")),
             waypoints=tuple(zip(x, y, strict=False)),
         )
 
     def _mapping(self, element: XmlElement) -> Any:
         entries = self._content(element, element, "ssm")
-        return entries if isinstance(entries, Reference) else read_mapping(entries, self._where)
+        return entries if isinstance(entries, FileReference) else read_mapping(entries, self._where)
 
     def _content(self, element: XmlElement, holder: XmlElement | None, kind: str) -> Any:
         """The file that an element names, or what its holder has inside."""
         if element.get("source") is not None:
-            return Reference(element.get("source"), element.get("sourceBase", "SSD"))
+            return FileReference(element.get("source"), element.get("sourceBase", "SSD"))
         inside = holder[0] if holder is not None and len(holder) else None
         if inside is None:
             raise self._fault(element, f"the {local_name(element)} has neither a source nor a content")

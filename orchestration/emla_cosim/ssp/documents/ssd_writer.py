@@ -2,16 +2,16 @@
 
 from collections.abc import Iterable, Iterator
 
-from ...base.units import Unit
-from .parameters import add_mapping, add_parameter_set
-from .structure import (
+from ...base.units import SiUnit
+from .parameter_sets import add_mapping, add_parameter_set
+from .ssd_data import (
     ComponentElement,
-    Connection,
     Connector,
     DictionaryReference,
     Element,
+    FileReference,
     ParameterBinding,
-    Reference,
+    SsdConnection,
     Structure,
     SystemElement,
 )
@@ -27,7 +27,7 @@ from .xml import (
     add_units,
     child,
     document,
-    number,
+    format_float,
     to_bytes,
 )
 
@@ -47,11 +47,13 @@ def format_structure(structure: Structure) -> bytes:
     root = document("ssd", namespaces, name=structure.name, description=structure.description or None)
     _add_system(root, structure.system, structure.step_size)
     add_units(root, "ssd", _units(structure.system))
-    start, stop = (None if t is None else number(t) for t in (structure.start_time, structure.stop_time))
+    start, stop = (
+        None if t is None else format_float(t) for t in (structure.start_time, structure.stop_time)
+    )
     experiment = add(root, "ssd:DefaultExperiment", startTime=start, stopTime=stop)
     if structure.step_size is not None:
         algorithm = add(_annotation(experiment, _OPEN_SIMULATION_PLATFORM), "osp:Algorithm")
-        add(algorithm, "osp:FixedStepAlgorithm", baseStepSize=number(structure.step_size))
+        add(algorithm, "osp:FixedStepAlgorithm", baseStepSize=format_float(structure.step_size))
     if structure.samples or structure.bonds:
         own = add(_annotation(experiment, SYSTEM), "emla:System")
         for component in structure.samples:
@@ -66,7 +68,7 @@ def _annotation(parent: XmlElement, type_: str) -> XmlElement:
     return add(add(parent, "ssd:Annotations") if group is None else group, "ssc:Annotation", type=type_)
 
 
-def _units(element: Element) -> Iterator[Unit | None]:
+def _units(element: Element) -> Iterator[SiUnit | None]:
     yield from (c.unit for c in element.connectors)
     if isinstance(element, SystemElement):
         for inside in element.elements:
@@ -80,7 +82,7 @@ def _add_fixed_steps(system: XmlElement, step_size: float) -> None:
         add(inside, "oms:SimulationInformation"),
         "oms:FixedStepMaster",
         description="oms-ma",
-        stepSize=number(step_size),
+        stepSize=format_float(step_size),
         absoluteTolerance="1e-4",
         relativeTolerance="1e-4",
     )
@@ -127,30 +129,30 @@ def _add_connector(group: XmlElement, connector: Connector) -> None:
         add(added, f"ssc:{connector.type}", unit=connector.unit.name if connector.unit is not None else None)
     if connector.position is not None:
         x, y = connector.position
-        add(added, "ssd:ConnectorGeometry", x=number(x), y=number(y))
+        add(added, "ssd:ConnectorGeometry", x=format_float(x), y=format_float(y))
 
 
 def _add_binding(group: XmlElement, binding: ParameterBinding) -> None:
     added = add(group, "ssd:ParameterBinding", **_source(binding.values), prefix=binding.prefix or None)
-    if not isinstance(binding.values, Reference):
+    if not isinstance(binding.values, FileReference):
         inside = add(add(added, "ssd:ParameterValues"), "ssv:ParameterSet", version="1.0")
         inside.set("name", binding.values.name)
         add_parameter_set(inside, binding.values)
     if binding.mapping is not None:
         mapping = add(added, "ssd:ParameterMapping", **_source(binding.mapping))
-        if not isinstance(binding.mapping, Reference):
+        if not isinstance(binding.mapping, FileReference):
             add_mapping(add(mapping, "ssm:ParameterMapping", version="1.0"), binding.mapping)
     if binding.renames:
         _annotation(added, RENAMES)
 
 
 def _source(content: object) -> dict[str, str | None]:
-    if not isinstance(content, Reference):
+    if not isinstance(content, FileReference):
         return {}
     return {"source": content.source, "sourceBase": content.base if content.base != "SSD" else None}
 
 
-def _add_connections(group: XmlElement, connections: Iterable[Connection]) -> None:
+def _add_connections(group: XmlElement, connections: Iterable[SsdConnection]) -> None:
     for connection in connections:
         added = add(
             group,
@@ -164,9 +166,9 @@ def _add_connections(group: XmlElement, connections: Iterable[Connection]) -> No
         add_transformation(added, connection.transformation)
         if connection.waypoints:
             x, y = zip(*connection.waypoints, strict=True)
-            points = {name: " ".join(map(number, p)) for name, p in (("pointsX", x), ("pointsY", y))}
+            points = {name: " ".join(map(format_float, p)) for name, p in (("pointsX", x), ("pointsY", y))}
             add(added, "ssd:ConnectionGeometry", **points)
 
 
 def _geometry(corners: Iterable[float]) -> dict[str, str | None]:
-    return {name: number(value) for name, value in zip(CORNERS, corners, strict=True)}
+    return {name: format_float(value) for name, value in zip(CORNERS, corners, strict=True)}

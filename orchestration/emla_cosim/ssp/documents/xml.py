@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import CommandError
-from ...base.units import BASE_UNITS, LinearTransformation, Unit
-from .structure import TableTransformation, Transformation
+from ...base.units import BASE_UNITS, LinearTransformation, SiUnit
+from .ssd_data import TableTransformation, Transformation
 
 XmlElement = Any
 
@@ -114,7 +114,7 @@ def local_name(element: XmlElement) -> str:
     return _etree().QName(element).localname
 
 
-def read_units(root: XmlElement, owner: str, where: str) -> dict[str, Unit]:
+def read_units(root: XmlElement, owner: str, where: str) -> dict[str, SiUnit]:
     """The units that a document defines, by name; `owner` is the prefix of its own namespace.
 
     Raises CommandError, with `where`, for units that nothing can be converted to.
@@ -126,11 +126,11 @@ def read_units(root: XmlElement, owner: str, where: str) -> dict[str, Unit]:
         factor, offset = _finite(base, "factor", "1", where), _finite(base, "offset", "0", where)
         if factor == 0.0:
             raise CommandError(f"'{where}' line {base.sourceline} has a unit with the factor 0.")
-        units[definition.get("name")] = Unit(definition.get("name"), exponents, factor, offset)
+        units[definition.get("name")] = SiUnit(definition.get("name"), exponents, factor, offset)
     return units
 
 
-def read_unit(element: XmlElement, units: dict[str, Unit], where: str) -> Unit | None:
+def read_unit(element: XmlElement, units: dict[str, SiUnit], where: str) -> SiUnit | None:
     """The unit that an element names; CommandError if the document does not define it."""
     name = element.get("unit")
     if name is None:
@@ -160,7 +160,7 @@ def read_transformation(element: XmlElement, where: str) -> Transformation | Non
     for kind in _TABLES:
         table = child(element, f"ssc:{kind}MappingTransformation")
         if table is not None:
-            one = {"Boolean": boolean, "Integer": int, "Enumeration": str}[kind]
+            one = {"Boolean": parse_boolean, "Integer": int, "Enumeration": str}[kind]
             entries = children(table, "ssc:MapEntry")
             return TableTransformation(
                 kind, tuple((one(e.get("source")), one(e.get("target"))) for e in entries)
@@ -168,7 +168,7 @@ def read_transformation(element: XmlElement, where: str) -> Transformation | Non
     return None
 
 
-def boolean(text: str | None) -> bool:
+def parse_boolean(text: str | None) -> bool:
     """A Boolean attribute, false without one."""
     return text is not None and text.strip() in ("true", "1")
 
@@ -200,7 +200,7 @@ def _set(element: XmlElement, attributes: dict[str, str | None]) -> None:
             raise CommandError(f"the {name} {value!r} has a character that XML cannot hold.") from error
 
 
-def add_units(parent: XmlElement, owner: str, units: Iterable[Unit | None]) -> None:
+def add_units(parent: XmlElement, owner: str, units: Iterable[SiUnit | None]) -> None:
     """Define the units, each once and in the order of their names."""
     named = {unit.name: unit for unit in units if unit is not None}
     if not named:
@@ -209,8 +209,8 @@ def add_units(parent: XmlElement, owner: str, units: Iterable[Unit | None]) -> N
     for name in sorted(named):
         unit = named[name]
         base: dict[str, str | None] = {b: str(e) for b, e in unit.powers.items()}
-        base |= {"factor": number(unit.factor)} if unit.factor != 1.0 else {}
-        base |= {"offset": number(unit.offset)} if unit.offset != 0.0 else {}
+        base |= {"factor": format_float(unit.factor)} if unit.factor != 1.0 else {}
+        base |= {"offset": format_float(unit.offset)} if unit.offset != 0.0 else {}
         add(add(group, "ssc:Unit", name=name), "ssc:BaseUnit", **base)
 
 
@@ -221,21 +221,21 @@ def add_transformation(parent: XmlElement, transformation: Transformation | None
         add(
             parent,
             "ssc:LinearTransformation",
-            factor=number(factor),
-            offset=number(offset) if offset else None,
+            factor=format_float(factor),
+            offset=format_float(offset) if offset else None,
         )
     elif transformation is not None:
         table = add(parent, f"ssc:{transformation.kind}MappingTransformation")
         for source, target in transformation.entries:
-            add(table, "ssc:MapEntry", source=as_text(source), target=as_text(target))
+            add(table, "ssc:MapEntry", source=format_text(source), target=format_text(target))
 
 
-def as_text(value: object) -> str:
+def format_text(value: object) -> str:
     """A Boolean, a whole number or a text as XML has it."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def number(value: float) -> str:
+def format_float(value: float) -> str:
     """A number with the digits that bring it back."""
     return repr(float(value)).removesuffix(".0")
 

@@ -4,15 +4,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
-from ...base.units import IDENTITY, LinearTransformation, conversion
+from ...base.units import IDENTITY, LinearTransformation, find_conversion
 from ...system.model import Value
-from ..documents.structure import (
+from ..documents.ssd_data import (
     ComponentElement,
     Element,
     MappingEntry,
-    Parameter,
     ParameterBinding,
     ParameterSet,
+    SsvParameter,
     SystemElement,
     TableTransformation,
 )
@@ -20,39 +20,41 @@ from .wiring import Node, Path_, Wiring, node_name
 
 
 @dataclass(frozen=True)
-class _Given:
+class _GivenValue:
     """A value for a connector or variable; of several, the one with the highest rank counts.
 
     The rank is the height of the system whose binding it is, and then its place in the file.
     """
 
-    parameter: Parameter
+    parameter: SsvParameter
     entry: MappingEntry | None
     rank: tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Bound:
+class BoundValue:
     """The start value of a variable, in its own unit, and the parameter that it was made of.
 
     `entry` is the one of the mapping that the FMU's component has for it, if there is one.
     """
 
     value: Value
-    parameter: Parameter
+    parameter: SsvParameter
     entry: MappingEntry | None
 
 
-def bound_values(root: SystemElement, wiring: Wiring) -> tuple[dict[Path_, dict[str, Bound]], list[str]]:
+def resolve_bindings(
+    root: SystemElement, wiring: Wiring
+) -> tuple[dict[Path_, dict[str, BoundValue]], list[str]]:
     """Start values of every FMU by path and variable, and parameters that nobody has.
 
     A variable that an output drives gets none. Raises CommandError for units that do not fit.
     """
-    collected = _Collected(wiring)
+    collected = _CollectedBindings(wiring)
     collected.element(root, ())
-    values: dict[Path_, dict[str, Bound]] = {path: {} for path in wiring.fmus}
+    values: dict[Path_, dict[str, BoundValue]] = {path: {} for path in wiring.fmus}
     for path, fmu in wiring.fmus.items():
-        for name in filter(fmu.interface.settable, fmu.interface.variables):
+        for name in filter(fmu.interface.is_settable, fmu.interface.variables):
             chain = list(wiring.chain((path, name)))
             if chain[-1][0] in wiring.fmus and len(chain) > 1:
                 continue  # an output drives it
@@ -61,16 +63,16 @@ def bound_values(root: SystemElement, wiring: Wiring) -> tuple[dict[Path_, dict[
                 best, node = max(given, key=lambda g: g[0].rank)
                 own = best.entry if best.rank[0] == -len(path) else None
                 value = _value(wiring, best, node, (path, name))
-                values[path][name] = Bound(value, best.parameter, own)
+                values[path][name] = BoundValue(value, best.parameter, own)
     return values, collected.unused()
 
 
-class _Collected:
+class _CollectedBindings:
     """All bindings of a structure, by the connector or variable that they are for."""
 
     def __init__(self, wiring: Wiring) -> None:
         self._wiring = wiring
-        self.given: dict[Node, _Given] = {}
+        self.given: dict[Node, _GivenValue] = {}
         self._matched: dict[ParameterSet, set[str]] = {}
         self._inside: dict[Path_, dict[str, tuple[int, Element]]] = {}
         self._count = 0
@@ -104,13 +106,13 @@ class _Collected:
                 if node is not None:
                     matched.add(parameter.name)
                     self._count += 1
-                    self.given[node] = _Given(parameter, entry, (-len(path), self._count))
+                    self.given[node] = _GivenValue(parameter, entry, (-len(path), self._count))
 
     def _node(self, element: Element, path: Path_, name: str) -> Node | None:
         """What a hierarchical name means, seen from an element."""
         if isinstance(element, ComponentElement):
             interface = self._wiring.fmus[path].interface
-            return (path, name) if name in interface.variables and interface.settable(name) else None
+            return (path, name) if name in interface.variables and interface.is_settable(name) else None
         if (path, name) in self._wiring.connectors:
             return path, name
         if isinstance(element, SystemElement):
@@ -139,7 +141,7 @@ def _targets(mapping: object) -> Callable[[str], Sequence[tuple[str, MappingEntr
     return lambda name: targets.get(name, [])
 
 
-def _value(wiring: Wiring, given: _Given, node: Node, variable: Node) -> Value:
+def _value(wiring: Wiring, given: _GivenValue, node: Node, variable: Node) -> Value:
     """The value for a variable that was given to it, or to a connector in its chain."""
     value = given.parameter.value
     table = given.entry.transformation if given.entry is not None else None
@@ -147,12 +149,12 @@ def _value(wiring: Wiring, given: _Given, node: Node, variable: Node) -> Value:
         return next((t for s, t in table.entries if s == value and type(s) is type(value)), value)
     if isinstance(value, (bool, str)):
         return value
-    total = transformation(wiring, given.parameter, given.entry, node, variable)
+    total = build_transformation(wiring, given.parameter, given.entry, node, variable)
     return value if total == IDENTITY else total(value)
 
 
-def transformation(
-    wiring: Wiring, parameter: Parameter, entry: MappingEntry | None, node: Node, variable: Node
+def build_transformation(
+    wiring: Wiring, parameter: SsvParameter, entry: MappingEntry | None, node: Node, variable: Node
 ) -> LinearTransformation:
     """What makes the value of a variable of a parameter that was given to a node in its chain.
 
@@ -162,7 +164,7 @@ def transformation(
     if entry is None or not entry.suppress_unit_conversion:
         unit = parameter.unit
         try:
-            total = conversion(unit, wiring.unit(node))
+            total = find_conversion(unit, wiring.unit(node))
         except ValueError as error:
             raise wiring.fault(
                 f"the parameter '{parameter.name}' and {node_name(node)} have {error}."

@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...base.errors import CommandError, listed
+from ...base.errors import CommandError, join_names
 from ...fmu.interface import Interface, read_interface
-from ..documents.structure import (
+from ..documents.ssd_data import (
     ComponentElement,
-    Connection,
     Connector,
     DictionaryReference,
     Element,
+    SsdConnection,
     SystemElement,
 )
 from .wiring import Fmu, Node, Path_, Wiring, node_name
@@ -22,7 +22,7 @@ _TYPES = {"Float64": "Real", "Int32": "Integer"}
 """Types of SSP 2.0 that FMI 2.0 calls otherwise."""
 
 
-def collected(root: SystemElement, where: str) -> Wiring:
+def collect_wiring(root: SystemElement, where: str) -> Wiring:
     """The wiring of a loaded structure, whose name in messages is `where`.
 
     Raises CommandError for connectors and connections that do not fit.
@@ -79,7 +79,7 @@ class _Elements:
 
 
 @dataclass(frozen=True)
-class _End:
+class _ConnectionEnd:
     """One end of a connection, and whether it gives or takes values there."""
 
     node: Node
@@ -112,7 +112,7 @@ class _Level:
             if isinstance(element, SystemElement):
                 _Level(self._wiring, element, (*self._path, name), self._dictionaries).connect()
 
-    def _directed(self, connection: Connection) -> tuple[Node, Node]:
+    def _directed(self, connection: SsdConnection) -> tuple[Node, Node]:
         """Who drives whom: that does not depend on which end is the start."""
         start = self._end(connection, connection.start_element, connection.start_connector)
         end = self._end(connection, connection.end_element, connection.end_connector)
@@ -122,24 +122,24 @@ class _Level:
             return end.node, start.node
         raise self._fault(connection, "does not lead from an output to an input")
 
-    def _end(self, connection: Connection, element: str | None, name: str) -> _End:
+    def _end(self, connection: SsdConnection, element: str | None, name: str) -> _ConnectionEnd:
         if element is not None and element not in self._elements:
-            has = listed(self._elements) if self._elements else "none"
+            has = join_names(self._elements) if self._elements else "none"
             text = f"names the element '{element}'; the system '{self._system.name}' has {has}"
             raise self._fault(connection, text)
         owner, connectors = self._owners[element], self._connectors[element]
         if name not in connectors:
-            has = listed(connectors) if connectors else "none"
+            has = join_names(connectors) if connectors else "none"
             raise self._fault(connection, f"names the connector '{name}'; '{owner.name}' has {has}")
         if isinstance(owner, DictionaryReference):
             node = self._dictionary(owner), name
             self._share(node, connectors[name])
-            return _End(node, gives=True, takes=True)
+            return _ConnectionEnd(node, gives=True, takes=True)
         kind = connectors[name].kind
         gives, takes = kind in _GIVES, kind in _TAKES
         if element is None:  # what a system takes it gives to what is inside
-            return _End((self._path, name), gives=takes, takes=gives)
-        return _End(((*self._path, element), name), gives, takes)
+            return _ConnectionEnd((self._path, name), gives=takes, takes=gives)
+        return _ConnectionEnd(((*self._path, element), name), gives, takes)
 
     def _dictionary(self, reference: DictionaryReference) -> Path_:
         found = self._dictionaries.get(reference.dictionary)
@@ -159,5 +159,5 @@ class _Level:
                 f"the signal '{node[1]}' is in {known.unit} and in {connector.unit}, by its references."
             )
 
-    def _fault(self, connection: Connection, text: str) -> CommandError:
+    def _fault(self, connection: SsdConnection, text: str) -> CommandError:
         return self._wiring.fault(f"the connection {connection} {text}.")

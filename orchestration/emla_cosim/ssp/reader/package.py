@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from ...base.errors import CommandError, called_as_in, listed
+from ...base.errors import CommandError, join_names, show_paths_relative_to
 from ...base.files import temporary_folder
 from ...fmu.unpack import UnsafeArchiveError, unpack
-from ..documents.structure import DEFAULT_SSD
+from ..documents.ssd_data import DEFAULT_SSD
 
 _LARGEST_INSIDE = 2**26
 """Bytes that a parameter file inside an FMU may have."""
@@ -59,7 +59,7 @@ def _relative(uri: str) -> str | None:
 
 
 @contextlib.contextmanager
-def opened(path: Path, variant: str = "") -> Iterator[Package]:
+def open_package(path: Path, variant: str = "") -> Iterator[Package]:
     """Open a package (.ssp), a folder, or an SSD; what was unpacked is removed afterwards.
 
     `variant` or `PACKAGE#Variant.ssd` chooses another SSD than SystemStructure.ssd. Raises CommandError
@@ -74,7 +74,7 @@ def opened(path: Path, variant: str = "") -> Iterator[Package]:
     elif file.suffix.lower() == ".ssd":
         yield Package(file.parent, file, file.name)
     else:
-        with temporary_folder("emla-ssp-") as temporary, called_as_in(temporary):
+        with temporary_folder("emla-ssp-") as temporary, show_paths_relative_to(temporary):
             folder = temporary / file.name
             _unpack(file, folder)
             yield replace(_package(folder, variant, name), unpacked=temporary)
@@ -103,7 +103,7 @@ def _package(folder: Path, variant: str, name: str) -> Package:
     if not ssd.is_file() or ssd.resolve().parent != folder.resolve():
         present = sorted(p.name for p in folder.glob("*.ssd"))
         instead = (
-            f"it has {listed(present)}; write '{name.partition('#')[0]}#{present[0]}'"
+            f"it has {join_names(present)}; write '{name.partition('#')[0]}#{present[0]}'"
             if present
             else ("an SSP has one at its top")
         )
@@ -111,7 +111,7 @@ def _package(folder: Path, variant: str, name: str) -> Package:
     return Package(folder, ssd, variant or ssd.name)
 
 
-def inside_fmu(fmu: Path, uri: str, where: str) -> bytes:
+def read_inside_fmu(fmu: Path, uri: str, where: str) -> bytes:
     """The content of a file inside an FMU; CommandError where it is not there."""
     try:
         with zipfile.ZipFile(fmu) as archive:

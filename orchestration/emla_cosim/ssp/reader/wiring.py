@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from ...base.errors import CommandError
-from ...base.units import IDENTITY, LinearTransformation, Unit, conversion
+from ...base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
 from ...fmu.interface import Interface
-from ..documents.structure import (
+from ..documents.ssd_data import (
     ComponentElement,
-    Connection,
     Connector,
+    SsdConnection,
     TableTransformation,
 )
 
@@ -35,20 +35,20 @@ class Wiring:
     where: str
     fmus: dict[Path_, Fmu] = field(default_factory=dict)
     connectors: dict[Node, Connector] = field(default_factory=dict)
-    drivers: dict[Node, tuple[Node, Connection]] = field(default_factory=dict)
+    drivers: dict[Node, tuple[Node, SsdConnection]] = field(default_factory=dict)
 
     def fault(self, text: str) -> CommandError:
         """What is wrong with the structure."""
         return CommandError(f"'{self.where}': {text}")
 
-    def unit(self, node: Node) -> Unit | None:
+    def unit(self, node: Node) -> SiUnit | None:
         """The unit of a connector: the one it declares, that of the FMU's variable, or of what it drives."""
         declared = self.connectors[node].unit if node in self.connectors else None
         if declared is not None:
             return declared
         return self.fmu_unit(node) if node[0] in self.fmus else self._unit_inside(node)
 
-    def _unit_inside(self, node: Node) -> Unit | None:
+    def _unit_inside(self, node: Node) -> SiUnit | None:
         """The unit of all connectors inside a system that its own connector drives, if it is one."""
         inside = (target for target in self._driven.get(node, ()) if target[0][:-1] == node[0])
         units = {self.unit(target) for target in inside}
@@ -62,7 +62,7 @@ class Wiring:
             found.setdefault(source, []).append(target)
         return found
 
-    def fmu_unit(self, node: Node) -> Unit | None:
+    def fmu_unit(self, node: Node) -> SiUnit | None:
         """The unit of the FMU's variable behind a connector, if there is one."""
         path, name = node
         fmu = self.fmus.get(path)
@@ -80,7 +80,7 @@ class Wiring:
             if node in seen:
                 raise self.fault(f"the connections of {node_name(node)} go in a circle.")
 
-    def arriving(self, node: Node, origin: Node, given: Unit | None = None) -> LinearTransformation:
+    def arriving(self, node: Node, origin: Node, given: SiUnit | None = None) -> LinearTransformation:
         """What makes the values of a variable of the values at `origin`, which is in its chain.
 
         At both ends values are in the unit of the FMU's variable, or of the connector if it has none.
@@ -96,8 +96,8 @@ class Wiring:
         return self._converted(unit, self.fmu_unit(node), node).after(total)
 
     def _passed(
-        self, total: LinearTransformation, unit: Unit | None, target: Node
-    ) -> tuple[LinearTransformation, Unit | None]:
+        self, total: LinearTransformation, unit: SiUnit | None, target: Node
+    ) -> tuple[LinearTransformation, SiUnit | None]:
         """What arrives at a connector through the connection that drives it."""
         _, connection = self.drivers[target]
         declared = self.unit(target)
@@ -113,10 +113,14 @@ class Wiring:
         return transformation.after(converted.after(total)), declared if declared is not None else unit
 
     def _converted(
-        self, source: Unit | None, target: Unit | None, node: Node, connection: Connection | None = None
+        self,
+        source: SiUnit | None,
+        target: SiUnit | None,
+        node: Node,
+        connection: SsdConnection | None = None,
     ) -> LinearTransformation:
         try:
-            return conversion(source, target)
+            return find_conversion(source, target)
         except ValueError as error:
             if connection is not None:
                 raise self.fault(f"the connection {connection} joins {error}.") from error

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from ..documents.structure import Connection, SystemElement
+from ..documents.ssd_data import SsdConnection, SystemElement
 
 Corners = tuple[float, float, float, float]
 
@@ -45,7 +45,7 @@ def layout(
     return corners
 
 
-def route(system: SystemElement) -> tuple[Connection, ...]:
+def route(system: SystemElement) -> tuple[SsdConnection, ...]:
     """The connections of a system whose elements have their places, with the corners of their lines."""
     ends = {
         (e.name, c.name): _point(e.extent, c.position)

@@ -8,11 +8,11 @@ from fmpy.model_description import ModelVariable
 
 from ...base.errors import CommandError
 from ...fmu.interface import Interface
-from ...fmu.variables import find_variable, start_value
+from ...fmu.variables import convert_start_value, find_variable
 from ...system.model import Component, System
-from ..documents.parameters import format_mapping, format_parameter_set
-from ..documents.structure import MappingEntry, Parameter, ParameterBinding, ParameterSet, Reference
-from .building import unambiguous
+from ..documents.parameter_sets import format_mapping, format_parameter_set
+from ..documents.ssd_data import FileReference, MappingEntry, ParameterBinding, ParameterSet, SsvParameter
+from .elements import select_unambiguous
 
 SET_NAME = "initialValues"
 """The name of every parameter set: Ecos takes the sets of one name, and its users expect this one."""
@@ -40,29 +40,29 @@ def parameter_files(system: System, interfaces: Mapping[str, Interface]) -> Para
     return files
 
 
-def _parameters(component: Component, interface: Interface) -> list[Parameter]:
+def _parameters(component: Component, interface: Interface) -> list[SsvParameter]:
     """The values of a component by its own names, in the order of the FMU's variables."""
     names = {component.alias(name).variable: name for name in component.parameters}
     known = [names.pop(variable) for variable in interface.variables if variable in names]
     return [_parameter(component, interface, name) for name in (*known, *names.values())]
 
 
-def _parameter(component: Component, interface: Interface, name: str) -> Parameter:
+def _parameter(component: Component, interface: Interface, name: str) -> SsvParameter:
     value, alias = component.parameters[name], component.alias(name)
     variable = find_variable(component.name, interface.variables, alias.variable)
     if name in component.aliases and variable.type == "Real":
         try:
-            return Parameter(name, "Real", float(str(value)), alias.unit)
+            return SsvParameter(name, "Real", float(str(value)), alias.unit)
         except ValueError as error:
             raise CommandError(f"{component.name}.{name} = {value} is not a number.") from error
-    typed = start_value(component.name, interface, variable, value)
+    typed = convert_start_value(component.name, interface, variable, value)
     if variable.type == "Enumeration":
-        return Parameter(name, "Enumeration", _literal(variable, typed))
+        return SsvParameter(name, "Enumeration", _literal(variable, typed))
     unit = interface.unit(variable.name) if variable.type == "Real" else None
-    return Parameter(name, variable.type, typed, unit)
+    return SsvParameter(name, variable.type, typed, unit)
 
 
-def _mapping(component: Component, parameters: list[Parameter]) -> list[MappingEntry]:
+def _mapping(component: Component, parameters: list[SsvParameter]) -> list[MappingEntry]:
     """What the FMU calls the parameters and other variables of the component; empty if the same."""
     if not component.aliases:
         return []
@@ -75,7 +75,7 @@ def _mapping(component: Component, parameters: list[Parameter]) -> list[MappingE
 
 
 def _bindings(
-    contents: dict[str, bytes], component: Component, parameters: list[Parameter]
+    contents: dict[str, bytes], component: Component, parameters: list[SsvParameter]
 ) -> tuple[ParameterBinding, ...]:
     """The component's binding, whose files are added to `contents`; none where there is nothing to say."""
     mapping = _mapping(component, parameters)
@@ -85,13 +85,13 @@ def _bindings(
     contents[uri] = _parameter_set(component.name, parameters)
     reference = None
     if mapping:
-        reference = Reference(file_name(component.name, ".ssm", contents))
+        reference = FileReference(file_name(component.name, ".ssm", contents))
         contents[reference.source] = format_mapping(mapping)
-    return (ParameterBinding(Reference(uri), mapping=reference, renames=reference is not None),)
+    return (ParameterBinding(FileReference(uri), mapping=reference, renames=reference is not None),)
 
 
-def _parameter_set(name: str, parameters: list[Parameter]) -> bytes:
-    known = unambiguous(p.unit for p in parameters)
+def _parameter_set(name: str, parameters: list[SsvParameter]) -> bytes:
+    known = select_unambiguous(p.unit for p in parameters)
     listed = [p if p.unit in known else replace(p, unit=None) for p in parameters]
     return format_parameter_set(ParameterSet(SET_NAME, tuple(listed), f"Parameters of {name}"))
 

@@ -11,14 +11,14 @@ from typing import Any
 
 from emla_fmu.parameters import EmlaParameters
 
-from ...base.errors import CommandError, listed
+from ...base.errors import CommandError, join_names
 from ...base.files import read_file
-from ...base.option import Entered
+from ...base.option import FileOrObject
 from . import derived
-from .checks import contradictions, remarks
-from .conversion import Conversion, conversions
-from .entries import ANY_OF, NEEDED, ONE_OF, TABLES, Entry
-from .printed import Printed, printed
+from .consistency import find_contradictions, remarks
+from .conversion import Conversion, list_conversions
+from .entries import ANY_OF, NEEDED, ONE_OF, TABLES, SheetEntry
+from .sheet_values import SheetValue, read_sheet_value
 
 _TEXTS = ("name", "source")
 _NOTHING: Mapping[str, Any] = {}
@@ -36,7 +36,7 @@ def actuator_tables(path: Path) -> tuple[dict[str, Any], str]:
 
 
 @dataclass(frozen=True)
-class Actuator(Entered):
+class Actuator(FileOrObject):
     """One EMLA as its data sheets describe it; plant, observer and controller follow from it.
 
     Each table has quantities as a sheet prints them, such as `motor={"R": "2.3 Ohm line to line", ...}`;
@@ -63,9 +63,9 @@ class Actuator(Entered):
     def __post_init__(self) -> None:
         problems = [*_problems(self)]
         if not problems:
-            problems = [*contradictions(self.values)]
+            problems = [*find_contradictions(self.values)]
         if problems:
-            raise _wrong(self.label, problems)
+            raise _raise_problems(self.label, problems)
 
     @classmethod
     def read(cls, path: str | Path) -> "Actuator":
@@ -83,12 +83,12 @@ class Actuator(Entered):
         Raises CommandError for whatever is wrong with it; messages call it `label`.
         """
         if problems := [*_wrong_tables(tables)]:
-            raise _wrong(label, problems)
+            raise _raise_problems(label, problems)
         needed = {name: tables.get(name, _NOTHING) for name in NEEDED}
         try:
             return cls(**{**needed, **tables}, file=file, sha256=sha256)
         except CommandError as error:
-            raise _wrong(label, error.fields["problems"]) from None
+            raise _raise_problems(label, error.fields["problems"]) from None
 
     @property
     def label(self) -> str:
@@ -103,9 +103,9 @@ class Actuator(Entered):
         return " ".join("".join(c if c.isprintable() else " " for c in self.name).split())
 
     @cached_property
-    def printed(self) -> dict[str, Printed]:
+    def printed(self) -> dict[str, SheetValue]:
         """All entries by "table.key"."""
-        return {place: printed(value, entry, place) for place, entry, value in _entries(self)}
+        return {place: read_sheet_value(value, entry, place) for place, entry, value in _entries(self)}
 
     @property
     def values(self) -> dict[str, float]:
@@ -139,7 +139,7 @@ class Actuator(Entered):
     @property
     def conversions(self) -> list[Conversion]:
         """What was entered, and what it is in the model."""
-        return [*conversions(self.printed)]
+        return [*list_conversions(self.printed)]
 
     def record(self) -> dict[str, Any]:
         """All of it as run.json has it."""
@@ -153,7 +153,7 @@ class Actuator(Entered):
         }
 
 
-def _entries(actuator: Actuator) -> Iterator[tuple[str, Entry, Any]]:
+def _entries(actuator: Actuator) -> Iterator[tuple[str, SheetEntry, Any]]:
     """Place, entry and value of all that is given and known."""
     for table, entries in TABLES.items():
         given = getattr(actuator, table)
@@ -172,7 +172,7 @@ def _problems(actuator: Actuator) -> Iterator[str]:
         yield from _unknown(table, tables[table], [e.key for e in entries])
     for place, entry, value in _entries(actuator):
         try:
-            found = printed(value, entry, place)
+            found = read_sheet_value(value, entry, place)
         except CommandError as error:
             yield str(error).removesuffix(".")
             continue
@@ -182,7 +182,7 @@ def _problems(actuator: Actuator) -> Iterator[str]:
         yield "[thermal] needs motor.i_N, the current that ends at its permitted_rise"
 
 
-def _missing(table: str, given: Mapping[str, Any], entries: tuple[Entry, ...]) -> Iterator[str]:
+def _missing(table: str, given: Mapping[str, Any], entries: tuple[SheetEntry, ...]) -> Iterator[str]:
     """What a table that is there has to have."""
     examples = {e.key: e.example for e in entries}
     for entry in entries:
@@ -196,7 +196,7 @@ def _missing(table: str, given: Mapping[str, Any], entries: tuple[Entry, ...]) -
             shown = [f'{key} = "{examples[key]}"' for key in keys]
             yield f"[{table}] lacks {' or '.join(keys)}; write {' or '.join(shown)}"
         if len(there) > 1 and (where, keys) in ONE_OF:
-            yield f"[{table}] has {listed(there)}, which say the same; leave one"
+            yield f"[{table}] has {join_names(there)}, which say the same; leave one"
     if table == "motor" and ("L" in given, "L_d" in given, "L_q" in given) not in _INDUCTANCES:
         yield "[motor] needs L, or both L_d and L_q"
 
@@ -207,7 +207,7 @@ _INDUCTANCES = ((True, False, False), (False, True, True))
 def _unknown(table: str, given: Mapping[str, Any], known: list[str]) -> Iterator[str]:
     for key in given:
         if key not in known:
-            yield f"[{table}] has the entry '{key}'; {_meant(key, known)}"
+            yield f"[{table}] has the entry '{key}'; {_suggest_key(key, known)}"
 
 
 def _wrong_tables(content: Mapping[str, Any]) -> Iterator[str]:
@@ -215,19 +215,19 @@ def _wrong_tables(content: Mapping[str, Any]) -> Iterator[str]:
     known = [*TABLES, *_TEXTS]
     for key, value in content.items():
         if key not in known:
-            yield f"it has the table '{key}'; {_meant(key, known)}"
+            yield f"it has the table '{key}'; {_suggest_key(key, known)}"
         elif key in _TEXTS and not isinstance(value, str):
             yield f"'{key}' is {value!r}; it must be a text"
         elif key in TABLES and not isinstance(value, Mapping):
             yield f"'{key}' is {value!r}; it must be a table, [{key}]"
 
 
-def _meant(key: Any, known: list[str]) -> str:
+def _suggest_key(key: Any, known: list[str]) -> str:
     near = difflib.get_close_matches(str(key), known, n=1, cutoff=0.5)
-    return f"did you mean '{near[0]}'?" if near else f"it may have {listed(known)}"
+    return f"did you mean '{near[0]}'?" if near else f"it may have {join_names(known)}"
 
 
-def _wrong(label: str, problems: list[str]) -> CommandError:
+def _raise_problems(label: str, problems: list[str]) -> CommandError:
     ended = [p if p.endswith("?") else f"{p}." for p in problems]
     if len(ended) == 1:
         return CommandError(f"{label} cannot be used: {ended[0]}", problems=problems)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from . import derived
 from .entries import TABLES
-from .printed import Printed
+from .sheet_values import SheetValue
 
 _SAME = (
     *("motor.L_d", "motor.L_q", "motor.J_m", "motor.B_m", "coupling.J_c", "gearbox.J_GB"),
@@ -68,17 +68,17 @@ class Conversion:
         return f"{', '.join(self.entered)} -> {self.becomes} = {self.value:.6g} {self.unit}".rstrip()
 
 
-def conversions(entered: Mapping[str, Printed]) -> Iterator[Conversion]:
+def list_conversions(entered: Mapping[str, SheetValue]) -> Iterator[Conversion]:
     """All that the entries become."""
     units = {f"{table}.{e.key}": e.unit for table, entries in TABLES.items() for e in entries}
     for place, found in entered.items():
         if place in _PLANT and (place != "coupling.J_c" or "screw.J_BS" not in entered):
             text = f"{place} {found.text}"
             yield Conversion((text,), f"plant {_PLANT[place]}", found.number, units[place])
-    yield from _together(entered)
+    yield from _convert_combined(entered)
 
 
-def _together(entered: Mapping[str, Printed]) -> Iterator[Conversion]:
+def _convert_combined(entered: Mapping[str, SheetValue]) -> Iterator[Conversion]:
     """What several entries become together."""
     v = {place: found.number for place, found in entered.items()}
     made = derived.emla(v)

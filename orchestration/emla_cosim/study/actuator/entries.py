@@ -8,7 +8,7 @@ TURN = 2.0 * math.pi
 
 
 @dataclass(frozen=True)
-class Entry:
+class SheetEntry:
     """One entry of a table, which becomes a number in the unit that the model has.
 
     `unit` is an SI unit, empty for a plain number, and `example` how a sheet prints such a quantity. Where a
@@ -32,16 +32,16 @@ class Entry:
     kind: type = float
 
 
-def _current(key: str, about: str) -> Entry:
-    return Entry(key, "A", "12 A rms", about, rms=ROOT_2)
+def _current(key: str, about: str) -> SheetEntry:
+    return SheetEntry(key, "A", "12 A rms", about, rms=ROOT_2)
 
 
-TABLES: dict[str, tuple[Entry, ...]] = {
+TABLES: dict[str, tuple[SheetEntry, ...]] = {
     "motor": (
-        Entry("N_p", "", "4", "pole pairs", whole=True),
-        Entry("poles", "", "8", "poles, in the place of N_p", whole=True),
-        Entry("kT", "N.m/A", "1.66 N m/A rms", "torque constant", rms=1.0 / ROOT_2),
-        Entry(
+        SheetEntry("N_p", "", "4", "pole pairs", whole=True),
+        SheetEntry("poles", "", "8", "poles, in the place of N_p", whole=True),
+        SheetEntry("kT", "N.m/A", "1.66 N m/A rms", "torque constant", rms=1.0 / ROOT_2),
+        SheetEntry(
             "K_E",
             "V.s/rad",
             "107 V/krpm rms line to line",
@@ -49,77 +49,79 @@ TABLES: dict[str, tuple[Entry, ...]] = {
             rms=ROOT_2,
             between=1.0 / ROOT_3,
         ),
-        Entry("R", "Ohm", "2.3 Ohm line to line", "winding resistance", between=0.5, needed=True),
-        Entry("L", "H", "11.5 mH line to line", "inductance of both axes", between=0.5),
-        Entry("L_d", "H", "5 mH per phase", "inductance of the d-axis, with L_q", between=0.5),
-        Entry("L_q", "H", "7 mH per phase", "inductance of the q-axis, with L_d", between=0.5),
-        Entry("J_m", "kg.m2", "9.6 kg cm^2", "rotor inertia", needed=True),
-        Entry("B_m", "N.m.s/rad", "0.05 N m/krpm", "viscous friction of the rotor", positive=False),
+        SheetEntry("R", "Ohm", "2.3 Ohm line to line", "winding resistance", between=0.5, needed=True),
+        SheetEntry("L", "H", "11.5 mH line to line", "inductance of both axes", between=0.5),
+        SheetEntry("L_d", "H", "5 mH per phase", "inductance of the d-axis, with L_q", between=0.5),
+        SheetEntry("L_q", "H", "7 mH per phase", "inductance of the q-axis, with L_d", between=0.5),
+        SheetEntry("J_m", "kg.m2", "9.6 kg cm^2", "rotor inertia", needed=True),
+        SheetEntry("B_m", "N.m.s/rad", "0.05 N m/krpm", "viscous friction of the rotor", positive=False),
         _current("i_N", "current that it bears for ever (at standstill)"),
         _current("i_max", "peak current"),
-        Entry("tau_N", "N.m", "8.4 N m", "torque that it gives for ever (at standstill)"),
-        Entry("tau_max", "N.m", "25 N m", "peak torque"),
-        Entry("n_max", "rad/s", "3500 rpm", "largest speed", needed=True),
+        SheetEntry("tau_N", "N.m", "8.4 N m", "torque that it gives for ever (at standstill)"),
+        SheetEntry("tau_max", "N.m", "25 N m", "peak torque"),
+        SheetEntry("n_max", "rad/s", "3500 rpm", "largest speed", needed=True),
     ),
-    "coupling": (Entry("J_c", "kg.m2", "0.4 kg cm^2", "inertia of the coupling", positive=False),),
+    "coupling": (SheetEntry("J_c", "kg.m2", "0.4 kg cm^2", "inertia of the coupling", positive=False),),
     "gearbox": (
-        Entry("ratio", "", "7.7", "motor turns per turn of the screw", needed=True),
-        Entry("efficiency", "", "95 %", "efficiency of the gearbox", most=1.0, needed=True),
-        Entry("J_GB", "kg.m2", "1.2 kg cm^2", "inertia at the motor", positive=False),
+        SheetEntry("ratio", "", "7.7", "motor turns per turn of the screw", needed=True),
+        SheetEntry("efficiency", "", "95 %", "efficiency of the gearbox", most=1.0, needed=True),
+        SheetEntry("J_GB", "kg.m2", "1.2 kg cm^2", "inertia at the motor", positive=False),
     ),
     "screw": (
-        Entry("lead", "m", "10 mm", "travel per turn", per_turn=True, needed=True),
-        Entry("efficiency", "", "0.85", "efficiency of the screw", most=1.0, needed=True),
-        Entry("M_BS", "kg", "60 kg", "mass that moves with the nut, load included", needed=True),
-        Entry("stroke", "m", "500 mm", "travel from end to end", needed=True),
-        Entry("q_LB", "m", "0 mm", "position of the lower end", signed=True),
-        Entry("J_BS", "kg.m2", "3 kg cm^2", "inertia of the screw that turns", positive=False),
-        Entry("B_BS", "N.s/m", "100 N s/m", "viscous friction", positive=False),
-        Entry("v_max", "m/s", "200 mm/s", "largest speed, where it is less than the motor's"),
+        SheetEntry("lead", "m", "10 mm", "travel per turn", per_turn=True, needed=True),
+        SheetEntry("efficiency", "", "0.85", "efficiency of the screw", most=1.0, needed=True),
+        SheetEntry("M_BS", "kg", "60 kg", "mass that moves with the nut, load included", needed=True),
+        SheetEntry("stroke", "m", "500 mm", "travel from end to end", needed=True),
+        SheetEntry("q_LB", "m", "0 mm", "position of the lower end", signed=True),
+        SheetEntry("J_BS", "kg.m2", "3 kg cm^2", "inertia of the screw that turns", positive=False),
+        SheetEntry("B_BS", "N.s/m", "100 N s/m", "viscous friction", positive=False),
+        SheetEntry("v_max", "m/s", "200 mm/s", "largest speed, where it is less than the motor's"),
     ),
     "inverter": (
-        Entry("U_DC", "V", "560 V", "voltage of the DC link"),
-        Entry(
+        SheetEntry("U_DC", "V", "560 V", "voltage of the DC link"),
+        SheetEntry(
             "U_supply", "V", "400 V rms line to line", "supply of the inverter", ROOT_2, between=1.0 / ROOT_3
         ),
-        Entry("u_max", "V", "326 V peak", "longest voltage vector: peak voltage of a phase", rms=ROOT_2),
+        SheetEntry("u_max", "V", "326 V peak", "longest voltage vector: peak voltage of a phase", rms=ROOT_2),
         _current("i_max", "largest current"),
-        Entry("delay", "s", "0.1 ms", "time after which a voltage takes effect", positive=False),
-        Entry("dead_time", "s", "0.4 us", "dead time that nothing makes up for", positive=False),
-        Entry("f_PWM", "Hz", "8 kHz", "switching frequency"),
+        SheetEntry("delay", "s", "0.1 ms", "time after which a voltage takes effect", positive=False),
+        SheetEntry("dead_time", "s", "0.4 us", "dead time that nothing makes up for", positive=False),
+        SheetEntry("f_PWM", "Hz", "8 kHz", "switching frequency"),
         _current("i_0", "phase current within which dead time takes less"),
     ),
     "sensor": (
-        Entry("bits", "", "20", "bits per motor turn", whole=True, most=64.0),
-        Entry("steps", "", "4096", "steps per motor turn", whole=True),
-        Entry("resolution", "m", "1 um", "step of a sensor at the screw"),
-        Entry("sigma", "m", "10 nm", "standard deviation of the position noise", positive=False),
-        Entry("sigma_i", "A", "20 mA peak", "that of the noise of i_q and i_d", ROOT_2, positive=False),
-        Entry("resolution_i", "A", "10 mA peak", "current step", ROOT_2, positive=False),
+        SheetEntry("bits", "", "20", "bits per motor turn", whole=True, most=64.0),
+        SheetEntry("steps", "", "4096", "steps per motor turn", whole=True),
+        SheetEntry("resolution", "m", "1 um", "step of a sensor at the screw"),
+        SheetEntry("sigma", "m", "10 nm", "standard deviation of the position noise", positive=False),
+        SheetEntry("sigma_i", "A", "20 mA peak", "that of the noise of i_q and i_d", ROOT_2, positive=False),
+        SheetEntry("resolution_i", "A", "10 mA peak", "current step", ROOT_2, positive=False),
     ),
     "friction": (
-        Entry("F_C", "N", "200 N", "Coulomb friction at the screw", positive=False, needed=True),
-        Entry("F_S", "N", "300 N", "friction that breaks away; without: F_C", positive=False),
-        Entry("v_S", "m/s", "5 mm/s", "speed halfway from F_S to F_C"),
-        Entry("v_0", "m/s", "0.05 mm/s", "speed within which friction is like a damper"),
-        Entry(
+        SheetEntry("F_C", "N", "200 N", "Coulomb friction at the screw", positive=False, needed=True),
+        SheetEntry("F_S", "N", "300 N", "friction that breaks away; without: F_C", positive=False),
+        SheetEntry("v_S", "m/s", "5 mm/s", "speed halfway from F_S to F_C"),
+        SheetEntry("v_0", "m/s", "0.05 mm/s", "speed within which friction is like a damper"),
+        SheetEntry(
             "directional", "", "true", "whether losses of gearbox and screw go against the motion", kind=bool
         ),
-        Entry("eta_back", "", "0.7", "efficiency where the load drives", signed=True, most=1.0),
+        SheetEntry("eta_back", "", "0.7", "efficiency where the load drives", signed=True, most=1.0),
     ),
     "stop": (
-        Entry("stiffness", "N/m2", "2e8 N/m^2", "force of an end stop per squared depth", needed=True),
-        Entry("damping", "s/m", "5 s/m", "its growth with the speed of approach", positive=False),
+        SheetEntry("stiffness", "N/m2", "2e8 N/m^2", "force of an end stop per squared depth", needed=True),
+        SheetEntry("damping", "s/m", "5 s/m", "its growth with the speed of approach", positive=False),
     ),
     "thermal": (
-        Entry("tau_th", "s", "20 min", "thermal time constant of the winding", needed=True),
-        Entry("permitted_rise", "K", "100 K", "temperature rise that i_N ends at", needed=True),
+        SheetEntry("tau_th", "s", "20 min", "thermal time constant of the winding", needed=True),
+        SheetEntry("permitted_rise", "K", "100 K", "temperature rise that i_N ends at", needed=True),
     ),
     "control": (
-        Entry("a_max", "m/s2", "1.2 m/s^2", "braking acceleration; without: by rule"),
-        Entry("k_1", "", "0.05", "position loop in 1 / T_s; without: as the joint's own", most=0.5),
-        Entry("k_2", "", "0.09", "speed loop in 1 / T_s; without: as the joint's own", most=0.5),
-        Entry("observer", "", "0.3", "observer's poles in 1 / T_s; without: as the joint's own", most=1.0),
+        SheetEntry("a_max", "m/s2", "1.2 m/s^2", "braking acceleration; without: by rule"),
+        SheetEntry("k_1", "", "0.05", "position loop in 1 / T_s; without: as the joint's own", most=0.5),
+        SheetEntry("k_2", "", "0.09", "speed loop in 1 / T_s; without: as the joint's own", most=0.5),
+        SheetEntry(
+            "observer", "", "0.3", "observer's poles in 1 / T_s; without: as the joint's own", most=1.0
+        ),
     ),
 }
 """Entries of every table."""

@@ -11,7 +11,7 @@ from fmublock import Block
 
 from ...run.options import Options
 from ...system.model import System
-from .settings import is_own, number
+from .effective_values import get_number, is_own
 
 _EVENLY = 200
 """Moments, evenly spaced, at which a profile is looked at beside those where something begins or ends."""
@@ -54,12 +54,14 @@ def reference_reach(joint: str, system: System, options: Options) -> tuple[float
     if p is None:
         return None
     moves = [(t, t + 0.5 * d, t + d) for t, d in zip(p.start, p.duration, strict=True)]
-    found = [Reference().outputs(_at(p, t)) for t in _moments(_repeated(moves, p.period, options), options)]
+    found = [
+        Reference().outputs(_at(p, t)) for t in _moments(_repeat_moves(moves, p.period, options), options)
+    ]
     places = [one["x_d"] for one in found]
     return min(places), max(places), max(abs(one["v_d"]) for one in found)
 
 
-def _repeated(moves: Iterable[tuple[float, ...]], period: float, options: Options) -> Iterable[float]:
+def _repeat_moves(moves: Iterable[tuple[float, ...]], period: float, options: Options) -> Iterable[float]:
     """Return the moments of moves; of those that repeat, in every period of a run, up to a thousand."""
     once = [t for move in moves for t in move if t < 0.5 * NEVER]
     first, last = run_span(options)
@@ -94,7 +96,7 @@ def _parameters(
         return None
     found = SimpleNamespace()
     for parameter in block.layout().parameters:
-        read = [number(system, options, component, scalar.name) for scalar in parameter.scalars()]
+        read = [get_number(system, options, component, scalar.name) for scalar in parameter.scalars()]
         values = [
             float(scalar.start) if value is None else value
             for scalar, value in zip(parameter.scalars(), read, strict=True)

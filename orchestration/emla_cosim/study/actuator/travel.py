@@ -5,21 +5,21 @@ from collections.abc import Iterator
 
 from ...run.options import Options
 from ...system.model import System
-from ..trajectory import motion
+from ..machine_motion import load_motion
 from .actuator import Actuator
 from .derived import holding_torque
+from .effective_values import get_number, is_own
 from .profiles import largest_load, reference_reach, run_span
-from .settings import is_own, number
 
 _ROUNDING = 1.0 + 1e-9
 _LED = "machine.trajectory"
 
 
-def impossible(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
+def describe_impossible(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
     """Sentences, without their stops, on a start, a reference or a speed beyond what it can."""
     low, high, fastest = own.emla.q_LB, own.emla.q_UB, own.emla.v_max
     stroke = f"the stroke of its actuator, {1e3 * low:.4g} to {1e3 * high:.4g} mm"
-    start = number(system, options, f"{joint}.plant", "start.x_L")
+    start = get_number(system, options, f"{joint}.plant", "start.x_L")
     if start is not None and not low <= start <= high:
         yield f"{joint} starts at {1e3 * start:.4g} mm, outside {stroke}; set {joint}.plant.start.x_L"
     found = _motion(joint, system, options)
@@ -47,11 +47,11 @@ def _motion(
         return *found, ways
     if any(c.name == _LED for c in system.components) and is_own(_LED, options):
         ways = "give another --trajectory", "give a --trajectory that takes"
-        return *motion(options.trajectory).travel(joint, *run_span(options)), ways
+        return *load_motion(options.trajectory).travel(joint, *run_span(options)), ways
     return None
 
 
-def heavy(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
+def describe_heavy_load(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
     """Yield a sentence, without its stop, on a load in the run that the motor cannot hold, or not always."""
     load = largest_load(joint, system, options)
     if load is None:

@@ -16,12 +16,12 @@ from emla_fmu.parameters import EmlaParameters
 from emla_fmu.reference import MOVES, quintic_duration, rest_to_rest
 from emla_fmu.schedule import NEVER
 
-from ...base.errors import CommandError, listed
+from ...base.errors import CommandError, join_names
 from ...base.values import as_float
-from ...run.scenarios.scenario_file import options_given
+from ...run.scenarios.scenario_file import read_given_options
 from ..actuator.actuator import Actuator, actuator_tables
 from ..controllers import CONTROLLERS
-from .tables import Entry, Table, read_block, read_call
+from .toml_tables import EntryFormat, TomlTable, read_block, read_call
 
 KIND = "joint"
 """What `kind` is in a joint file."""
@@ -33,8 +33,8 @@ OBSERVER_RULES: Mapping[str, Callable[..., ObserverGains]] = {
 }
 """Rules that make the gains of an observer."""
 
-_LENGTH = Entry("position", "m", "0.25")
-_SPEED = Entry("peak speed", "m/s", "0.06", positive=True)
+_LENGTH = EntryFormat("position", "m", "0.25")
+_SPEED = EntryFormat("peak speed", "m/s", "0.06", positive=True)
 
 
 class Cells(NamedTuple):
@@ -50,20 +50,20 @@ class Cells(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Start:
+class StartPosition:
     """Where a joint starts."""
 
-    x_L: Annotated[float, Entry("initial screw position", "m", "0.24")]
+    x_L: Annotated[float, EntryFormat("initial screw position", "m", "0.24")]
 
 
 @dataclass(frozen=True)
 class Move:
     """The motion of a joint: one quintic move, by its peak speed or its duration."""
 
-    q_S: Annotated[float, Entry("start of the reference", "m", "0.244")]
-    q_E: Annotated[float, Entry("end of the reference", "m", "0.270")]
+    q_S: Annotated[float, EntryFormat("start of the reference", "m", "0.244")]
+    q_E: Annotated[float, EntryFormat("end of the reference", "m", "0.270")]
     v_peak: Annotated[float | None, _SPEED] = None
-    duration: Annotated[float | None, Entry("duration of the move", "s", "2.0", positive=True)] = None
+    duration: Annotated[float | None, EntryFormat("duration of the move", "s", "2.0", positive=True)] = None
 
     @property
     def peak(self) -> float:
@@ -81,9 +81,9 @@ class Move:
 class Cycle:
     """A motion that repeats: moves with one peak speed from way-point to way-point, and equal dwells."""
 
-    way_points: Annotated[tuple[float, ...], Entry("way-points of a cycle", "m", "[0.05, 0.30, 0.05]")]
-    v_peak: Annotated[float, Entry("peak speed of every move", "m/s", "0.026", positive=True)]
-    period: Annotated[float, Entry("time after which the motion repeats", "s", "40.0", positive=True)]
+    way_points: Annotated[tuple[float, ...], EntryFormat("way-points of a cycle", "m", "[0.05, 0.30, 0.05]")]
+    v_peak: Annotated[float, EntryFormat("peak speed of every move", "m/s", "0.026", positive=True)]
+    period: Annotated[float, EntryFormat("time after which the motion repeats", "s", "40.0", positive=True)]
 
     @property
     def durations(self) -> list[float]:
@@ -112,11 +112,13 @@ class Load:
     `start` has the times in s at which the second and later levels begin.
     """
 
-    level: Annotated[tuple[float, ...], Entry("load force", "N", "57e3")]
-    start: Annotated[tuple[float, ...] | None, Entry("times of the levels", "s", "[2.0]")] = None
-    ramp: Annotated[float | None, Entry("time between levels", "s", "0.5", positive=True)] = None
-    ripple: Annotated[float | None, Entry("width of the ripple", "N", "5e3")] = None
-    ripple_omega: Annotated[float | None, Entry("angular frequency of the ripple", "rad/s", "628")] = None
+    level: Annotated[tuple[float, ...], EntryFormat("load force", "N", "57e3")]
+    start: Annotated[tuple[float, ...] | None, EntryFormat("times of the levels", "s", "[2.0]")] = None
+    ramp: Annotated[float | None, EntryFormat("time between levels", "s", "0.5", positive=True)] = None
+    ripple: Annotated[float | None, EntryFormat("width of the ripple", "N", "5e3")] = None
+    ripple_omega: Annotated[float | None, EntryFormat("angular frequency of the ripple", "rad/s", "628")] = (
+        None
+    )
 
     @property
     def largest(self) -> float:
@@ -134,7 +136,7 @@ class Load:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class JointExperiment:
     """What the joint does and meets in an experiment of the paper."""
 
     reference: Cycle
@@ -165,7 +167,7 @@ class GainSet:
 class Tuning:
     """What `emla tune` needs beside: the convergence time to beat, and values for the case with noise."""
 
-    convergence_time: Annotated[float | None, Entry("convergence time to beat", "s", "0.085")] = None
+    convergence_time: Annotated[float | None, EntryFormat("convergence time to beat", "s", "0.085")] = None
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ class JointFile:
     actuator: Actuator
     realistic: Actuator
     is_realistic: bool
-    start: Start
+    start: StartPosition
     reference: Move
     load: Load
     disturbance: Mapping[str, Any]
@@ -195,7 +197,7 @@ class JointFile:
     gains: Mapping[str, Mapping[str, GainSet]]
     tuning: Tuning | None
     noisy: Mapping[str, float]
-    experiments: Mapping[str, Experiment]
+    experiments: Mapping[str, JointExperiment]
     printed: Mapping[str, Mapping[str, Cells]]
 
     @property
@@ -207,7 +209,7 @@ class JointFile:
         """Return a set of gains; CommandError if the file has none of this name for the controller."""
         sets = self.gains.get(controller, {})
         if name not in sets:
-            others = f", or choose {listed(sets)} with --gains" if sets else ""
+            others = f", or choose {join_names(sets)} with --gains" if sets else ""
             raise CommandError(
                 f"{self.label} has no gains '{name}' for the controller '{controller}'; "
                 f"add [gains.{controller}.{name}]{others}.",
@@ -217,7 +219,7 @@ class JointFile:
             )
         return sets[name]
 
-    def experiment(self, scenario: str) -> Experiment:
+    def experiment(self, scenario: str) -> JointExperiment:
         """Return the motion and the load of a scenario; CommandError if the file has none."""
         if scenario not in self.experiments:
             raise CommandError(f"{self.label} lacks the table [experiment.{scenario}].")
@@ -248,7 +250,7 @@ class JointFile:
                 return self.observers[gains]
             missing = f"add [observer.{gains}]"
             if self.observers:
-                missing = f"{missing}, or choose {listed(self.observers)} with --gains"
+                missing = f"{missing}, or choose {join_names(self.observers)} with --gains"
         elif self.name in gains:
             return ObserverSet(gains[self.name])
         else:
@@ -289,9 +291,11 @@ KEYS = frozenset(_TOP) - {"description", "actuator", "gains"}
 
 @dataclass(frozen=True)
 class _Head:
-    description: Annotated[str, Entry("line that `emla list` shows", "", '"..."')]
-    sample_time: Annotated[float, Entry("sample time of observer and controller", "s", "1e-4", positive=True)]
-    seed: Annotated[int | None, Entry("start of the random sequences")] = None
+    description: Annotated[str, EntryFormat("line that `emla list` shows", "", '"..."')]
+    sample_time: Annotated[
+        float, EntryFormat("sample time of observer and controller", "s", "1e-4", positive=True)
+    ]
+    seed: Annotated[int | None, EntryFormat("start of the random sequences")] = None
 
 
 def read_joint(text: str, label: str, name: str, folder: Path) -> JointFile:
@@ -305,16 +309,16 @@ def read_joint(text: str, label: str, name: str, folder: Path) -> JointFile:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise CommandError(f"{label} is not TOML: {error}.") from error
-    return joint_of(content, label, name, folder)
+    return parse_joint(content, label, name, folder)
 
 
-def joint_of(content: Mapping[str, Any], label: str, name: str, folder: Path) -> JointFile:
+def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path) -> JointFile:
     """Return the joint of a joint file's content; see `read_joint`."""
     if not name.isidentifier():
         raise CommandError(
             f"{label} cannot name a joint: '{name}' is no name; use letters, digits and _ in the file name."
         )
-    top = Table(content, "", label)
+    top = TomlTable(content, "", label)
     top.check_keys(_TOP)
     if content.get("kind") != KIND:
         raise CommandError(f'{label} lacks kind; write kind = "{KIND}".', key="kind")
@@ -333,7 +337,7 @@ def joint_of(content: Mapping[str, Any], label: str, name: str, folder: Path) ->
         actuator=actuator,
         realistic=realistic,
         is_realistic=is_realistic,
-        start=read_call(Start, tables["start"]),
+        start=read_call(StartPosition, tables["start"]),
         reference=_move(tables["reference"]),
         load=_load(tables["load"]),
         disturbance=read_block(Disturbance, tables["disturbance"], _DISTURBANCE_ELSEWHERE),
@@ -353,7 +357,7 @@ _PLAIN = ("kind", "description", "sample_time", "seed", "actuator")
 """Entries that are no tables, or can be something else."""
 
 
-def _named(block: Any, attributes: Iterable[str]) -> set[str]:
+def _fmi_names(block: Any, attributes: Iterable[str]) -> set[str]:
     wanted = set(attributes)
     return {str(x.name) for x in block.layout().parameters if x.attribute in wanted}
 
@@ -361,17 +365,17 @@ def _named(block: Any, attributes: Iterable[str]) -> set[str]:
 _SEED = "write it as seed, before the first table"
 _DISTURBANCE_ELSEWHERE = {
     **dict.fromkeys(
-        _named(Disturbance, ("level", "level_start", "ramp", "ripple", "ripple_omega")),
+        _fmi_names(Disturbance, ("level", "level_start", "ramp", "ripple", "ripple_omega")),
         "the load is in [load]",
     ),
     "d_2.seed": _SEED,
 }
 _PLANT_ELSEWHERE = {
     **dict.fromkeys(
-        _named(EmlaPlant, DriveParameters.__dataclass_fields__), "it belongs to [actuator] or [drive]"
+        _fmi_names(EmlaPlant, DriveParameters.__dataclass_fields__), "it belongs to [actuator] or [drive]"
     ),
     **dict.fromkeys(
-        _named(EmlaPlant, [*EmlaParameters.__dataclass_fields__, "i_max", "i_range"]),
+        _fmi_names(EmlaPlant, [*EmlaParameters.__dataclass_fields__, "i_max", "i_range"]),
         "it follows from [actuator]",
     ),
     "sensor.seed": _SEED,
@@ -381,7 +385,7 @@ _PLANT_ELSEWHERE = {
 }
 
 
-def _actuator(top: Table, folder: Path) -> tuple[Actuator, Mapping[str, Any]]:
+def _actuator(top: TomlTable, folder: Path) -> tuple[Actuator, Mapping[str, Any]]:
     """Return the actuator, inline or of the file that the entry names, and its tables."""
     entered = top.content.get("actuator")
     if entered is None:
@@ -404,7 +408,7 @@ _OF_THE_DRIVE = ("inverter", "sensor", "friction", "stop", "thermal")
 """Tables of an actuator that `[drive]` can change."""
 
 
-def _realistic(actuator: Actuator, entered: Mapping[str, Any], drive: Table) -> tuple[Actuator, bool]:
+def _realistic(actuator: Actuator, entered: Mapping[str, Any], drive: TomlTable) -> tuple[Actuator, bool]:
     """Return the actuator with the entries of `[drive]`, and whether the joint always runs with it."""
     drive.check_keys([*_OF_THE_DRIVE, "always"])
     always = drive.content.get("always", False)
@@ -417,12 +421,12 @@ def _realistic(actuator: Actuator, entered: Mapping[str, Any], drive: Table) -> 
     return Actuator.of_tables(merged, drive.label), always
 
 
-def _run(table: Table, joint: str) -> dict[str, Any]:
+def _run(table: TomlTable, joint: str) -> dict[str, Any]:
     """Return the options of the joint's scenario; components in it are named without the joint."""
     for key, example in (("stop_time", "10.0"), ("step_size", "1e-4")):
         if key not in table.content:
             raise CommandError(f"{table.label} lacks {key}, in s; write {key} = {example}.", key=key)
-    options = options_given(table.content, table.label, ())
+    options = read_given_options(table.content, table.label, ())
     if isinstance(options.get("order"), list):
         options["order"] = [f"{joint}.{role}" for role in options["order"]]
     if isinstance(options.get("step_multiples"), Mapping):
@@ -430,7 +434,7 @@ def _run(table: Table, joint: str) -> dict[str, Any]:
     return options
 
 
-def _move(table: Table) -> Move:
+def _move(table: TomlTable) -> Move:
     move = read_call(Move, table)
     if (move.v_peak is None) == (move.duration is None):
         has = "neither v_peak nor duration" if move.v_peak is None else "both v_peak and duration"
@@ -440,7 +444,7 @@ def _move(table: Table) -> Move:
     return move
 
 
-def _experiment(table: Table) -> Experiment:
+def _experiment(table: TomlTable) -> JointExperiment:
     table.check_keys(["reference", "load"])
     reference = table.inner("reference", "the motion of the joint")
     cycle = read_call(Cycle, reference)
@@ -454,10 +458,10 @@ def _experiment(table: Table) -> Experiment:
             f"{reference.label_of('period')} is {cycle.period:g} s; the moves take "
             f"{sum(cycle.durations):g} s in all."
         )
-    return Experiment(cycle, _load(table.inner("load", "the load force")))
+    return JointExperiment(cycle, _load(table.inner("load", "the load force")))
 
 
-def _load(table: Table) -> Load:
+def _load(table: TomlTable) -> Load:
     load = read_call(Load, table)
     count = len(load.level)
     if not 1 <= count <= LEVELS:
@@ -470,16 +474,19 @@ def _load(table: Table) -> Load:
     return load
 
 
-def _observer_set(table: Table) -> ObserverSet:
+def _observer_set(table: TomlTable) -> ObserverSet:
     gains = _by_rule(table, ObserverGains, OBSERVER_RULES, ("estimate",))
     if "estimate" not in table.content:
         return ObserverSet(gains)
-    own = Table({"x_L": table.content["estimate"]}, table.name, table.file)
-    return ObserverSet(gains, read_call(Start, own).x_L)
+    own = TomlTable({"x_L": table.content["estimate"]}, table.name, table.file)
+    return ObserverSet(gains, read_call(StartPosition, own).x_L)
 
 
 def _by_rule(
-    table: Table, gains: Callable[..., Any], rules: Mapping[str, Callable[..., Any]], ignored: Iterable[str]
+    table: TomlTable,
+    gains: Callable[..., Any],
+    rules: Mapping[str, Callable[..., Any]],
+    ignored: Iterable[str],
 ) -> Any:
     """Return gains: all their values, or what the rule that the table names makes of its arguments."""
     rule = table.content.get("rule")
@@ -491,7 +498,7 @@ def _by_rule(
     return read_call(rules[rule], table, [*ignored, "rule"])
 
 
-def _gains(table: Table, observers: Mapping[str, ObserverSet]) -> dict[str, dict[str, GainSet]]:
+def _gains(table: TomlTable, observers: Mapping[str, ObserverSet]) -> dict[str, dict[str, GainSet]]:
     with_gains = {name: one for name, one in CONTROLLERS.items() if one.gain_type is not None}
     table.check_keys(with_gains, "controller")
     found: dict[str, dict[str, GainSet]] = {}
@@ -505,7 +512,7 @@ def _gains(table: Table, observers: Mapping[str, ObserverSet]) -> dict[str, dict
     return found
 
 
-def _gain_set(table: Table, controller: str, observers: Mapping[str, ObserverSet]) -> GainSet:
+def _gain_set(table: TomlTable, controller: str, observers: Mapping[str, ObserverSet]) -> GainSet:
     chosen = CONTROLLERS[controller]
     assert chosen.gain_type is not None
     beside = ("observer", "on_machine")
@@ -519,13 +526,13 @@ def _gain_set(table: Table, controller: str, observers: Mapping[str, ObserverSet
         raise CommandError(f"{table.label} lacks observer, the set of its gains; write observer = {shown}.")
     if isinstance(observer, str):
         if observer not in observers:
-            known = f"it must be {listed(observers)}" if observers else f"add [observer.{observer}]"
+            known = f"it must be {join_names(observers)}" if observers else f"add [observer.{observer}]"
             raise CommandError(f"{table.label_of('observer')} is '{observer}', which is missing; {known}.")
         return GainSet(gains, observers[observer], on_machine)
     return GainSet(gains, _observer_set(table.inner("observer")), on_machine)
 
 
-def _noisy(table: Table) -> dict[str, float]:
+def _noisy(table: TomlTable) -> dict[str, float]:
     found: dict[str, float] = {}
     for name, value in table.content.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -536,7 +543,7 @@ def _noisy(table: Table) -> dict[str, float]:
     return found
 
 
-def _printed(table: Table) -> dict[str, dict[str, Cells]]:
+def _printed(table: TomlTable) -> dict[str, dict[str, Cells]]:
     return {
         scenario: {
             controller: read_call(Cells, table.inner(scenario).inner(controller))

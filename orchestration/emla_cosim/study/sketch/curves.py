@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.arrays import Vector
-from ...views.plots.style import tidied
+from ...views.plots.style import tidy_axes
 from .movement import JOINTS, Movement
 from .scene import JOINT_COLORS
 
@@ -40,23 +40,23 @@ class Curves:
         ]
 
 
-def curves(found: Movement) -> list[Curves]:
+def build_curves(found: Movement) -> list[Curves]:
     """What a movement has values for, once the initial transient is over."""
     late = found.time >= found.time[0] + _TRANSIENT
     part = late if late.sum() > 1 else np.full_like(late, True)
     wanted = []
     if found.forces is not None:
-        wanted.append(Curves("load force / kN", *_shortened(found.time[part], 1e-3 * found.forces[part])))
+        wanted.append(Curves("load force / kN", *_thin_rows(found.time[part], 1e-3 * found.forces[part])))
     if found.errors is not None:
-        wanted.append(Curves("position error / µm", *_shortened(found.time[part], 1e6 * found.errors[part])))
+        wanted.append(Curves("position error / µm", *_thin_rows(found.time[part], 1e6 * found.errors[part])))
     return wanted
 
 
-def dress(axes: "list[Axes]", shown: list[Curves]) -> None:
+def label_panels(axes: "list[Axes]", shown: list[Curves]) -> None:
     """Labels of the panels, one above the other, and who is who above the first."""
     for panel, curve in zip(axes, shown, strict=True):
         panel.set_ylabel(curve.label, fontsize=9)
-        tidied(panel)
+        tidy_axes(panel)
     if not axes:
         return
     axes[-1].set_xlabel("time / s", fontsize=9)
@@ -66,7 +66,7 @@ def dress(axes: "list[Axes]", shown: list[Curves]) -> None:
     )
 
 
-def _shortened(time: Vector, values: Vector) -> tuple[Vector, Vector]:
+def _thin_rows(time: Vector, values: Vector) -> tuple[Vector, Vector]:
     """Of many rows two for each part: where each column is lowest and highest, and the last row."""
     if len(time) <= 2 * _PARTS:
         return np.repeat(time[:, None], values.shape[1], axis=1), values

@@ -8,10 +8,10 @@ from ...base.arrays import Indices
 from ...base.errors import RunError
 from ...run.result import Result
 from ...views.animation import Animation, Film, Pixels
-from .curves import curves, dress
-from .movement import Movement, animated_signals, movement, recorded_signals
+from .curves import build_curves, label_panels
+from .movement import Movement, animated_signals, read_movement, recorded_signals
 from .scene import draw_machine, draw_scene, draw_wanted, draw_way, machine_and_panels
-from .shapes import shapes
+from .shapes import build_shapes
 
 PERIOD, _MOST = 0.08, 150
 """How long a frame is seen, in s, and how many there are at the most: longer runs are shown faster."""
@@ -31,7 +31,7 @@ class ManipulatorAnimation(Animation):
 
     def film(self, result: Result) -> Film:
         """The film of a run; RunError where its manipulator is none of ours."""
-        found = movement(result, result.read(["time", *recorded_signals(result)], _ROWS))
+        found = read_movement(result, result.read(["time", *recorded_signals(result)], _ROWS))
         if found is None:
             raise RunError("there is nothing to animate: the manipulator has no posture that can be drawn.")
         return MachineFilm(found)
@@ -48,11 +48,11 @@ class MachineFilm(Film):
         self._movement, self._rows = found, _rows(found)
         speed = (found.time[-1] - found.time[0]) / (self.period * len(self._rows))
         self._faster = f", {speed:.2g} x real time" if speed > 1.05 else ""
-        shown = curves(found)
+        shown = build_curves(found)
         figure, self._scene, panels = machine_and_panels(len(shown), (8.0, 5.0), 100)
         self._canvas = FigureCanvasAgg(figure)
         self._growing = [(curve, curve.draw(panel)) for panel, curve in zip(panels, shown, strict=True)]
-        dress(panels, shown)
+        label_panels(panels, shown)
         for panel, curve in zip(panels, shown, strict=True):
             curve.draw(panel, alpha=0.2)
         draw_scene(self._scene, found.p)
@@ -81,7 +81,7 @@ class MachineFilm(Film):
 
     def _move(self, row: int) -> None:
         found = self._movement
-        for name, line in shapes(found.p, found.strokes[row], found.payload[row]).items():
+        for name, line in build_shapes(found.p, found.strokes[row], found.payload[row]).items():
             self.parts[name].set_xy(line)
         self._way.set_data(*found.path[: row + 1].T)
         self._clock.set_text(f"{found.time[row]:.1f} s{self._faster}")

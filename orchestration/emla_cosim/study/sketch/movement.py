@@ -12,7 +12,7 @@ from hdrm_fmu.parameters import PAYLOAD
 
 from ...base.arrays import Vector
 from ...run.result import Result
-from ..roles import JOINTS, variable
+from ..roles import JOINTS, find_variable
 
 MACHINES = ("machine.manipulator", "machine.plant")
 """Components that may have the geometry."""
@@ -74,7 +74,7 @@ def recorded_signals(result: Result) -> list[str]:
     return found if driver is None else [*found, driver]
 
 
-def movement(result: Result, data: Mapping[str, Vector]) -> Movement | None:
+def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None:
     """The movement of a run, as far as the manipulator's triangles close; None where nothing tells of it.
 
     `data` has the columns of `recorded_signals`, and `time`.
@@ -93,7 +93,7 @@ def movement(result: Result, data: Mapping[str, Vector]) -> Movement | None:
 
 def _signals(role: str, names: Collection[str]) -> list[str]:
     """The signal of every joint in this role; nothing where one lacks it."""
-    found = [name for joint in JOINTS if (name := variable(joint, role, names)) is not None]
+    found = [name for joint in JOINTS if (name := find_variable(joint, role, names)) is not None]
     return found if len(found) == len(JOINTS) else []
 
 

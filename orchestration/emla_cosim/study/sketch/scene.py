@@ -9,8 +9,8 @@ from hdrm_fmu import HdrmParameters
 
 from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, RED
 from .movement import Movement
-from .shapes import shapes
-from .workspace import workspace
+from .shapes import build_shapes
+from .workspace import outline_workspace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,10 +37,10 @@ def machine_and_panels(rows: int, size: tuple[float, float], dpi: int) -> "tuple
 
 def draw_scene(axes: "Axes", p: HdrmParameters) -> None:
     """The workspace, the ground, and nothing else on these axes; one metre is as long up as along."""
-    reached = workspace(p)
+    reached = outline_workspace(p)
     axes.fill(*reached.T, color=BLUE, alpha=0.06, linewidth=0)
     axes.plot(*reached.T, color=BLUE, alpha=0.45, linewidth=0.8)
-    base = shapes(p, p.q_LB)["base"]
+    base = build_shapes(p, p.q_LB)["base"]
     foot, left, right = base[:, 1].min(), base[:, 0].min() - 0.15, base[:, 0].max() + 0.15
     axes.plot([left, right], [foot, foot], color=EDGE, linewidth=1.2)
     axes.fill_between(
@@ -60,7 +60,7 @@ def draw_machine(axes: "Axes", p: HdrmParameters, q: Sequence[float], payload: f
     from matplotlib.patches import Polygon
 
     found = {}
-    for name, line in shapes(p, q, payload).items():
+    for name, line in build_shapes(p, q, payload).items():
         part = Polygon(line, closed=True, joinstyle="round", **_look(name))
         found[name] = axes.add_patch(part)
     return found
@@ -68,7 +68,7 @@ def draw_machine(axes: "Axes", p: HdrmParameters, q: Sequence[float], payload: f
 
 def draw_ghost(axes: "Axes", p: HdrmParameters, q: Sequence[float], payload: float) -> None:
     """Where the machine was at another time: what moves of it, faintly."""
-    for name, line in shapes(p, q, payload).items():
+    for name, line in build_shapes(p, q, payload).items():
         if name.endswith(("boom", "tube", "housing", "payload")):
             axes.fill(*line.T, alpha=0.3, **_look(name))
 

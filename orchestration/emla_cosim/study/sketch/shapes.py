@@ -25,7 +25,7 @@ _HOUSING, _TUBE, _INSIDE = 0.12, 0.06, 0.5
 """Widths of an actuator's housing and of its tube, m; and the part of it that one inside a boom has."""
 
 
-def shapes(p: Any, q: Sequence[float], payload: float = PAYLOAD) -> dict[str, Vector]:
+def build_shapes(p: Any, q: Sequence[float], payload: float = PAYLOAD) -> dict[str, Vector]:
     """Closed lines by name, those behind first, of the manipulator at the strokes q in m.
 
     `p` is as in `hdrm_fmu.kinematics`; `payload` in kg decides how large its box is.

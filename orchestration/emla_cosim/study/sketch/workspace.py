@@ -12,7 +12,7 @@ _SIDE, _ARC = 80, 60
 """Pieces of each side of the box of tilt and telescope strokes, and of an arc that the lift makes."""
 
 
-def workspace(p: Any) -> Vector:
+def outline_workspace(p: Any) -> Vector:
     """The closed line around all points that the tip reaches within the box of strokes.
 
     The lift turns everything about O1. What tilt and telescope reach at its lower end is therefore swept

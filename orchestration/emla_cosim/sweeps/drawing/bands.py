@@ -9,10 +9,10 @@ import polars
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError, check_choice
-from ...views.plots.style import BLUE, new_figure, tidied
+from ...views.plots.style import BLUE, new_figure, tidy_axes
 from ..columns import LARGEST, is_done
 from ..data import VARIANT, SweepData
-from .labels import columns_for, hide_rest, put_legend, put_title, with_unit, wrapped
+from .labels import choose_columns, hide_rest, label_with_unit, put_legend, put_title, wrap_text
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -26,7 +26,7 @@ _ROWS_AT_ONCE = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Bands:
+class PercentileBands:
     """Percentiles of a signal over variants: a row of `values` for each of `PERCENTILES`, at `times` in s.
 
     NaN where no variant has a value.
@@ -36,7 +36,7 @@ class Bands:
     values: Vector
 
 
-def bands(result: SweepData, signal: str) -> Bands:
+def compute_bands(result: SweepData, signal: str) -> PercentileBands:
     """Percentiles of a signal, at no more than 400 times of the variant that came furthest.
 
     Values of variants with other times are interpolated between their rows; a variant counts only from
@@ -67,7 +67,7 @@ def bands(result: SweepData, signal: str) -> Bands:
         for own_times, own in zip(np.split(time, cuts), np.split(value, cuts), strict=True):
             values[row] = np.interp(times, own_times, own, left=np.nan, right=np.nan)
             row += 1
-    return Bands(times, np.column_stack([_percentiles(column) for column in values.T]))
+    return PercentileBands(times, np.column_stack([_percentiles(column) for column in values.T]))
 
 
 def _series(result: SweepData) -> polars.LazyFrame:
@@ -99,16 +99,18 @@ def draw_bands(result: SweepData, signals: Sequence[str] = ()) -> "Figure":
     """A panel for each signal that has values; the first 12 of those kept unless some are named."""
     _series(result)
     chosen = list(signals or result.signals[:_MOST_PANELS])
-    found = [(signal, bands(result, signal)) for signal in chosen]
+    found = [(signal, compute_bands(result, signal)) for signal in chosen]
     found = [(signal, one) for signal, one in found if not np.isnan(one.values).all()]
     if not found:
         raise CommandError(f"the signals of the sweep '{result.name}' have no values.")
-    columns = columns_for(len(found))
+    columns = choose_columns(len(found))
     figure, grid = new_figure(-(-len(found) // columns), columns, 7.5 if columns == 1 else 4.4, sharex="none")
     for axes, (signal, one) in zip(grid.flat, found, strict=False):
         _draw_panel(axes, one)
         axes.set_title(
-            wrapped(with_unit(signal, result.units.get(signal) or ""), 54), fontsize=9, parse_math=False
+            wrap_text(label_with_unit(signal, result.units.get(signal) or ""), 54),
+            fontsize=9,
+            parse_math=False,
         )
     hide_rest(grid, len(found))
     for axes in grid.flat[max(len(found) - columns, 0) : len(found)]:
@@ -118,12 +120,12 @@ def draw_bands(result: SweepData, signals: Sequence[str] = ()) -> "Figure":
     return figure
 
 
-def _draw_panel(axes: "Axes", one: Bands) -> None:
+def _draw_panel(axes: "Axes", one: PercentileBands) -> None:
     low, low_middle, median, high_middle, high = one.values
     axes.fill_between(one.times, low, high, color=BLUE, alpha=0.18, linewidth=0)
     axes.fill_between(one.times, low_middle, high_middle, color=BLUE, alpha=0.35, linewidth=0)
     axes.plot(one.times, median, color=BLUE, linewidth=1.2)
-    tidied(axes)
+    tidy_axes(axes)
     axes.yaxis.get_offset_text().set_fontsize(8)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base.arrays import Vector
-from ..columns import Factor, shown_as
+from ..columns import FactorColumn, display_of
 from ..data import SweepData
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ _MOST_LEVELS = 12
 """Of more levels only every n-th has its name on an axis."""
 
 
-def shortened(text: str, most: int) -> str:
+def shorten_text(text: str, most: int) -> str:
     """A text of at most so many characters; what is left out of its middle is told by dots."""
     text = re.sub(r"\s", " ", text)
     if len(text) <= most:
@@ -32,12 +32,12 @@ def shortened(text: str, most: int) -> str:
     return f"{text[:front].rstrip(' .')}…{text[len(text) - (most - 1 - front) :].lstrip(' .')}"
 
 
-def wrapped(text: str, width: int, lines: int = 2) -> str:
+def wrap_text(text: str, width: int, lines: int = 2) -> str:
     """A text in lines of at most so many characters, broken after dots and spaces if it can be.
 
     A unit stays whole, and with what it belongs to.
     """
-    text = shortened(text, width * lines)
+    text = shorten_text(text, width * lines)
     found = [""]
     for piece in re.split(r"(?<=[ .])(?<!/ )(?!/)(?![^(]*\))", text):
         if len(found[-1] + piece.rstrip()) <= width:
@@ -49,7 +49,7 @@ def wrapped(text: str, width: int, lines: int = 2) -> str:
     return "\n".join(line.strip() for line in found if line.strip())
 
 
-def with_unit(name: str, unit: str) -> str:
+def label_with_unit(name: str, unit: str) -> str:
     """A quantity as it stands at an axis: name / unit."""
     if not unit:
         return name
@@ -58,13 +58,13 @@ def with_unit(name: str, unit: str) -> str:
 
 def factor_label(result: SweepData, name: str) -> str:
     """A factor with its unit."""
-    return with_unit(name, result.units.get(name) or "")
+    return label_with_unit(name, result.units.get(name) or "")
 
 
 def figure_label(result: SweepData, name: str) -> str:
     """A figure as a person calls it, with the unit a person sees it in."""
-    shown = shown_as(result, name)
-    return with_unit(shown.label, shown.unit)
+    shown = display_of(result, name)
+    return label_with_unit(shown.label, shown.unit)
 
 
 def is_wide(values: Vector) -> bool:
@@ -97,14 +97,14 @@ def put_levels(
     They are cut to `most` characters, and turned where all together do not fit into `room` characters.
     """
     places = range(0, len(levels), -(-len(levels) // _MOST_LEVELS))
-    names = [shortened(levels[i], most) for i in places]
+    names = [shorten_text(levels[i], most) for i in places]
     turned = room is not None and sum(len(name) + 2 for name in names) > room
     turn = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if turned else {}
     axis.set_ticks([first + i for i in places], names, parse_math=False, **turn)
     axis.set_tick_params(labelsize=8)
 
 
-def put_factor(axes: "Axes", axis: "Axis", one: Factor, room: int, most: int = 24) -> None:
+def put_factor(axes: "Axes", axis: "Axis", one: FactorColumn, room: int, most: int = 24) -> None:
     """Prepare an axis for a factor: its scale, or the names of its levels as `put_levels` puts them."""
     if one.levels is None:
         scale(axes, axis, one.values)
@@ -121,7 +121,7 @@ def spread(values: Vector, axis: int) -> Vector:
 
 def put_title(figure: "Figure", title: str) -> None:
     """What a picture shows."""
-    lines = wrapped(title, int(9.0 * figure.get_figwidth()))
+    lines = wrap_text(title, int(9.0 * figure.get_figwidth()))
     figure.suptitle(lines, fontsize=12, fontweight="bold", parse_math=False)
 
 
@@ -142,7 +142,7 @@ def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = ""
     if note:
         legend.set_title(" ")
         legend.get_title().set(
-            text=wrapped(note, int(13.0 * width), 4),
+            text=wrap_text(note, int(13.0 * width), 4),
             parse_math=False,
             color="#555555",
             fontsize=8,
@@ -156,6 +156,6 @@ def hide_rest(grid: np.ndarray, used: int) -> None:
         axes.set_visible(False)
 
 
-def columns_for(panels: int) -> int:
+def choose_columns(panels: int) -> int:
     """How many columns look well for so many panels."""
     return 1 if panels <= 1 else 2 if panels <= 4 else 3

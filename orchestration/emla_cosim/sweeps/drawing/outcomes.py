@@ -19,13 +19,13 @@ def color_of(outcome: str) -> str:
     return _COLORS.get(outcome, GREY)
 
 
-def present(outcomes: np.ndarray) -> dict[str, int]:
+def count_outcomes(outcomes: np.ndarray) -> dict[str, int]:
     """How many variants came to each outcome, in the order of severity."""
     found = {name: int((outcomes == name).sum()) for name in dict.fromkeys([*_COLORS, *outcomes])}
     return {name: count for name, count in found.items() if count}
 
 
-def handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
+def make_legend_handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
     """Marks for a legend: each outcome with its number; `done` is what those without fault are called."""
     from matplotlib.lines import Line2D
 
@@ -33,5 +33,5 @@ def handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
         f"{done if name == DONE else name} ({count:,})": Line2D(
             [], [], color=color_of(name), marker="o", linestyle="", markersize=5
         )
-        for name, count in present(outcomes).items()
+        for name, count in count_outcomes(outcomes).items()
     }

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.errors import listed
-from ...views.plots.style import new_figure, tidied
+from ...base.errors import join_names
+from ...views.plots.style import new_figure, tidy_axes
 from ..columns import (
-    Factor,
-    factor,
+    FactorColumn,
+    display_of,
     figure_values,
+    find_varying_figures,
     good_outcome,
     influence,
     is_truth,
-    nothing_varies,
-    outcomes,
-    shown_as,
-    varying,
+    nothing_varies_error,
+    read_factor,
+    read_outcomes,
 )
 from ..data import SweepData
 from .labels import (
@@ -30,9 +30,9 @@ from .labels import (
     put_title,
     scale,
     spread,
-    wrapped,
+    wrap_text,
 )
-from .outcomes import color_of, handles, present
+from .outcomes import color_of, count_outcomes, make_legend_handles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,12 +51,12 @@ def draw_figures(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
 
     Marks at the bottom of a panel are variants without the figure.
     """
-    chosen = list(figures or varying(result))[:_MOST_FIGURES]
+    chosen = list(figures or find_varying_figures(result))[:_MOST_FIGURES]
     values = {figure: figure_values(result, figure) for figure in chosen}
     factors = _strongest(result, list(values.values()))
     if not (chosen and factors):
-        raise nothing_varies(result, "factor" if chosen else "figure")
-    told = outcomes(result)
+        raise nothing_varies_error(result, "factor" if chosen else "figure")
+    told = read_outcomes(result)
     shown = factors[:_MOST_FACTORS]
     figure, grid = new_figure(len(chosen), len(shown), 2.5 if len(shown) > 1 else 5.0, 1.9, sharex="none")
     for i, name in enumerate(chosen):
@@ -64,30 +64,30 @@ def draw_figures(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
         for axes, one in zip(row, shown, strict=True):
             _draw_panel(axes, result, one, name, values[name], told)
             axes.tick_params(labelleft=axes is row[0], labelbottom=i == len(chosen) - 1)
-        row[0].set_ylabel(wrapped(figure_label(result, name), 25, 3), fontsize=8, parse_math=False)
+        row[0].set_ylabel(wrap_text(figure_label(result, name), 25, 3), fontsize=8, parse_math=False)
     for axes, one in zip(grid[-1], shown, strict=True):
-        axes.set_xlabel(wrapped(factor_label(result, one.name), _ROOM), fontsize=8, parse_math=False)
+        axes.set_xlabel(wrap_text(factor_label(result, one.name), _ROOM), fontsize=8, parse_math=False)
     figure.align_ylabels()
     figure.set_layout_engine("constrained", w_pad=0.08)  # room for the numbers at the ends of axes
     put_title(figure, f"{result.name}: figures against factors")
-    more = 0 if figures else len(varying(result)) - len(chosen)
+    more = 0 if figures else len(find_varying_figures(result)) - len(chosen)
     notes = list(_notes(result, factors, more))
     if any(np.isnan(column).any() for column in values.values()):
         notes.append("Marks at the bottom are variants without the figure.")
-    put_legend(figure, handles(told, good_outcome(result)), " ".join(notes))
+    put_legend(figure, make_legend_handles(told, good_outcome(result)), " ".join(notes))
     return figure
 
 
-def _strongest(result: SweepData, figures: Sequence[Vector]) -> list[Factor]:
+def _strongest(result: SweepData, figures: Sequence[Vector]) -> list[FactorColumn]:
     """Factors that vary, that with the largest rank correlation with any of the figures first."""
-    factors = [one for name in result.factors if (one := factor(result, name)).varies]
+    factors = [one for name in result.factors if (one := read_factor(result, name)).varies]
     return sorted(factors, key=lambda one: -max((influence(one, values) for values in figures), default=0.0))
 
 
 def _draw_panel(
-    axes: "Axes", result: SweepData, one: Factor, name: str, values: Vector, told: np.ndarray
+    axes: "Axes", result: SweepData, one: FactorColumn, name: str, values: Vector, told: np.ndarray
 ) -> None:
-    shown = shown_as(result, name).factor * values
+    shown = display_of(result, name).factor * values
     truth = is_truth(result, name)
     x = spread(one.values, 0) if one.levels else one.values
     y = spread(shown, 1) if truth else shown
@@ -97,7 +97,7 @@ def _draw_panel(
         float(np.clip(20.0 / np.sqrt(count), 0.25, 0.9)),
     )
     missing = np.isnan(shown)
-    for outcome in present(told):
+    for outcome in count_outcomes(told):
         mine, color = told == outcome, color_of(outcome)
         known, lost = mine & ~missing, mine & missing
         axes.plot(x[known], y[known], "o", color=color, markersize=size, alpha=alpha, markeredgewidth=0)
@@ -110,7 +110,7 @@ def _draw_panel(
             alpha=0.8,
             transform=axes.get_xaxis_transform(),
         )
-    tidied(axes)
+    tidy_axes(axes)
     axes.margins(x=0.04, y=0.1)
     put_factor(axes, axes.xaxis, one, _ROOM, 16)
     if truth:
@@ -120,10 +120,10 @@ def _draw_panel(
         scale(axes, axes.yaxis, shown)
 
 
-def _notes(result: SweepData, factors: Sequence[Factor], figures_left: int) -> Iterator[str]:
+def _notes(result: SweepData, factors: Sequence[FactorColumn], figures_left: int) -> Iterator[str]:
     if len(factors) > _MOST_FACTORS:
         rest = [one.name for one in factors[_MOST_FACTORS:]]
-        named = listed(rest) if len(rest) <= _NAMED else f"{len(rest)} factors"
+        named = join_names(rest) if len(rest) <= _NAMED else f"{len(rest)} factors"
         yield f"Left out for smaller rank correlations: {named}."
     if (same := len(result.factors) - len(factors)) > 0:
         yield f"Factors that are the same everywhere: {same}."

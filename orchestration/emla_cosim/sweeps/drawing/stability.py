@@ -7,19 +7,19 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from ...base.wording import number
+from ...base.wording import format_number
 from ...recorders.metrics import HELD
-from ...views.plots.style import new_figure, tidied
+from ...views.plots.style import new_figure, tidy_axes
 from ..columns import (
-    Factor,
-    factor,
+    FactorColumn,
+    display_of,
     figure_values,
+    find_varying_figures,
     good_outcome,
     influence,
     is_truth,
-    outcomes,
-    shown_as,
-    varying,
+    read_factor,
+    read_outcomes,
 )
 from ..data import DONE, SweepData
 from .labels import (
@@ -31,9 +31,9 @@ from .labels import (
     put_levels,
     put_title,
     spread,
-    wrapped,
+    wrap_text,
 )
-from .outcomes import color_of, handles, present
+from .outcomes import color_of, count_outcomes, make_legend_handles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,10 +58,10 @@ def draw_map(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     """
     if len(figures) > 1:
         raise CommandError(f"a map shows one figure, not {len(figures)}.")
-    told = outcomes(result)
+    told = read_outcomes(result)
     name = figures[0] if figures else _first_figure(result)
     values = (
-        figure_values(result, name) * shown_as(result, name).factor if name else np.full(len(told), np.nan)
+        figure_values(result, name) * display_of(result, name).factor if name else np.full(len(told), np.nan)
     )
     values[told != DONE] = np.nan
     if len(set(told)) < 2 and np.isnan(values).all():
@@ -73,25 +73,27 @@ def draw_map(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     axes = grid[0, 0]
     whole = result.sampling == "grid" and len(result.factors) == 2
     shades = (_draw_cells if whole else _draw_points)(axes, one, other, values, told)
-    axes.set_xlabel(wrapped(factor_label(result, one.name), 80), fontsize=9, parse_math=False)
-    axes.set_ylabel(wrapped(factor_label(result, other.name), 54), fontsize=9, parse_math=False)
+    axes.set_xlabel(wrap_text(factor_label(result, one.name), 80), fontsize=9, parse_math=False)
+    axes.set_ylabel(wrap_text(factor_label(result, other.name), 54), fontsize=9, parse_math=False)
     if name and not np.isnan(values).all():
         bar = figure.colorbar(shades, ax=axes)
         bar.ax.tick_params(labelsize=8)
-        bar.set_label(wrapped(figure_label(result, name), 54), fontsize=9, parse_math=False)
+        bar.set_label(wrap_text(figure_label(result, name), 54), fontsize=9, parse_math=False)
     good = good_outcome(result)
     put_title(figure, f"{result.name}: {_TITLES[good]}")
-    put_legend(figure, handles(told, good), "" if len(result.factors) == 2 else _note(result, told, good))
+    put_legend(
+        figure, make_legend_handles(told, good), "" if len(result.factors) == 2 else _note(result, told, good)
+    )
     return figure
 
 
 def _first_figure(result: SweepData) -> str | None:
-    return next((figure for figure in varying(result) if not is_truth(result, figure)), None)
+    return next((figure for figure in find_varying_figures(result) if not is_truth(result, figure)), None)
 
 
-def _two_factors(result: SweepData, told: np.ndarray, values: Vector) -> tuple[Factor, Factor]:
+def _two_factors(result: SweepData, told: np.ndarray, values: Vector) -> tuple[FactorColumn, FactorColumn]:
     """The two that vary and have the largest influence, in the order of the sweep."""
-    factors = [one for name in result.factors if (one := factor(result, name)).varies]
+    factors = [one for name in result.factors if (one := read_factor(result, name)).varies]
     if len(factors) < 2:
         raise CommandError(
             f"a map needs two factors that vary; the sweep '{result.name}' has {len(factors) or 'none'}."
@@ -121,7 +123,9 @@ def _shading(values: Vector) -> dict[str, Any]:
     return {"cmap": LinearSegmentedColormap.from_list("held", _GOOD), "norm": norm(low, high)}
 
 
-def _draw_cells(axes: "Axes", one: Factor, other: Factor, values: Vector, told: np.ndarray) -> Any:
+def _draw_cells(
+    axes: "Axes", one: FactorColumn, other: FactorColumn, values: Vector, told: np.ndarray
+) -> Any:
     from matplotlib.colors import ListedColormap
 
     x_levels, x = np.unique(one.values, return_inverse=True)
@@ -132,31 +136,37 @@ def _draw_cells(axes: "Axes", one: Factor, other: Factor, values: Vector, told: 
         table[y[chosen], x[chosen]] = content[chosen]
         return np.ma.masked_invalid(table)
 
-    for outcome in present(told):
+    for outcome in count_outcomes(told):
         color = _GOOD[0] if outcome == DONE else color_of(outcome)
         chosen = told == outcome
         axes.pcolormesh(cells(np.ones(len(told)), chosen), cmap=ListedColormap([color]))
     shades = axes.pcolormesh(cells(values, ~np.isnan(values)), **_shading(values))
     for axis, factor_, levels in ((axes.xaxis, one, x_levels), (axes.yaxis, other, y_levels)):
-        names = [factor_.levels[int(v)] for v in levels] if factor_.levels else [number(v, 4) for v in levels]
+        names = (
+            [factor_.levels[int(v)] for v in levels]
+            if factor_.levels
+            else [format_number(v, 4) for v in levels]
+        )
         put_levels(axis, names, room=_ROOM if axis is axes.xaxis else None, first=0.5)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
     return shades
 
 
-def _draw_points(axes: "Axes", one: Factor, other: Factor, values: Vector, told: np.ndarray) -> Any:
+def _draw_points(
+    axes: "Axes", one: FactorColumn, other: FactorColumn, values: Vector, told: np.ndarray
+) -> Any:
     x = spread(one.values, 0) if one.levels else one.values
     y = spread(other.values, 1) if other.levels else other.values
     size = float(np.clip(4000.0 / max(len(x), 1), 8.0, 40.0))
     good = told == DONE
     axes.scatter(x[good], y[good], s=size, color=_GOOD[0], linewidths=0)
     shades = axes.scatter(x[good], y[good], s=size, c=values[good], linewidths=0, **_shading(values))
-    for outcome in present(told):
+    for outcome in count_outcomes(told):
         if outcome != DONE:
             mine = told == outcome
             axes.scatter(x[mine], y[mine], s=2 * size, marker="X", color=color_of(outcome), linewidths=0)
-    tidied(axes)
+    tidy_axes(axes)
     axes.margins(0.03)
     put_factor(axes, axes.xaxis, one, _ROOM)
     put_factor(axes, axes.yaxis, other, _ROOM)

@@ -11,7 +11,7 @@ from scipy.special import ndtr, ndtri
 
 from ...base.arrays import Vector
 from ...system.model import Value
-from .base import Distribution
+from .distribution import Distribution
 
 _OUTERMOST = 2.0**-53
 """The quantile that stands for 0, and from 1 for 1, where there is no bound: random numbers hit these."""

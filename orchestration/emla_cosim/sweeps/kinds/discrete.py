@@ -10,7 +10,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...system.model import Value
-from .base import Distribution
+from .distribution import Distribution
 
 MOST_LEVELS = 1000
 """Integers up to this many are levels of a grid; a range of more has none."""
@@ -20,7 +20,7 @@ _LARGEST_INTEGER = 2**53
 
 
 @dataclass(frozen=True)
-class Values(Distribution):
+class ValueList(Distribution):
     """The values of a list, equally likely; a value that stands there twice is twice as likely.
 
     They are ordered as they are given. Numbers of which one has a decimal point are all real.

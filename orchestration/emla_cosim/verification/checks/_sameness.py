@@ -1,7 +1,7 @@
 """How far apart two runs may be that should be one, and the sentence that says so."""
 
-from ..host.drive import Trajectory
-from ..verdict import Outcome, failed, passed, warned
+from ..host.instance_runs import OutputTrajectory
+from ..verdict import CheckOutcome, failed, passed, warned
 
 _CLOSE = 1e-3
 """Of an output's range: what two solvers, or two step sizes, may differ by."""
@@ -10,7 +10,9 @@ ROUNDING = 1e-9
 """Of an output's range: what another alignment of memory, or another order of a sum, may do."""
 
 
-def compared(found: Trajectory, wanted: Trajectory, what: str, allowed: float = ROUNDING) -> Outcome:
+def compare_runs(
+    found: OutputTrajectory, wanted: OutputTrajectory, what: str, allowed: float = ROUNDING
+) -> CheckOutcome:
     """Passed where two runs are the same to the last bit, failed where they are further apart than allowed.
 
     `what` begins the sentence: `A second run`. `allowed` is in parts of an output's range; what is
@@ -28,7 +30,7 @@ def compared(found: Trajectory, wanted: Trajectory, what: str, allowed: float = 
     return (failed if figures["largest_difference"] > allowed else warned)(sentence, figures=figures)
 
 
-def differing(found: Trajectory, wanted: Trajectory, rows: int) -> tuple[list[str], float]:
+def differing(found: OutputTrajectory, wanted: OutputTrajectory, rows: int) -> tuple[list[str], float]:
     """Compare the first rows of two runs that need not be the same to the last bit.
 
     Returns:
@@ -40,7 +42,7 @@ def differing(found: Trajectory, wanted: Trajectory, rows: int) -> tuple[list[st
     return [f"{name} differs by {d:.3g} of its range" for name, d in far], max(apart, default=0.0)
 
 
-def _most(wanted: Trajectory, worst: int, figures: dict[str, float]) -> str:
+def _most(wanted: OutputTrajectory, worst: int, figures: dict[str, float]) -> str:
     if not wanted.names:
         return ""
     return f", most in {wanted.names[worst]}, by {figures['largest_difference']:.3g} of its range"

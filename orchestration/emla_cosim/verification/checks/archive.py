@@ -6,10 +6,10 @@ from pathlib import Path
 
 from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..check import check
-from ..declared import repeated
-from ..saying import judged, listed, short
+from ..declarations import find_repeated
+from ..messages import join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed
+from ..verdict import CheckOutcome, Clause, failed, passed
 
 _LARGEST = 256 * 2**20
 """Bytes that an archive may unpack to whatever it is compressed from."""
@@ -36,7 +36,7 @@ _STREAMED = 1 << 3
     Clause("2.3", "All relevant files are stored in a ZIP file with a pre-defined structure."),
     "Make the FMU anew with a zip tool that writes relative names with forward slashes, each once.",
 )
-def safe(subject: Subject) -> Outcome:
+def safe(subject: Subject) -> CheckOutcome:
     """It is a zip file, whole, whose entries all belong into its folder; it is unpacked there."""
     if not subject.path.is_file():
         return failed("There is no such file.", hint="Name an FMU file.")
@@ -46,17 +46,17 @@ def safe(subject: Subject) -> Outcome:
         _refuse(entries, subject.path)
         unpack(subject.path, subject.folder)
     except UnsafeArchiveError as error:
-        return failed(short(f"It {error}."))
+        return failed(shorten_sentence(f"It {error}."))
     except MemoryError:
         raise
     except Exception as error:  # whatever zip readers raise
         return failed(f"It cannot be unpacked: {_words(error)}.")
-    return judged((), f"Its {len(entries)} entries were unpacked.", _colliding(entries))
+    return judge_problems((), f"Its {len(entries)} entries were unpacked.", _colliding(entries))
 
 
 def _refuse(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
     """Raise UnsafeArchiveError for what `unpack` allows, but an FMU cannot mean."""
-    if twice := repeated(e.filename for e in entries):
+    if twice := find_repeated(e.filename for e in entries):
         raise UnsafeArchiveError(f"has more than one entry '{twice[0]}', of which tools read different ones")
     size, whole = sum(e.file_size for e in entries), path.stat().st_size
     if size > max(_LARGEST, _RATIO * whole):
@@ -89,7 +89,7 @@ def _colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
     "Zip the FMU's folder with the method `deflate`.",
     needs=("archive.safe",),
 )
-def format_(subject: Subject) -> Outcome:
+def format_(subject: Subject) -> CheckOutcome:
     """Entries are stored or deflated, and need nothing newer than version 2.0 of the format."""
     with zipfile.ZipFile(subject.path) as archive:
         entries = archive.infolist()
@@ -104,9 +104,11 @@ def format_(subject: Subject) -> Outcome:
         for e in entries
         if e.flag_bits & _STREAMED and e.compress_type == zipfile.ZIP_STORED and not e.is_dir()
     ]
-    doubts = [f"{listed(newer)} needs a newer version of the format than 2.0."] if newer else []
-    doubts += [f"{listed(streamed)} is stored without its size before it (bit 3)."] if streamed else []
-    return judged(problems, f"{len(entries)} entries are stored or deflated.", doubts)
+    doubts = [f"{join_few_names(newer)} needs a newer version of the format than 2.0."] if newer else []
+    doubts += (
+        [f"{join_few_names(streamed)} is stored without its size before it (bit 3)."] if streamed else []
+    )
+    return judge_problems(problems, f"{len(entries)} entries are stored or deflated.", doubts)
 
 
 @check(
@@ -116,14 +118,16 @@ def format_(subject: Subject) -> Outcome:
     "Zip what is inside the FMU's folder, not the folder; other data belong into `resources` or `extra`.",
     needs=("archive.safe",),
 )
-def layout(subject: Subject) -> Outcome:
+def layout(subject: Subject) -> CheckOutcome:
     """At the top there is nothing that the standard does not know."""
     unknown = sorted(p.name for p in subject.folder.iterdir() if p.name not in _KNOWN)
     if unknown:
-        return judged((), "", [f"At the top there is {listed(unknown)}, which the standard does not know."])
+        return judge_problems(
+            (), "", [f"At the top there is {join_few_names(unknown)}, which the standard does not know."]
+        )
     return passed("At the top there is only what the standard knows.")
 
 
 def _words(error: Exception) -> str:
     said = error.strerror if isinstance(error, OSError) else str(error)
-    return short(said or type(error).__name__).rstrip(".")
+    return shorten_sentence(said or type(error).__name__).rstrip(".")

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import fmpy
 
-from ...fmu.library import missing_bytes
-from ..apart import note
+from ...fmu.shared_library import missing_bytes
 from ..check import check
-from ..functions import required
-from ..libraries import Library, exported, libraries, parsed, platforms
-from ..saying import judged, listed, short
+from ..fmi_functions import list_required_functions
+from ..libraries import Library, list_exports, list_libraries, list_platforms, parse_library
+from ..messages import join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed, skipped, warned
+from ..subprocess_run import note
+from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 
 _HERE = (fmpy.platform_tuple, fmpy.platform)
 
@@ -29,18 +29,18 @@ _HERE = (fmpy.platform_tuple, fmpy.platform)
     "Put `<modelIdentifier>.so`, `.dll` or `.dylib` into `binaries/<platform>`.",
     needs=("description.schema",),
 )
-def present(subject: Subject) -> Outcome:
+def present(subject: Subject) -> CheckOutcome:
     """There is a library for this platform, for another one, or at least sources."""
-    found = libraries(subject)
+    found = list_libraries(subject)
     sources = [e.get("name") for e in subject.tree.iterfind(".//SourceFiles/File")]
     without = [k for k in subject.kinds if not any(k in one.kinds for one in found)]
     if without and not sources:
-        folders = ", ".join(p.name for p in platforms(subject)) or "no platform"
+        folders = ", ".join(p.name for p in list_platforms(subject)) or "no platform"
         name = subject.tree.find(without[0]).get("modelIdentifier")
         return failed(
             f"There are binaries for {folders}, but none is called {name}, and there are no sources."
         )
-    names = listed(sorted({one.platform for one in found}))
+    names = join_few_names(sorted({one.platform for one in found}))
     if not found:
         return warned("There are sources only; most tools need a binary.")
     if not any(one.platform in _HERE for one in found):
@@ -59,13 +59,15 @@ def present(subject: Subject) -> Outcome:
     "Export them from the library, without a prefix; those for what the FMU cannot do may answer fmi2Error.",
     needs=("binaries.present",),
 )
-def symbols(subject: Subject) -> Outcome:
+def symbols(subject: Subject) -> CheckOutcome:
     """Each platform's library has every function of the FMI for what the FMU is."""
-    found = libraries(subject)
+    found = list_libraries(subject)
     if not found:
         return skipped("There are no binaries.")
     problems = [p for one in found for p in _lacking(one)]
-    return judged(problems, f"All functions are exported by {listed([str(one) for one in found])}.")
+    return judge_problems(
+        problems, f"All functions are exported by {join_few_names([str(one) for one in found])}."
+    )
 
 
 def _lacking(library: Library) -> Iterator[str]:
@@ -74,14 +76,14 @@ def _lacking(library: Library) -> Iterator[str]:
             yield f"{library} is cut off: its last {missing} bytes are missing."
         return
     note(f"reading {library}")
-    binary = parsed(library.path)
+    binary = parse_library(library.path)
     if binary is None:
         yield f"{library} is no shared library that can be read."
         return
-    names = exported(binary)
-    wanted = list(dict.fromkeys(name for kind in library.kinds for name in required(kind)))
+    names = list_exports(binary)
+    wanted = list(dict.fromkeys(name for kind in library.kinds for name in list_required_functions(kind)))
     if lacking := [name for name in wanted if name not in names]:
-        yield f"{library} does not export {listed(lacking)}."
+        yield f"{library} does not export {join_few_names(lacking)}."
 
 
 @check(
@@ -95,9 +97,9 @@ def _lacking(library: Library) -> Iterator[str]:
     "`ldd` says what a library needs; link that statically, or ship it and set the RPATH to $ORIGIN.",
     needs=("binaries.symbols",),
 )
-def loads(subject: Subject) -> Outcome:
+def loads(subject: Subject) -> CheckOutcome:
     """The system's loader takes the library for this platform."""
-    here = [one for one in libraries(subject) if one.platform in _HERE]
+    here = [one for one in list_libraries(subject) if one.platform in _HERE]
     if not here:
         return skipped(f"There is no binary for {fmpy.platform}.")
     for library in here:
@@ -111,7 +113,7 @@ def loads(subject: Subject) -> Outcome:
             return failed(f"{library} cannot be loaded, for a reason that is no text.")
         except OSError as error:
             said = str(error).replace(f"{library.path.parent}{os.sep}", "")
-            sentence = f"{library} cannot be loaded: {short(said).rstrip('.')}"
+            sentence = f"{library} cannot be loaded: {shorten_sentence(said).rstrip('.')}"
             others = _dependencies(subject)
             return skipped(f"{sentence}; {others} tells what it needs.") if others else failed(f"{sentence}.")
     try:
@@ -119,8 +121,8 @@ def loads(subject: Subject) -> Outcome:
     except MemoryError:
         raise
     except Exception as error:
-        return skipped(f"FMPy cannot read the model description: {short(str(error)).rstrip('.')}.")
-    return passed(f"{listed([str(one) for one in here])} can be loaded.")
+        return skipped(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
+    return passed(f"{join_few_names([str(one) for one in here])} can be loaded.")
 
 
 def _dependencies(subject: Subject) -> str:

@@ -11,12 +11,12 @@ from fmpy.model_description import ModelVariable
 
 from ...fmu.instance import FATAL, FINE
 from ..check import check
-from ..host.afresh import EndedError, afresh, separately
-from ..host.drive import outputs
-from ..host.experiment import experiment, number, span
-from ..host.instance import CallError, Instance
+from ..host.experiment import make_experiment, parse_number, span
+from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import outputs
 from ..subject import Subject
-from ..verdict import Clause, Outcome, passed, warned
+from ..verdict import CheckOutcome, Clause, passed, warned
 
 _PHASES = ("before initialization", "in initialization mode", "after initialization", "after fmi2Terminate")
 
@@ -26,7 +26,7 @@ class _Forbidden(NamedTuple):
 
     phase: str
     function: str
-    call: Callable[[Instance], int]
+    call: Callable[[HostedInstance], int]
 
 
 def _plain(phase: str, function: str) -> _Forbidden:
@@ -34,14 +34,14 @@ def _plain(phase: str, function: str) -> _Forbidden:
 
 
 def _step(phase: str) -> _Forbidden:
-    def call(instance: Instance) -> int:
+    def call(instance: HostedInstance) -> int:
         start, step, _ = span(instance.subject)
         return instance.status("fmi2DoStep", start, step, 0)
 
     return _Forbidden(phase, "fmi2DoStep", call)
 
 
-def _set_up(instance: Instance) -> int:
+def _set_up(instance: HostedInstance) -> int:
     return instance.status("fmi2SetupExperiment", 0, 0.0, span(instance.subject)[0], 0, 0.0)
 
 
@@ -71,15 +71,15 @@ _OF = {
     Clause("3.2.3", "The behaviour of an FMU is undefined for such a calling sequence."),
     "Keep the phase in the instance, and answer fmi2Error, with a message, to what does not belong there.",
     needs=("run.completes",),
-    patience=2.0,
+    time_factor=2.0,
 )
-def phases(subject: Subject) -> Outcome:
+def phases(subject: Subject) -> CheckOutcome:
     """A call that the state machine forbids is answered with fmi2Error; above all it does no harm.
 
     The standard leaves it open what happens then, so that nothing here fails.
     """
     try:
-        asked, taken = afresh(_taken, subject)
+        asked, taken = in_fresh_process(_taken, subject)
     except EndedError as error:
         return warned(str(error))
     if taken:
@@ -93,7 +93,7 @@ def phases(subject: Subject) -> Outcome:
 def _taken(subject: Subject) -> tuple[int, list[str]]:
     """How many calls were made, and those that were answered with fmi2OK."""
     asked = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject)]
-    taken = [f"{f.function} {f.phase}" for f in asked if separately(_answer, subject, f) in FINE]
+    taken = [f"{f.function} {f.phase}" for f in asked if in_separate_process(_answer, subject, f) in FINE]
     return len(asked), taken
 
 
@@ -102,14 +102,14 @@ def _parameters(subject: Subject) -> Iterator[_Forbidden]:
     fixed = [v for v in subject.of_causality("parameter") if v.variability == "fixed" and v.start is not None]
     for variable in fixed[:1]:
         reference = (fmi2ValueReference * 1)(variable.valueReference)
-        value = (fmi2Real * 1)(number(variable.start, 0.0))
+        value = (fmi2Real * 1)(parse_number(variable.start, 0.0))
         name = f"fmi2SetReal of the fixed parameter {variable.name}"
         yield _Forbidden(_AFTER, name, lambda i, r=reference, v=value: i.status("fmi2SetReal", r, 1, v))
 
 
 def _answer(subject: Subject, forbidden: _Forbidden) -> int:
     """The status of a call in its phase; the instance is reset, if it lives, and freed."""
-    instance, start = Instance(subject), span(subject)[0]
+    instance, start = HostedInstance(subject), span(subject)[0]
     reached = _PHASES.index(forbidden.phase)
     if reached >= 1:
         instance.enter_initialization(start)
@@ -138,7 +138,7 @@ _STEPS = 3
     "Answer fmi2Discard or fmi2Error to what is no number, and say in the log which variable it was.",
     needs=("run.completes",),
 )
-def nonfinite(subject: Subject) -> Outcome:
+def nonfinite(subject: Subject) -> CheckOutcome:
     """NaN or infinity in an input or a parameter is refused, or has no effect; it never ends the process."""
     variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
     variables = [v for v in variables if v.variability != "constant" and v.start is not None][
@@ -153,7 +153,7 @@ def nonfinite(subject: Subject) -> Outcome:
         silent += [
             f"{variable.name} = {value} gives {name} = {got}, and every call answers fmi2OK."
             for value in (math.nan, math.inf)
-            for name, got in separately(_spoiled, subject, variable, value)
+            for name, got in in_separate_process(_spoiled, subject, variable, value)
         ]
     if silent:
         return warned(
@@ -165,8 +165,8 @@ def nonfinite(subject: Subject) -> Outcome:
 
 def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]]:
     """An output that is no number after this was set; none where a call refused it, or none was."""
-    course = experiment(subject, _STEPS)
-    instance = Instance(subject)
+    course = make_experiment(subject, _STEPS)
+    instance = HostedInstance(subject)
     instance.circumstance = f" with {variable.name} = {value}"
     names = outputs(subject)
     found: list[float] = []

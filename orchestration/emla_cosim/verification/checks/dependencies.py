@@ -5,11 +5,11 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from ..check import check
-from ..host.afresh import EndedError, afresh
-from ..host.instance import CallError
+from ..host.fresh_process import EndedError, in_fresh_process
+from ..host.hosted_instance import CallError
 from ..host.points import Point, in_event_mode, in_initialization
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed, skipped
+from ..verdict import CheckOutcome, Clause, failed, passed, skipped
 
 _POINTS = 3
 _CHANGE = 1e-2
@@ -28,9 +28,9 @@ Pairs = dict[tuple[str, str], str]
     Clause("2.2.8", "If present as empty list, the Unknown depends on none of the Knowns."),
     "Add the input to the dependencies of the unknown, or leave the attribute out.",
     needs=("run.finite",),
-    patience=3.0,
+    time_factor=3.0,
 )
-def observed(subject: Subject) -> Outcome:
+def observed(subject: Subject) -> CheckOutcome:
     """No output changes with an input that its dependencies exclude."""
     cosimulates = subject.kinds[0] == "CoSimulation"
     found = _look(in_initialization(subject, _POINTS)) if cosimulates else ({}, 0, 0)
@@ -58,7 +58,7 @@ def _of_model(subject: Subject) -> Look:
     if "ModelExchange" not in subject.kinds:
         return {}, 0, 0
     try:
-        return afresh(_look_at_model, subject)
+        return in_fresh_process(_look_at_model, subject)
     except (CallError, EndedError):
         return {}, 0, 0
 
@@ -86,8 +86,8 @@ def _changes(point: Point) -> Iterator[tuple[str, str]]:
     """Unknowns that change with a known."""
     for known in point.knowns:
         try:
-            here = point.shifted({known: 0.0})
-            there = point.shifted({known: _CHANGE * point.scale(known)})
+            here = point.evaluate_shifted({known: 0.0})
+            there = point.evaluate_shifted({known: _CHANGE * point.scale(known)})
         except CallError:  # beyond what the FMU takes
             continue
         changed = np.abs(there - here) > _SEEN * np.maximum(np.abs(here), np.abs(there))

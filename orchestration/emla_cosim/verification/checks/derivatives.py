@@ -7,12 +7,12 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ..check import check
-from ..host.afresh import EndedError, afresh
-from ..host.experiment import experiment
-from ..host.instance import CallError, Instance
+from ..host.experiment import make_experiment
+from ..host.fresh_process import EndedError, in_fresh_process
+from ..host.hosted_instance import CallError, HostedInstance
 from ..host.points import Point, in_event_mode, in_initialization
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 
 _FUNCTION = "fmi2GetDirectionalDerivative"
 _POINTS = 5
@@ -55,11 +55,11 @@ class _Difference(NamedTuple):
     Clause("2.1.9", "This function computes the directional derivatives of an FMU."),
     "Compare the derivatives with differences, or do not say providesDirectionalDerivative.",
     needs=("run.finite",),
-    patience=3.0,
+    time_factor=3.0,
 )
-def directional(subject: Subject) -> Outcome:
+def directional(subject: Subject) -> CheckOutcome:
     """They agree with central differences at most of several points, along each input and mixed ones."""
-    claimed = [k for k in subject.kinds if subject.can("providesDirectionalDerivative", k)]
+    claimed = [k for k in subject.kinds if subject.has_capability("providesDirectionalDerivative", k)]
     if not claimed:
         return skipped("It does not say providesDirectionalDerivative.")
     found: list[_Slope] = []
@@ -80,7 +80,7 @@ def directional(subject: Subject) -> Outcome:
 def _of_model(subject: Subject) -> list[_Slope]:
     """Those in event mode; none where it is another call that goes wrong, which is for another check."""
     try:
-        return afresh(_slopes_of_model, subject)
+        return in_fresh_process(_slopes_of_model, subject)
     except (CallError, EndedError) as error:
         if error.call.startswith(_FUNCTION):
             raise
@@ -130,13 +130,13 @@ def _along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Sl
 
 def _difference(point: Point, seed: dict[str, float], size: float) -> _Difference:
     there, back, here = (
-        point.shifted({name: by * way for name, by in seed.items()}) for way in (size, -size, 0.0)
+        point.evaluate_shifted({name: by * way for name, by in seed.items()}) for way in (size, -size, 0.0)
     )
     ahead, behind = (there - here) / size, (here - back) / size
     return _Difference(0.5 * (ahead + behind), ahead, behind, _LOST * np.abs(here) / size)
 
 
-def _judged(found: list[_Slope]) -> Outcome:
+def _judged(found: list[_Slope]) -> CheckOutcome:
     """Failed where a derivative is wrong at most of the points that it was asked for at."""
     pairs: dict[tuple[str, str], list[_Slope]] = {}
     for slope in found:
@@ -172,11 +172,11 @@ _MARGIN = 0.05
     "Give the slope at the end of the step, or say maxOutputDerivativeOrder = 0.",
     needs=("run.finite",),
 )
-def of_outputs(subject: Subject) -> Outcome:
+def of_outputs(subject: Subject) -> CheckOutcome:
     """fmi2GetRealOutputDerivatives gives what lies between the slopes before and after, at most points."""
     if subject.kinds[0] != "CoSimulation":
         return skipped("It is no FMU for Co-Simulation.")
-    if not subject.means("CoSimulation").maxOutputDerivativeOrder:
+    if not subject.find_kind_element("CoSimulation").maxOutputDerivativeOrder:
         return skipped("It says maxOutputDerivativeOrder = 0.")
     names = [v.name for v in subject.of_causality("output") if v.variability in (None, "continuous")]
     if not names:
@@ -196,7 +196,7 @@ def of_outputs(subject: Subject) -> Outcome:
 
 def _slopes_on_the_way(subject: Subject, names: list[str]) -> tuple[Vector, Vector, Vector]:
     """Times, outputs and derivatives of a run whose inputs stand still: a jump has no slope."""
-    instance, course = Instance(subject), experiment(subject, 40)
+    instance, course = HostedInstance(subject), make_experiment(subject, 40)
     instance.initialize(course.at(0), float(course.times[0]))
     references = [instance.reference(n) for n in names]
     call: Callable[..., list[float]] = instance.fmu.getRealOutputDerivatives

@@ -7,10 +7,10 @@ from typing import Any
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..check import check
-from ..declared import repeated
-from ..saying import judged, short
+from ..declarations import find_repeated
+from ..messages import judge_problems, shorten_sentence
 from ..subject import DESCRIPTION, Subject
-from ..verdict import Clause, Outcome, failed, passed
+from ..verdict import CheckOutcome, Clause, failed, passed
 
 _ROOT = "fmiModelDescription"
 
@@ -22,7 +22,7 @@ _ROOT = "fmiModelDescription"
     "Export the FMU again; `modelDescription.xml` has to be well-formed XML of FMI 2.0.",
     needs=("archive.safe",),
 )
-def readable(subject: Subject) -> Outcome:
+def readable(subject: Subject) -> CheckOutcome:
     """There is one, it is XML of FMI 2.0, and says what the FMU is for."""
     if not (subject.folder / DESCRIPTION).is_file():
         return failed(f"It has no {DESCRIPTION}.")
@@ -31,9 +31,11 @@ def readable(subject: Subject) -> Outcome:
     except MemoryError:
         raise
     except Exception as error:  # lxml has its own, and what it is given is hostile
-        return failed(f"{DESCRIPTION} cannot be read: {short(str(error)).rstrip('.')}.")
+        return failed(f"{DESCRIPTION} cannot be read: {shorten_sentence(str(error)).rstrip('.')}.")
     if root.tag != _ROOT:
-        return failed(short(f"{DESCRIPTION} begins with the element {root.tag}; it should be {_ROOT}."))
+        return failed(
+            shorten_sentence(f"{DESCRIPTION} begins with the element {root.tag}; it should be {_ROOT}.")
+        )
     version = root.get("fmiVersion")
     if version != "2.0":
         return _other_version(version)
@@ -41,14 +43,16 @@ def readable(subject: Subject) -> Outcome:
         return failed(f"{DESCRIPTION} has a document type definition, which the FMI does not know.")
     if not subject.kinds:
         return failed(f"{DESCRIPTION} has neither a CoSimulation nor a ModelExchange element.")
-    return passed(short(f"It describes {root.get('modelName')}, for {' and '.join(subject.kinds)}."))
+    return passed(
+        shorten_sentence(f"It describes {root.get('modelName')}, for {' and '.join(subject.kinds)}.")
+    )
 
 
-def _other_version(version: str | None) -> Outcome:
+def _other_version(version: str | None) -> CheckOutcome:
     if version is None:
         return failed(f"{DESCRIPTION} does not say of which version of the FMI it is (fmiVersion).")
     return failed(
-        short(f"It is an FMI {version} FMU; this verifies FMI 2.0."),
+        shorten_sentence(f"It is an FMI {version} FMU; this verifies FMI 2.0."),
         hint="Use a tool for its version of the FMI, or export the model for FMI 2.0.",
     )
 
@@ -60,12 +64,12 @@ def _other_version(version: str | None) -> Outcome:
     "The lines are those of `modelDescription.xml`; the schema files come with the standard.",
     needs=("description.readable",),
 )
-def schema(subject: Subject) -> Outcome:
+def schema(subject: Subject) -> CheckOutcome:
     """It validates against the XML schema of FMI 2.0."""
     found = _schema()
     found.validate(subject.tree)
     problems = [f"Line {e.line}: {e.message.strip().rstrip('.')}." for e in found.error_log]
-    return judged(problems, "It is valid by the XML schema of FMI 2.0.")
+    return judge_problems(problems, "It is valid by the XML schema of FMI 2.0.")
 
 
 @cache
@@ -81,14 +85,14 @@ def _schema() -> Any:
     'Write the file in UTF-8, with `<?xml version="1.0" encoding="UTF-8"?>` as its first line.',
     needs=("description.readable",),
 )
-def encoding(subject: Subject) -> Outcome:
+def encoding(subject: Subject) -> CheckOutcome:
     """It is in UTF-8, and says so."""
     said = subject.tree.getroottree().docinfo.encoding or "UTF-8"
     start = (subject.folder / DESCRIPTION).read_bytes()[:200]
     if said.upper() not in ("UTF-8", "UTF8"):
-        return failed(short(f"It is in {said}."))
+        return failed(shorten_sentence(f"It is in {said}."))
     if b"encoding" not in start.partition(b"?>")[0]:
-        return judged((), "", ["Its first line does not say how it is encoded."])
+        return judge_problems((), "", ["Its first line does not say how it is encoded."])
     return passed("It is in UTF-8.")
 
 
@@ -99,7 +103,7 @@ def encoding(subject: Subject) -> Outcome:
     "An FMU that serializes its state has to give and take it too.",
     needs=("description.schema",),
 )
-def capabilities(subject: Subject) -> Outcome:
+def capabilities(subject: Subject) -> CheckOutcome:
     """Nothing is claimed that needs a capability which is not."""
     elements = [(kind, subject.tree.find(kind)) for kind in subject.kinds]
     problems = [
@@ -107,7 +111,7 @@ def capabilities(subject: Subject) -> Outcome:
         for kind, element in elements
         if _true(element, "canSerializeFMUstate") and not _true(element, "canGetAndSetFMUstate")
     ]
-    return judged(problems, "What it claims goes together.")
+    return judge_problems(problems, "What it claims goes together.")
 
 
 def _true(element: Any, flag: str) -> bool:
@@ -125,11 +129,11 @@ def _true(element: Any, flag: str) -> bool:
     "Leave one of the categories out.",
     needs=("description.schema",),
 )
-def categories(subject: Subject) -> Outcome:
+def categories(subject: Subject) -> CheckOutcome:
     """No two log categories have the same name."""
     names = [e.get("name") for e in subject.tree.iterfind("LogCategories/Category")]
-    problems = [f"More than one log category is called {name}." for name in repeated(names)]
-    return judged(problems, f"{len(names)} log categories have different names.")
+    problems = [f"More than one log category is called {name}." for name in find_repeated(names)]
+    return judge_problems(problems, f"{len(names)} log categories have different names.")
 
 
 @check(
@@ -139,7 +143,7 @@ def categories(subject: Subject) -> Outcome:
     "Use letters, digits and underscores only, and no digit first.",
     needs=("description.schema",),
 )
-def identifier(subject: Subject) -> Outcome:
+def identifier(subject: Subject) -> CheckOutcome:
     """The modelIdentifier is a name of the language C, and so no path either."""
     given = {kind: subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
     problems = [
@@ -147,4 +151,4 @@ def identifier(subject: Subject) -> Outcome:
         for kind, name in given.items()
         if not (name.isascii() and name.isidentifier())
     ]
-    return judged(problems, short(f"It is {' and '.join(sorted(set(given.values())))}."))
+    return judge_problems(problems, shorten_sentence(f"It is {' and '.join(sorted(set(given.values())))}."))

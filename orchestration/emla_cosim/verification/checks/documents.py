@@ -1,9 +1,9 @@
 """Documents: what a person needs to know of an FMU, and may do with it."""
 
 from ..check import check
-from ..saying import judged
+from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import Clause, Outcome
+from ..verdict import CheckOutcome, Clause
 
 
 @check(
@@ -17,7 +17,7 @@ from ..verdict import Clause, Outcome
     "Write documentation/index.html and documentation/licenses/license.txt.",
     needs=("description.readable",),
 )
-def present(subject: Subject) -> Outcome:
+def present(subject: Subject) -> CheckOutcome:
     """There is a first page, and a licence or its name."""
     folder = subject.folder / "documentation"
     doubts = []
@@ -27,4 +27,4 @@ def present(subject: Subject) -> Outcome:
     licences = [folder / "licenses" / f"license.{kind}" for kind in ("txt", "html")]
     if not any(p.is_file() for p in licences) and not subject.tree.get("license"):
         doubts.append("Nobody says under which licence it may be used.")
-    return judged((), "It has a first page, and a licence.", doubts)
+    return judge_problems((), "It has a first page, and a licence.", doubts)

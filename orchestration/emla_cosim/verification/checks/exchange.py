@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..check import check
-from ..host.afresh import afresh
-from ..host.drive import Trajectory, alone, outputs
-from ..host.experiment import Experiment, experiment
-from ..host.instance import Instance
+from ..host.experiment import Experiment, make_experiment
+from ..host.fresh_process import in_fresh_process
+from ..host.hosted_instance import HostedInstance
+from ..host.instance_runs import OutputTrajectory, outputs, run_alone
 from ..subject import Subject
-from ..verdict import Clause, Outcome, Verdict, passed, skipped, warned
-from ._sameness import compared, differing
+from ..verdict import CheckOutcome, Clause, Verdict, passed, skipped, warned
+from ._sameness import compare_runs, differing
 
 
 @check(
@@ -24,21 +24,21 @@ from ._sameness import compared, differing
     ),
     "Compute from what is set when the step begins, and let no call that gets a value change anything.",
     needs=("run.deterministic",),
-    patience=4.0,
+    time_factor=4.0,
 )
-def order(subject: Subject) -> Outcome:
+def order(subject: Subject) -> CheckOutcome:
     """Inputs set and outputs read one by one, forwards, backwards, and twice, change nothing."""
-    wanted = alone(subject)
+    wanted = run_alone(subject)
     for what, backwards in (("one by one", False), ("one by one in reverse", True)):
-        found = afresh(_one_by_one, subject, experiment(subject), backwards)
-        outcome = compared(found, wanted, f"A run with values exchanged {what}")
+        found = in_fresh_process(_one_by_one, subject, make_experiment(subject), backwards)
+        outcome = compare_runs(found, wanted, f"A run with values exchanged {what}")
         if outcome.verdict != Verdict.PASSED:
             return outcome
     return passed(f"Values set and got one by one, in both orders, gave the same {len(wanted.times)} rows.")
 
 
-def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Trajectory:
-    instance, names = Instance(subject), outputs(subject)
+def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> OutputTrajectory:
+    instance, names = HostedInstance(subject), outputs(subject)
 
     def order_of(all_names: Sequence[str]) -> list[str]:
         return list(all_names)[::-1] if backwards else list(all_names)
@@ -63,7 +63,7 @@ def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Trajec
             break
         rows.append(take())
     values = np.array(rows, dtype=float).reshape(len(rows), len(names))
-    return Trajectory(course.times[: len(rows)], names, values)
+    return OutputTrajectory(course.times[: len(rows)], names, values)
 
 
 @check(
@@ -72,18 +72,18 @@ def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Trajec
     Clause("4.3.1", "The slave can handle variable communication step size."),
     "Integrate with shorter steps inside, or say canHandleVariableCommunicationStepSize = false.",
     needs=("run.deterministic", "run.finite"),
-    patience=4.0,
+    time_factor=4.0,
 )
-def split(subject: Subject) -> Outcome:
+def split(subject: Subject) -> CheckOutcome:
     """Half steps with the inputs held are taken, and end where whole ones do."""
     if subject.kinds[0] != "CoSimulation":
         return skipped("A model is integrated by its host.")
-    if not subject.can("canHandleVariableCommunicationStepSize"):
+    if not subject.has_capability("canHandleVariableCommunicationStepSize"):
         return skipped("It does not say canHandleVariableCommunicationStepSize.")
-    course = experiment(subject)
-    whole, halves = alone(subject, course), alone(subject, _halved(course))
+    course = make_experiment(subject)
+    whole, halves = run_alone(subject, course), run_alone(subject, _halved(course))
     rows = min(len(whole.times), (len(halves.times) + 1) // 2)  # where it asks to end the run
-    every_other = Trajectory(whole.times[:rows], whole.names, halves.values[: 2 * rows : 2])
+    every_other = OutputTrajectory(whole.times[:rows], whole.names, halves.values[: 2 * rows : 2])
     far, most = differing(whole, every_other, rows)
     if far:
         lines = tuple(f"{line} with half steps." for line in far)

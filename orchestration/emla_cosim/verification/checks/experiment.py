@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Mapping
 
 from ..check import check
-from ..saying import judged
+from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import Clause, Outcome, skipped
+from ..verdict import CheckOutcome, Clause, skipped
 
 
 @check(
@@ -20,14 +20,14 @@ from ..verdict import Clause, Outcome, skipped
     "Give a start before the stop, and a step and a tolerance above zero.",
     needs=("description.schema",),
 )
-def experiment(subject: Subject) -> Outcome:
+def experiment(subject: Subject) -> CheckOutcome:
     """Its times are numbers, it stops after it starts, and its step is positive."""
     element = subject.tree.find("DefaultExperiment")
     if element is None:
         return skipped("It has no default experiment.")
     given = {name: float(text) for name, text in element.attrib.items()}
     fine = ", ".join(f"{name} {value:g}" for name, value in given.items())
-    return judged((), f"It has {fine or 'nothing said'}.", list(_doubts(given)))
+    return judge_problems((), f"It has {fine or 'nothing said'}.", list(_doubts(given)))
 
 
 def _doubts(given: Mapping[str, float]) -> Iterator[str]:

@@ -8,10 +8,10 @@ from typing import Any
 import fmpy
 
 from ..check import check
-from ..libraries import Library, libraries, needed, parsed
-from ..saying import judged, listed
+from ..libraries import Library, list_libraries, list_needed_libraries, parse_library
+from ..messages import join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import Clause, Outcome, skipped
+from ..verdict import CheckOutcome, Clause, skipped
 
 _EVERYWHERE = re.compile(
     r"""
@@ -38,21 +38,25 @@ _UNDEFINED = 0
     "Link it statically, ship it beside the library, or name it in documentation/externalDependencies.txt.",
     needs=("binaries.symbols",),
 )
-def imports(subject: Subject) -> Outcome:
+def imports(subject: Subject) -> CheckOutcome:
     """Every library and function that is needed is there on any system, or shipped."""
-    found = [(one, binary) for one in libraries(subject) if (binary := parsed(one.path)) is not None]
+    found = [
+        (one, binary) for one in list_libraries(subject) if (binary := parse_library(one.path)) is not None
+    ]
     if not found:
         return skipped("There are no binaries that can be read.")
     doubts = [p for one, binary in found for p in (*_needed(one, binary), *_undefined(one, binary))]
-    return judged((), f"Nothing unusual is needed by {listed([str(one) for one, _ in found])}.", doubts)
+    return judge_problems(
+        (), f"Nothing unusual is needed by {join_few_names([str(one) for one, _ in found])}.", doubts
+    )
 
 
 def _needed(library: Library, binary: Any) -> Iterator[str]:
     shipped = {p.name.lower() for p in library.path.parent.iterdir()}
-    names = [name.rpartition("/")[2] for name in needed(binary)]
+    names = [name.rpartition("/")[2] for name in list_needed_libraries(binary)]
     unusual = [n or "''" for n in names if not _EVERYWHERE.fullmatch(n) and n.lower() not in shipped]
     if unusual:
-        yield f"{library} needs {listed(unusual)}, which not every system has."
+        yield f"{library} needs {join_few_names(unusual)}, which not every system has."
 
 
 def _undefined(library: Library, binary: Any) -> Iterator[str]:
@@ -65,12 +69,12 @@ def _undefined(library: Library, binary: Any) -> Iterator[str]:
     wanted = [s for s in imported if s.binding != lief.ELF.Symbol.BINDING.WEAK]
     open_ones = sorted({str(s.name) for s in wanted if not _versioned(s)})
     if open_ones and library.platform == fmpy.platform:
-        named = [handle for name in needed(binary) if (handle := _handle(name)) is not None]
+        named = [handle for name in list_needed_libraries(binary) if (handle := _handle(name)) is not None]
         open_ones = [name for name in open_ones if not any(hasattr(handle, name) for handle in named)]
-    elif any(not _EVERYWHERE.fullmatch(name) for name in needed(binary)):
+    elif any(not _EVERYWHERE.fullmatch(name) for name in list_needed_libraries(binary)):
         return
     if open_ones:
-        yield f"{library} needs {listed(open_ones)}, which no library that it names has."
+        yield f"{library} needs {join_few_names(open_ones)}, which no library that it names has."
 
 
 def _versioned(symbol: Any) -> bool:

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from ..check import check
-from ..host.afresh import EndedError, afresh, only_once
-from ..host.drive import Trajectory, alone, driven, outputs
-from ..host.experiment import Experiment, experiment
-from ..host.instance import CallError, Instance
+from ..host.experiment import Experiment, make_experiment
+from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_instance
 from ..host.log import LOG
 from ..subject import Subject
-from ..verdict import Clause, Outcome, Verdict, failed, passed, skipped, warned
-from ._sameness import compared
+from ..verdict import CheckOutcome, Clause, Verdict, failed, passed, skipped, warned
+from ._sameness import compare_runs
 
 _SEVERAL = Clause(
     "2.1.5",
@@ -38,9 +38,9 @@ _FREED = Clause(
     "The log says why; a GUID in the library that is not that of modelDescription.xml is the usual reason.",
     needs=("binaries.loads",),
 )
-def created(subject: Subject) -> Outcome:
+def created(subject: Subject) -> CheckOutcome:
     """fmi2Instantiate gives an instance, and fmi2FreeInstance takes it back."""
-    Instance(subject).free()
+    HostedInstance(subject).free()
     return passed("An instance was made and freed.")
 
 
@@ -51,11 +51,11 @@ def created(subject: Subject) -> Outcome:
     "Compare the argument fmuGUID with the GUID that the library was compiled for, and return NULL.",
     needs=("instance.created",),
 )
-def guid(subject: Subject) -> Outcome:
+def guid(subject: Subject) -> CheckOutcome:
     """An instance of another model is not made by mistake."""
     wrong = "{00000000-0000-0000-0000-000000000000}"
     try:
-        Instance(subject, guid=wrong)
+        HostedInstance(subject, guid=wrong)
     except CallError:
         return passed("fmi2Instantiate refused a wrong GUID.")
     return warned(f"fmi2Instantiate made an instance for the GUID {wrong}, which is not that of the FMU.")
@@ -85,15 +85,15 @@ _PAGES = 2.0**13
     _FREED,
     "Run it in a memory checker, such as valgrind, and free in fmi2FreeInstance what it allocated.",
     needs=("run.completes",),
-    patience=4.0,
+    time_factor=4.0,
 )
-def cycles(subject: Subject) -> Outcome:
+def cycles(subject: Subject) -> CheckOutcome:
     """Instances made, run, reset and freed again and again do not let the process grow."""
-    if only_once(subject):
+    if is_single_instance(subject):
         return skipped(_ONLY_ONCE)
     if not Path("/proc/self/statm").exists():
         return skipped("This system does not tell how much memory a process has.")
-    instance, course = Instance(subject), experiment(subject, 2)
+    instance, course = HostedInstance(subject), make_experiment(subject, 2)
     instance.free()
     count, began = 0, time.monotonic()
     while (spent := time.monotonic() - began) < _WARM_UP or (count < _FEWEST and spent < 1.0):
@@ -114,16 +114,16 @@ def cycles(subject: Subject) -> Outcome:
     return passed(f"{figures['cycles']} instances were made, run, reset and freed.", figures=figures)
 
 
-def _cycle(instance: Instance, course: Experiment) -> None:
+def _cycle(instance: HostedInstance, course: Experiment) -> None:
     instance.instantiate()
-    driven(instance, course)
+    run_instance(instance, course)
     instance.reset()
-    driven(instance, course)
+    run_instance(instance, course)
     instance.close()
     LOG.lines.clear()
 
 
-def _growth(instance: Instance, course: Experiment, count: int) -> list[float]:
+def _growth(instance: HostedInstance, course: Experiment, count: int) -> list[float]:
     """Bytes by which each batch lets the process grow."""
     used = [_used()]
     for _ in range(_BATCHES):
@@ -150,24 +150,24 @@ def _used() -> float:
     _SEVERAL,
     "Keep what evolves in the instance, not in static variables, or say canBeInstantiatedOnlyOncePerProcess.",
     needs=("run.deterministic",),
-    patience=6.0,
+    time_factor=6.0,
 )
-def independent(subject: Subject) -> Outcome:
+def independent(subject: Subject) -> CheckOutcome:
     """Two instances that take turns, and one after them, give what each gives alone."""
-    if only_once(subject):
+    if is_single_instance(subject):
         return skipped(_ONLY_ONCE)
     courses = _courses(subject, 2)
-    wanted = [alone(subject, course) for course in courses]
-    found = afresh(_in_turns, subject, courses)
+    wanted = [run_alone(subject, course) for course in courses]
+    found = in_fresh_process(_in_turns, subject, courses)
     beside = "An instance beside another one"
-    outcomes = [compared(f, w, beside) for f, w in zip(found, wanted, strict=False)]
-    outcomes.append(compared(found[-1], wanted[0], "An instance after others"))
+    outcomes = [compare_runs(f, w, beside) for f, w in zip(found, wanted, strict=False)]
+    outcomes.append(compare_runs(found[-1], wanted[0], "An instance after others"))
     return _worst(outcomes) or passed("Two instances that took turns gave what each gives alone.")
 
 
 def _courses(subject: Subject, count: int) -> list[Experiment]:
     """Experiments that begin with different inputs."""
-    course = experiment(subject)
+    course = make_experiment(subject)
     shift = max(1, len(course.times) // (count + 1))
     return [
         replace(course, inputs={name: np.roll(v, k * shift) for name, v in course.inputs.items()})
@@ -175,9 +175,9 @@ def _courses(subject: Subject, count: int) -> list[Experiment]:
     ]
 
 
-def _in_turns(subject: Subject, courses: list[Experiment]) -> list[Trajectory]:
+def _in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
     """Each of as many instances as courses begins some steps after the one before; one more after all."""
-    instances = [Instance(subject, f"examined {k}") for k in range(len(courses))]
+    instances = [HostedInstance(subject, f"examined {k}") for k in range(len(courses))]
     names = outputs(subject)
     rows: list[list[list[float]]] = [[] for _ in courses]
     last = len(courses[0].times) - 1
@@ -195,15 +195,15 @@ def _in_turns(subject: Subject, courses: list[Experiment]) -> list[Trajectory]:
             if not instance.terminated:
                 rows[k].append(instance.get(names))
     taken = [
-        Trajectory(c.times[: len(r)], names, np.array(r, dtype=float).reshape(len(r), len(names)))
+        OutputTrajectory(c.times[: len(r)], names, np.array(r, dtype=float).reshape(len(r), len(names)))
         for c, r in zip(courses, rows, strict=True)
     ]
     for instance in instances:
         instance.close()
-    return [*taken, driven(Instance(subject), courses[0])]
+    return [*taken, run_instance(HostedInstance(subject), courses[0])]
 
 
-def _worst(outcomes: list[Outcome]) -> Outcome | None:
+def _worst(outcomes: list[CheckOutcome]) -> CheckOutcome | None:
     for verdict in (Verdict.FAILED, Verdict.WARNING):
         for outcome in outcomes:
             if outcome.verdict == verdict:
@@ -220,17 +220,17 @@ _THREADS = 3
     Clause("2.1", "FMI functions of one instance do not need to be thread-safe."),
     "Keep buffers in the instance; hosts that run each instance in a thread of its own are common.",
     needs=("instance.independent",),
-    patience=9.0,
+    time_factor=9.0,
 )
-def threads(subject: Subject) -> Outcome:
+def threads(subject: Subject) -> CheckOutcome:
     """Instances, each in a thread, give what each gives alone; the standard does not promise it."""
     courses = _courses(subject, _THREADS)
-    wanted = [alone(subject, course) for course in courses]
+    wanted = [run_alone(subject, course) for course in courses]
     try:
-        found = afresh(_in_threads, subject, courses)
+        found = in_fresh_process(_in_threads, subject, courses)
     except (CallError, EndedError) as error:
         return warned(f"With {_THREADS} instances, each in a thread: {error}")
-    outcomes = [compared(f, w, "An instance in a thread") for f, w in zip(found, wanted, strict=True)]
+    outcomes = [compare_runs(f, w, "An instance in a thread") for f, w in zip(found, wanted, strict=True)]
     worse = _worst(outcomes)
     return (
         replace(worse, verdict=Verdict.WARNING)
@@ -239,10 +239,10 @@ def threads(subject: Subject) -> Outcome:
     )
 
 
-def _in_threads(subject: Subject, courses: list[Experiment]) -> list[Trajectory]:
-    instances = [Instance(subject, f"examined {k}") for k in range(len(courses))]
+def _in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
+    instances = [HostedInstance(subject, f"examined {k}") for k in range(len(courses))]
     with ThreadPoolExecutor(len(courses)) as pool:
-        return list(pool.map(driven, instances, courses))
+        return list(pool.map(run_instance, instances, courses))
 
 
 @check(
@@ -251,26 +251,26 @@ def _in_threads(subject: Subject, courses: list[Experiment]) -> list[Trajectory]
     Clause("2.1.6", "The FMU goes into the same state as if fmi2Instantiate would have been called."),
     "Let fmi2Reset set every variable and every hidden state as fmi2Instantiate does.",
     needs=("run.deterministic",),
-    patience=5.0,
+    time_factor=5.0,
 )
-def reset(subject: Subject) -> Outcome:
+def reset(subject: Subject) -> CheckOutcome:
     """A run after fmi2Reset is that of a new instance, made after an equal first run."""
-    wanted = alone(subject) if only_once(subject) else afresh(_twice, subject, False)
-    return compared(afresh(_twice, subject, True), wanted, "A run after fmi2Reset")
+    wanted = run_alone(subject) if is_single_instance(subject) else in_fresh_process(_twice, subject, False)
+    return compare_runs(in_fresh_process(_twice, subject, True), wanted, "A run after fmi2Reset")
 
 
-def _twice(subject: Subject, again: bool) -> Trajectory:
+def _twice(subject: Subject, again: bool) -> OutputTrajectory:
     """The second of two runs, of the same instance or of a second one.
 
     What is left in static variables is left in both cases; that is no matter of the reset.
     """
-    course = experiment(subject)
-    instance = Instance(subject)
+    course = make_experiment(subject)
+    instance = HostedInstance(subject)
     half = replace(course, inputs={name: np.flip(v) for name, v in course.inputs.items()})
-    driven(instance, half)
+    run_instance(instance, half)
     if again:
         instance.reset()
     else:
         instance.close()
-        instance = Instance(subject)
-    return driven(instance, course)
+        instance = HostedInstance(subject)
+    return run_instance(instance, course)

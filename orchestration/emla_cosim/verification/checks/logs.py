@@ -8,15 +8,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from ...fmu.instance import OK
-from ...fmu.log import Line
+from ...fmu.log import LogLine
 from ..check import check
-from ..host.afresh import afresh, separately
-from ..host.drive import driven
-from ..host.experiment import experiment
-from ..host.instance import Instance
-from ..host.log import LOG, whole
+from ..host.experiment import make_experiment
+from ..host.fresh_process import in_fresh_process, in_separate_process
+from ..host.hosted_instance import HostedInstance
+from ..host.instance_runs import run_instance
+from ..host.log import LOG, format_message
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed, warned
+from ..verdict import CheckOutcome, Clause, failed, passed, warned
 
 _MOST_CATEGORIES = 6
 _ALL = "logAll"
@@ -31,51 +31,51 @@ _STEPS = 10
     Clause("2.1.5", "If loggingOn=fmi2True, debug logging is enabled, otherwise it is switched off."),
     "Look at loggingOn and at the categories before the logger is called with fmi2OK; print nothing.",
     needs=("run.completes",),
-    patience=2.0,
+    time_factor=2.0,
 )
-def categories(subject: Subject) -> Outcome:
+def categories(subject: Subject) -> CheckOutcome:
     """Debug messages come in the categories that are on, and nothing goes to standard output."""
     declared = [str(e.get("name")) for e in subject.tree.iterfind("LogCategories/Category")]
     alone = [c for c in declared if c != _ALL][:_MOST_CATEGORIES]
     asked = [(False, []), (True, declared), *((True, [category]) for category in alone)]
-    (quiet, everything, *apart), printed = afresh(_said, subject, asked)
+    (quiet, everything, *apart), printed = in_fresh_process(_said, subject, asked)
     for line in quiet:
         if line.status == OK:
-            return failed(f"With debug logging off it logs in {_category(line)}: {whole(line.text)}")
+            return failed(f"With debug logging off it logs in {_category(line)}: {format_message(line.text)}")
     for category, lines in zip(alone, apart, strict=True):
         for line in lines:
             if line.status == OK and line.category != category:
                 where = f"With {category} alone switched on it logs in {_category(line)}"
-                return failed(f"{where}: {whole(line.text)}")
+                return failed(f"{where}: {format_message(line.text)}")
     strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
     if strange and declared:
         return warned(f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare.")
     if printed:
-        return warned(f"It writes to standard output: {whole(printed)}")
+        return warned(f"It writes to standard output: {format_message(printed)}")
     return passed(f"{len(everything)} messages came when they were asked for, in {len(declared)} categories.")
 
 
-def _category(line: Line) -> str:
+def _category(line: LogLine) -> str:
     return f"category {line.category!r}" if line.category else "no category"
 
 
-def _said(subject: Subject, asked: Sequence[tuple[bool, list[str]]]) -> tuple[list[list[Line]], str]:
+def _said(subject: Subject, asked: Sequence[tuple[bool, list[str]]]) -> tuple[list[list[LogLine]], str]:
     """Messages of short runs, one for each way to switch logging, and the first line that is printed."""
     with tempfile.TemporaryFile() as stream:
         os.dup2(stream.fileno(), 1)
-        found = [separately(_run, subject, logging, names) for logging, names in asked]
+        found = [in_separate_process(_run, subject, logging, names) for logging, names in asked]
         _flush()
         stream.seek(0)
         text = stream.read().decode(errors="replace").strip()
     return found, text.partition("\n")[0]
 
 
-def _run(subject: Subject, logging: bool, names: list[str]) -> list[Line]:
+def _run(subject: Subject, logging: bool, names: list[str]) -> list[LogLine]:
     LOG.lines.clear()
-    instance, course = Instance(subject, logging=logging), experiment(subject, _STEPS)
+    instance, course = HostedInstance(subject, logging=logging), make_experiment(subject, _STEPS)
     with instance.calling():
         instance.fmu.setDebugLogging(logging, names)
-    driven(instance, course)
+    run_instance(instance, course)
     instance.close()
     return list(LOG.lines)
 

@@ -1,11 +1,11 @@
 """The part of an FMU that is for Model Exchange, where it has one for Co-Simulation too."""
 
 from ..check import check
-from ..host.drive import alone, driven
-from ..host.experiment import experiment
-from ..host.instance import Instance
+from ..host.experiment import make_experiment
+from ..host.hosted_instance import HostedInstance
+from ..host.instance_runs import run_alone, run_instance
 from ..subject import Subject
-from ..verdict import Clause, Outcome, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, passed, skipped, warned
 from ._sameness import differing
 
 
@@ -19,14 +19,14 @@ from ._sameness import differing
     ),
     "Integrate the model with another tool, and look at the call that goes wrong.",
     needs=("instance.created",),
-    patience=2.0,
+    time_factor=2.0,
 )
-def runs(subject: Subject) -> Outcome:
+def runs(subject: Subject) -> CheckOutcome:
     """It is initialized, its events are done, a solver integrates it, and it is terminated and freed."""
     if "ModelExchange" not in subject.kinds:
         return skipped("It is not for Model Exchange.")
-    instance, course = Instance(subject, kind="ModelExchange"), experiment(subject)
-    found = driven(instance, course)
+    instance, course = HostedInstance(subject, kind="ModelExchange"), make_experiment(subject)
+    found = run_instance(instance, course)
     instance.close()
     states = subject.description.numberOfContinuousStates
     return passed(f"{states} states were integrated to t = {found.times[-1]:.9g} s.")
@@ -38,13 +38,13 @@ def runs(subject: Subject) -> Outcome:
     Clause("2.2.1", "different types of models are included in the FMU"),
     "Integrate with shorter steps inside, or say in the documentation what the two parts do differently.",
     needs=("model_exchange.runs", "run.finite"),
-    patience=3.0,
+    time_factor=3.0,
 )
-def agrees(subject: Subject) -> Outcome:
+def agrees(subject: Subject) -> CheckOutcome:
     """Both parts go the same way; the standard does not ask for it, but who uses one for the other does."""
     if "CoSimulation" not in subject.kinds:
         return skipped("It is not for Co-Simulation.")
-    slave, model = alone(subject, kind="CoSimulation"), alone(subject, kind="ModelExchange")
+    slave, model = run_alone(subject, kind="CoSimulation"), run_alone(subject, kind="ModelExchange")
     rows = min(len(slave.times), len(model.times))  # where one asks to end the run
     far, most = differing(model, slave, rows)
     if far:

@@ -1,15 +1,15 @@
 """Results against references."""
 
 from ...base.errors import CommandError
-from ...recorders.tubes.comparing import compared, how_it_left, that_left
-from ...recorders.tubes.tolerance import tolerance_of
+from ...recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
+from ...recorders.tubes.tolerance import find_tolerance
 from ..check import check
-from ..references.files import Reference, read_reference, reference_folder
-from ..references.following import followed
-from ..references.recording import recorded as write_references
-from ..saying import sentence
+from ..messages import sentence
+from ..references.playback import run_reference
+from ..references.recording import record_reference as write_references
+from ..references.reference_files import ReferenceSolution, read_reference, reference_folder
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 
 _RULES = Clause(
     "3",
@@ -24,9 +24,9 @@ _RULES = Clause(
     _RULES,
     "The plot shows where; if the change is meant, make the reference anew, else look for what changed.",
     needs=("run.completes",),
-    patience=6.0,
+    time_factor=6.0,
 )
-def agrees(subject: Subject) -> Outcome:
+def agrees(subject: Subject) -> CheckOutcome:
     """Run along the reference files, every column stays within its tolerance in value and time."""
     folder = reference_folder(subject.path, subject.settings.reference)
     name = subject.path.stem
@@ -42,28 +42,28 @@ def agrees(subject: Subject) -> Outcome:
         return failed(sentence(error), hint="Mend the reference files.")
 
 
-def _judged(subject: Subject, reference: Reference) -> Outcome:
+def _judged(subject: Subject, reference: ReferenceSolution) -> CheckOutcome:
     strange = [n for n in reference.solution if n != "time" and n not in subject.variables]
     if strange:
         raise CommandError(f"the reference has the column '{strange[0]}', which is no variable of the FMU.")
-    found = followed(subject, reference)
+    found = run_reference(subject, reference)
     wanted = dict(reference.tolerance) | dict(subject.settings.tolerance)
     comparisons = tuple(
-        compared(
+        compare_signal(
             name,
             str(subject.interface.unit(name) or ""),
             found.times,
             found.values[:, i],
             reference.solution["time"],
             reference.solution[name],
-            tolerance_of(name, wanted),
+            find_tolerance(name, wanted),
         )
         for i, name in enumerate(found.names)
     )
-    left = that_left(comparisons)
+    left = select_outside(comparisons)
     if left:
-        more = tuple(how_it_left(c) + "." for c in left[1:])
-        return failed(f"{how_it_left(left[0])}.", details=more, comparisons=comparisons)
+        more = tuple(describe_departure(c) + "." for c in left[1:])
+        return failed(f"{describe_departure(left[0])}.", details=more, comparisons=comparisons)
     if not comparisons:
         return failed("The reference has no column but time.")
     closest = max(comparisons, key=lambda c: c.worst / c.tube.value if c.tube.value else 0.0)
@@ -80,9 +80,9 @@ def _judged(subject: Subject, reference: Reference) -> Outcome:
     _RULES,
     "The sentence says what does not fit.",
     needs=("run.completes",),
-    patience=30.0,
+    time_factor=30.0,
 )
-def recorded(subject: Subject) -> Outcome:
+def recorded(subject: Subject) -> CheckOutcome:
     """The FMU is run as the settings say, and what it does is kept."""
     recording = subject.settings.recording
     assert recording is not None

@@ -6,14 +6,14 @@ import time
 import numpy as np
 
 from ..check import check
-from ..host.afresh import afresh
-from ..host.drive import Trajectory, alone, driven
-from ..host.experiment import experiment, number
-from ..host.instance import Instance
-from ..host.junk import FIRST, SECOND, Junk, littered
+from ..host.experiment import make_experiment, parse_number
+from ..host.fresh_process import in_fresh_process
+from ..host.hosted_instance import HostedInstance
+from ..host.instance_runs import OutputTrajectory, run_alone, run_instance
+from ..host.junk import FIRST, SECOND, Junk, fill_memory
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed, warned
-from ._sameness import compared
+from ..verdict import CheckOutcome, Clause, failed, passed, warned
+from ._sameness import compare_runs
 
 
 @check(
@@ -23,10 +23,10 @@ from ._sameness import compared
     "The log says why; try the FMU with the step size and the start values that its author uses.",
     needs=("instance.created",),
 )
-def completes(subject: Subject) -> Outcome:
+def completes(subject: Subject) -> CheckOutcome:
     """It can be initialized, stepped with inputs that move, terminated and freed."""
-    instance, course = Instance(subject), experiment(subject)
-    found = driven(instance, course)
+    instance, course = HostedInstance(subject), make_experiment(subject)
+    found = run_instance(instance, course)
     instance.close()
     done = len(found.times) - 1
     if instance.terminated:
@@ -43,9 +43,9 @@ def completes(subject: Subject) -> Outcome:
     "A step that gives no numbers should answer fmi2Discard or fmi2Error, and say in the log why.",
     needs=("run.completes",),
 )
-def finite(subject: Subject) -> Outcome:
+def finite(subject: Subject) -> CheckOutcome:
     """No output becomes NaN or infinite while calls are answered with fmi2OK."""
-    found = driven(Instance(subject), experiment(subject))
+    found = run_instance(HostedInstance(subject), make_experiment(subject))
     wrong = ~np.isfinite(found.values)
     if wrong.any():
         k = int(np.argmax(wrong.any(axis=1)))
@@ -61,9 +61,9 @@ def finite(subject: Subject) -> Outcome:
     "Widen min and max in modelDescription.xml, or limit what the model gives.",
     needs=("run.finite",),
 )
-def ranges(subject: Subject) -> Outcome:
+def ranges(subject: Subject) -> CheckOutcome:
     """No output leaves the range that is declared for it; the standard leaves it open what happens then."""
-    found = alone(subject)
+    found = run_alone(subject)
     details = [
         line
         for n, values in zip(found.names, found.values.T, strict=True)
@@ -76,9 +76,9 @@ def ranges(subject: Subject) -> Outcome:
     return passed(f"{len(found.names)} outputs stay within what is declared for them.")
 
 
-def _outside(subject: Subject, name: str, values: np.ndarray, found: Trajectory) -> str:
+def _outside(subject: Subject, name: str, values: np.ndarray, found: OutputTrajectory) -> str:
     variable = subject.variables[name]
-    low, high = number(variable.min, -math.inf), number(variable.max, math.inf)
+    low, high = parse_number(variable.min, -math.inf), parse_number(variable.max, math.inf)
     slack = 1e-12 * max((abs(x) for x in (low, high) if math.isfinite(x)), default=0.0)
     wrong = (values < low - slack) | (values > high + slack)
     if not wrong.any():
@@ -93,19 +93,19 @@ def _outside(subject: Subject, name: str, values: np.ndarray, found: Trajectory)
     Clause("run.deterministic", "The same inputs give the same outputs.", document="emla verify"),
     "Initialize all memory, seed random numbers by a parameter, and do not look at clocks or addresses.",
     needs=("run.completes",),
-    patience=3.0,
+    time_factor=3.0,
 )
-def deterministic(subject: Subject) -> Outcome:
+def deterministic(subject: Subject) -> CheckOutcome:
     """Two processes with other addresses, in other seconds, whose fresh memory holds other junk, agree.
 
     The standard has no sentence for it; but nothing can be compared with a run that is another each time.
     """
-    first = afresh(_run_in_junk, subject, FIRST)
+    first = in_fresh_process(_run_in_junk, subject, FIRST)
     time.sleep(1.0 - time.time() % 1.0 + 1e-3)  # for whoever takes the second as a seed
-    second = afresh(_run_in_junk, subject, SECOND)
-    return compared(second, first, "A second run")
+    second = in_fresh_process(_run_in_junk, subject, SECOND)
+    return compare_runs(second, first, "A second run")
 
 
-def _run_in_junk(subject: Subject, junk: Junk) -> Trajectory:
-    with littered(junk):
-        return driven(Instance(subject), experiment(subject))
+def _run_in_junk(subject: Subject, junk: Junk) -> OutputTrajectory:
+    with fill_memory(junk):
+        return run_instance(HostedInstance(subject), make_experiment(subject))

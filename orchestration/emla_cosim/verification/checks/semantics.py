@@ -4,9 +4,9 @@ import fmpy
 from fmpy.validation import validate_model_description
 
 from ..check import check
-from ..saying import judged, short
+from ..messages import judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import Clause, Outcome, Verdict, passed, warned
+from ..verdict import CheckOutcome, Clause, Verdict, passed, warned
 from . import description, starts, structure, types, units, variables
 
 _SAY_IT_BETTER = (
@@ -34,7 +34,7 @@ _SAY_IT_BETTER = (
     "Tools that are based on FMPy may refuse the FMU.",
     needs=("description.schema",),
 )
-def semantics(subject: Subject) -> Outcome:
+def semantics(subject: Subject) -> CheckOutcome:
     """What FMPy's validator says that no other check does."""
     if any(one.examine(subject).verdict != Verdict.PASSED for one in _SAY_IT_BETTER):
         return passed("Other checks have findings, which FMPy's would repeat.")
@@ -43,7 +43,7 @@ def semantics(subject: Subject) -> Outcome:
     except MemoryError:
         raise
     except Exception as error:
-        return warned(f"FMPy cannot read the model description: {short(str(error)).rstrip('.')}.")
+        return warned(f"FMPy cannot read the model description: {shorten_sentence(str(error)).rstrip('.')}.")
     found = validate_model_description(read, validate_model_structure=True)
     doubts = [f"FMPy says: {line.strip().rstrip('.')}." for line in found]
-    return judged((), f"FMPy {fmpy.__version__} finds nothing else.", doubts)
+    return judge_problems((), f"FMPy {fmpy.__version__} finds nothing else.", doubts)

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from ..apart import note
 from ..check import check
-from ..saying import judged, short
+from ..messages import judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import Clause, Outcome, failed, passed, skipped, warned
+from ..subprocess_run import note
+from ..verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 
 _BUILD_DESCRIPTION = "buildDescription.xml"
 _C = (".c",)
@@ -31,9 +31,9 @@ _MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or director
     ),
     "List every file that is compiled, and only those, in SourceFiles, and ship what they include.",
     needs=("description.schema",),
-    patience=6.0,
+    time_factor=6.0,
 )
-def compile_(subject: Subject) -> Outcome:
+def compile_(subject: Subject) -> CheckOutcome:
     """All listed source files are there, with their headers, and compile and link to a library."""
     folder = subject.folder / "sources"
     lists = {kind: _listed(subject, kind) for kind in subject.kinds}
@@ -42,7 +42,7 @@ def compile_(subject: Subject) -> Outcome:
             return warned("It ships sources, but does not say which of them to compile (SourceFiles).")
         return skipped("It ships no sources.")
     if missing := sorted({name for names in lists.values() for name in names if not _inside(folder, name)}):
-        return judged([f"The source file {name} is not in `sources`." for name in missing], "")
+        return judge_problems([f"The source file {name} is not in `sources`." for name in missing], "")
     if (folder / _BUILD_DESCRIPTION).is_file():
         return skipped(f"{_BUILD_DESCRIPTION} says how its sources are compiled, which is not done here.")
     for names in {tuple(names) for names in lists.values() if names}:
@@ -64,7 +64,7 @@ def _inside(folder: Path, name: str) -> bool:
     return path.is_relative_to(folder.resolve()) and path.is_file()
 
 
-def _compiled(folder: Path, names: Sequence[str]) -> Outcome | None:
+def _compiled(folder: Path, names: Sequence[str]) -> CheckOutcome | None:
     """What the compiler has against these files; None for nothing."""
     with (
         tempfile.TemporaryDirectory(dir=folder.parent.parent) as scratch,
@@ -90,7 +90,9 @@ def _compiled(folder: Path, names: Sequence[str]) -> Outcome | None:
         return None
     said = _ERROR.search(done.stderr)
     reason = said[0] if said else done.stderr.strip().rpartition("\n")[2]
-    sentence = short(f"{', '.join(names)} does not compile: {reason.replace(f'{folder}/', '').rstrip('. ')}.")
+    sentence = shorten_sentence(
+        f"{', '.join(names)} does not compile: {reason.replace(f'{folder}/', '').rstrip('. ')}."
+    )
     missing = _MISSING.search(done.stderr)
     if missing and _shipped(folder, missing[1]):
         return failed(sentence)

@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterator, Mapping
 
 from ..check import check
-from ..declared import Variable
-from ..saying import judged
+from ..declarations import DeclaredVariable
+from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import Clause, Outcome
+from ..verdict import CheckOutcome, Clause
 
 _NUMERIC = ("Real", "Integer", "Enumeration")
 
@@ -21,14 +21,16 @@ _NUMERIC = ("Real", "Integer", "Enumeration")
     "Give a start value, or take it away; `initial` says which, and has a default by the table in 2.2.7.",
     needs=("description.schema",),
 )
-def presence(subject: Subject) -> Outcome:
+def presence(subject: Subject) -> CheckOutcome:
     """There is a start value exactly where the standard wants one."""
     variables = [v for v in subject.declared.variables if v.possible]
     problems = [p for v in variables for p in _misplaced(v)]
-    return judged(problems, f"{sum(v.start is not None for v in variables)} variables have start values.")
+    return judge_problems(
+        problems, f"{sum(v.start is not None for v in variables)} variables have start values."
+    )
 
 
-def _misplaced(variable: Variable) -> Iterator[str]:
+def _misplaced(variable: DeclaredVariable) -> Iterator[str]:
     needed = variable.causality in ("input", "parameter") or variable.variability == "constant"
     if variable.causality == "independent":
         if variable.start is not None:
@@ -47,19 +49,19 @@ def _misplaced(variable: Variable) -> Iterator[str]:
     "Correct the start value, or min and max; nominal has to be positive.",
     needs=("description.types",),
 )
-def ranges(subject: Subject) -> Outcome:
+def ranges(subject: Subject) -> CheckOutcome:
     """Start values are finite, within min and max, and items of their enumerations."""
     declared = subject.declared
     numeric = [v for v in declared.variables if v.type in _NUMERIC]
     items = {t.name: {int(item["value"]) for item in t.items} for t in declared.types}
     problems = [p for v in numeric for p in _wrong(v, items)]
     doubts = [p for v in numeric for p in _endless(v)]
-    return judged(
+    return judge_problems(
         problems, f"Start values of {len(numeric)} numeric variables are within their ranges.", doubts
     )
 
 
-def _wrong(variable: Variable, items: Mapping[str, set[int]]) -> Iterator[str]:
+def _wrong(variable: DeclaredVariable, items: Mapping[str, set[int]]) -> Iterator[str]:
     given = variable.attributes
     values = {name: float(given[name]) for name in ("start", "min", "max", "nominal") if name in given}
     if not math.isfinite(values.get("start", 0.0)):
@@ -78,7 +80,7 @@ def _wrong(variable: Variable, items: Mapping[str, set[int]]) -> Iterator[str]:
         yield f"{variable} has the nominal {values['nominal']:g}, which has to be positive."
 
 
-def _endless(variable: Variable) -> Iterator[str]:
+def _endless(variable: DeclaredVariable) -> Iterator[str]:
     for name in ("min", "max", "nominal"):
         if not math.isfinite(float(variable.attributes.get(name, 0.0))):
             yield f"The {name} of {variable} is {variable.attributes[name]}; it should be a finite number."

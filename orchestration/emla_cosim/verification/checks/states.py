@@ -6,13 +6,13 @@ import ctypes
 import numpy as np
 
 from ..check import check
-from ..host.afresh import EndedError, afresh, only_once
-from ..host.drive import Trajectory, alone, driven, stepped
-from ..host.experiment import Experiment, experiment
-from ..host.instance import CallError, Instance
+from ..host.experiment import Experiment, make_experiment
+from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
 from ..subject import Subject
-from ..verdict import Clause, Outcome, Verdict, failed, passed, skipped, warned
-from ._sameness import compared
+from ..verdict import CheckOutcome, Clause, Verdict, failed, passed, skipped, warned
+from ._sameness import compare_runs
 
 _ALLOWED = 1e-3
 """Of an output's range: what a solver inside may do that starts anew where a state is set."""
@@ -30,13 +30,13 @@ _HINT = "Copy all that evolves, and all that was set: hidden states, random numb
     ),
     _HINT,
     needs=("run.deterministic",),
-    patience=4.0,
+    time_factor=4.0,
 )
-def restored(subject: Subject) -> Outcome:
+def restored(subject: Subject) -> CheckOutcome:
     """From a state that was got and set, several times and at several instants, the run goes on the same."""
-    if not subject.can("canGetAndSetFMUstate"):
+    if not subject.has_capability("canGetAndSetFMUstate"):
         return skipped("It does not say canGetAndSetFMUstate.")
-    instance, course = Instance(subject), experiment(subject)
+    instance, course = HostedInstance(subject), make_experiment(subject)
     steps = len(course.times) - 1
     instants = sorted({0, steps // 3, 2 * steps // 3})
     instance.initialize(course.at(0), float(course.times[0]))
@@ -54,18 +54,18 @@ def restored(subject: Subject) -> Outcome:
     )
 
 
-def _again(instance: Instance, course: Experiment, first: int, last: int) -> list[Outcome]:
+def _again(instance: HostedInstance, course: Experiment, first: int, last: int) -> list[CheckOutcome]:
     with instance.calling():
         state = instance.fmu.getFMUstate()
-    wanted = stepped(instance, course, first, last)
+    wanted = step_instance(instance, course, first, last)
     outcomes = []
     for _ in range(2):
         with instance.calling():
             instance.fmu.setFMUstate(state)
         instance.terminated = False
-        found = stepped(instance, course, first, last)
+        found = step_instance(instance, course, first, last)
         outcomes.append(
-            compared(found, wanted, f"A run from the state of t = {course.times[first]:.9g} s", _ALLOWED)
+            compare_runs(found, wanted, f"A run from the state of t = {course.times[first]:.9g} s", _ALLOWED)
         )
     with instance.calling():
         instance.fmu.freeFMUstate(state)
@@ -86,23 +86,23 @@ _LARGEST = 2**28
     ),
     _HINT + " Check the size and a version before bytes are taken for a state.",
     needs=("state.restored",),
-    patience=3.0,
+    time_factor=3.0,
 )
-def serialized(subject: Subject) -> Outcome:
+def serialized(subject: Subject) -> CheckOutcome:
     """A new instance that is given the bytes of another one's state goes on the same."""
-    if not subject.can("canSerializeFMUstate"):
+    if not subject.has_capability("canSerializeFMUstate"):
         return skipped("It does not say canSerializeFMUstate.")
-    course = experiment(subject)
+    course = make_experiment(subject)
     middle = (len(course.times) - 1) // 2
-    whole = alone(subject, course)
-    data = afresh(_bytes_at, subject, course, middle)
+    whole = run_alone(subject, course)
+    data = in_fresh_process(_bytes_at, subject, course, middle)
     if isinstance(data, int):
         return failed(f"fmi2SerializedFMUstateSize says {data} bytes, which is no size of a state.")
     if len(whole.times) <= middle + 1:
         return skipped("It asked to end the run before its state could be taken.")
-    found = afresh(_from_bytes, subject, course, middle, data)
-    wanted = Trajectory(whole.times[middle:], whole.names, whole.values[middle:])
-    outcome = compared(
+    found = in_fresh_process(_from_bytes, subject, course, middle, data)
+    wanted = OutputTrajectory(whole.times[middle:], whole.names, whole.values[middle:])
+    outcome = compare_runs(
         found, wanted, f"A run from the bytes of the state of t = {course.times[middle]:.9g} s", _ALLOWED
     )
     return outcome if outcome.verdict != Verdict.PASSED else _damaged(subject, data)
@@ -110,9 +110,9 @@ def serialized(subject: Subject) -> Outcome:
 
 def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
     """A state's bytes, or its size where that is none."""
-    instance = Instance(subject)
+    instance = HostedInstance(subject)
     instance.initialize(course.at(0), float(course.times[0]))
-    stepped(instance, course, 0, middle)
+    step_instance(instance, course, 0, middle)
     with instance.calling():
         state = instance.fmu.getFMUstate()
         size = ctypes.c_size_t()
@@ -124,17 +124,17 @@ def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
     return data
 
 
-def _from_bytes(subject: Subject, course: Experiment, middle: int, data: bytes) -> Trajectory:
-    instance = Instance(subject)
+def _from_bytes(subject: Subject, course: Experiment, middle: int, data: bytes) -> OutputTrajectory:
+    instance = HostedInstance(subject)
     instance.initialize(course.at(0), float(course.times[0]))
     with instance.calling():
         state = instance.fmu.deSerializeFMUstate(data)
         instance.fmu.setFMUstate(state)
         instance.fmu.freeFMUstate(state)
-    return stepped(instance, course, middle)
+    return step_instance(instance, course, middle)
 
 
-def _damaged(subject: Subject, data: bytes) -> Outcome:
+def _damaged(subject: Subject, data: bytes) -> CheckOutcome:
     """Bytes that were cut, or changed, are refused, or at least do no harm."""
     random = np.random.default_rng(1)
     cases = {"half of the bytes": data[: len(data) // 2], "one byte": data[:1]}
@@ -144,8 +144,8 @@ def _damaged(subject: Subject, data: bytes) -> Outcome:
             spoiled[place] ^= int(random.integers(1, 256))
         cases[f"damaged bytes ({k + 1})"] = bytes(spoiled)
     try:
-        for part in ([c] for c in cases.items()) if only_once(subject) else (list(cases.items()),):
-            afresh(_take, subject, part)
+        for part in ([c] for c in cases.items()) if is_single_instance(subject) else (list(cases.items()),):
+            in_fresh_process(_take, subject, part)
     except EndedError as error:
         return warned(f"{error.call} ends the process ({error.how}).")
     return passed(f"A new instance went on from {len(data)} bytes as the old one; damaged bytes did no harm.")
@@ -153,12 +153,12 @@ def _damaged(subject: Subject, data: bytes) -> Outcome:
 
 def _take(subject: Subject, cases: list[tuple[str, bytes]]) -> None:
     """Go on from each of these as far as it goes."""
-    course = experiment(subject, 2)
+    course = make_experiment(subject, 2)
     for name, data in cases:
-        instance = Instance(subject)
+        instance = HostedInstance(subject)
         instance.circumstance = f" with a state made of {name}"
         with contextlib.suppress(CallError):
-            driven(instance, course)
+            run_instance(instance, course)
             with instance.calling():
                 state = instance.fmu.deSerializeFMUstate(data)
                 instance.fmu.setFMUstate(state)

@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Iterator, Sequence
 
 from ..check import check
-from ..declared import Declared, Unknown, Variable, repeated
-from ..saying import judged, listed
+from ..declarations import Declarations, DeclaredUnknown, DeclaredVariable, find_repeated
+from ..messages import join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import Clause, Outcome
+from ..verdict import CheckOutcome, Clause
 
 _LINEAR = ("constant", "fixed", "tunable", "discrete")
 """Kinds of dependencies that are for Real unknowns only."""
@@ -24,7 +24,7 @@ _LINEAR = ("constant", "fixed", "tunable", "discrete")
     "ModelStructure/Outputs has one Unknown for each output; index counts ScalarVariables from 1.",
     needs=("description.schema",),
 )
-def outputs(subject: Subject) -> Outcome:
+def outputs(subject: Subject) -> CheckOutcome:
     """ModelStructure/Outputs has every output, once, and nothing else."""
     declared = subject.declared
     wanted = {v.index for v in declared.variables if v.causality == "output"}
@@ -32,7 +32,7 @@ def outputs(subject: Subject) -> Outcome:
         *_listing("Outputs", declared.outputs, declared),
         *_compared("Outputs", wanted, declared.outputs, declared),
     ]
-    return judged(problems, f"{len(wanted)} outputs are listed.")
+    return judge_problems(problems, f"{len(wanted)} outputs are listed.")
 
 
 @check(
@@ -46,7 +46,7 @@ def outputs(subject: Subject) -> Outcome:
     "Give the variable the attribute `derivative` with the index of its state, counted from 1.",
     needs=("description.schema",),
 )
-def derivatives(subject: Subject) -> Outcome:
+def derivatives(subject: Subject) -> CheckOutcome:
     """Each of ModelStructure/Derivatives is the derivative of a continuous state of its own."""
     declared = subject.declared
     problems = [
@@ -54,10 +54,10 @@ def derivatives(subject: Subject) -> Outcome:
         *_no_derivatives(declared),
         *(p for v in declared.variables for p in _misdirected(v, declared)),
     ]
-    return judged(problems, f"{len(declared.derivatives)} state derivatives are listed.")
+    return judge_problems(problems, f"{len(declared.derivatives)} state derivatives are listed.")
 
 
-def _no_derivatives(declared: Declared) -> Iterator[str]:
+def _no_derivatives(declared: Declarations) -> Iterator[str]:
     """What in the list gives no state of its own."""
     listed_ones = [v for u in declared.derivatives if (v := declared.variable(u.index)) is not None]
     for variable in listed_ones:
@@ -66,11 +66,11 @@ def _no_derivatives(declared: Declared) -> Iterator[str]:
         elif (state := declared.variable(int(variable.own["derivative"]))) is not None:
             yield from _no_state(state)
     states = [v.own["derivative"].strip() for v in _distinct(listed_ones) if "derivative" in v.own]
-    for index in repeated(states):
+    for index in find_repeated(states):
         yield f"More than one of Derivatives is the derivative of {declared.variable(int(index)) or index}."
 
 
-def _no_state(state: Variable) -> Iterator[str]:
+def _no_state(state: DeclaredVariable) -> Iterator[str]:
     if state.causality not in ("local", "output") or state.variability != "continuous":
         yield (
             f"The state {state} is {state.variability} and {state.causality}; "
@@ -78,7 +78,7 @@ def _no_state(state: Variable) -> Iterator[str]:
         )
 
 
-def _misdirected(variable: Variable, declared: Declared) -> Iterator[str]:
+def _misdirected(variable: DeclaredVariable, declared: Declarations) -> Iterator[str]:
     if "derivative" not in variable.own:
         return
     index = int(variable.own["derivative"])
@@ -103,7 +103,7 @@ def _misdirected(variable: Variable, declared: Declared) -> Iterator[str]:
     "List outputs, states and derivatives that are `calculated` or `approx`, and calculated parameters.",
     needs=("structure.derivatives",),
 )
-def initial_unknowns(subject: Subject) -> Outcome:
+def initial_unknowns(subject: Subject) -> CheckOutcome:
     """ModelStructure/InitialUnknowns has what initialization computes, once, by ascending index."""
     declared = subject.declared
     found = [u.index for u in declared.initial_unknowns]
@@ -119,10 +119,10 @@ def initial_unknowns(subject: Subject) -> Outcome:
             f"InitialUnknowns has {declared.variable(found[k])} after {declared.variable(found[k - 1])}, "
             "whose index is greater."
         )
-    return judged(problems, f"{len(wanted)} initial unknowns are listed, in order.")
+    return judge_problems(problems, f"{len(wanted)} initial unknowns are listed, in order.")
 
 
-def _initially_unknown(declared: Declared) -> set[int]:
+def _initially_unknown(declared: Declarations) -> set[int]:
     either = declared.states() | {u.index for u in declared.derivatives}
     return {
         v.index
@@ -140,7 +140,7 @@ def _initially_unknown(declared: Declared) -> set[int]:
     "what is `exact`; `dependenciesKind` has one word for each.",
     needs=("structure.derivatives",),
 )
-def dependencies(subject: Subject) -> Outcome:
+def dependencies(subject: Subject) -> CheckOutcome:
     """Dependencies exist, ascend, have a kind each or none, and are on knowns."""
     declared = subject.declared
     known = declared.states() | _free(declared)
@@ -157,14 +157,14 @@ def dependencies(subject: Subject) -> Outcome:
             problems += _ill_formed(who, unknown, declared)
             doubts += _unknown_knowns(who, unknown, knowns, declared)
     count = sum(len(u.dependencies or ()) for _, unknowns, _ in lists for u in unknowns)
-    return judged(problems, f"{count} dependencies are on variables that are known.", doubts)
+    return judge_problems(problems, f"{count} dependencies are on variables that are known.", doubts)
 
 
-def _free(declared: Declared) -> set[int]:
+def _free(declared: Declarations) -> set[int]:
     return {v.index for v in declared.variables if v.causality in ("input", "independent")}
 
 
-def _ill_formed(who: str, unknown: Unknown, declared: Declared) -> Iterator[str]:
+def _ill_formed(who: str, unknown: DeclaredUnknown, declared: Declarations) -> Iterator[str]:
     indices, kinds = unknown.dependencies, unknown.kinds
     beyond = [i for i in indices or () if declared.variable(i) is None]
     if beyond:
@@ -181,41 +181,46 @@ def _ill_formed(who: str, unknown: Unknown, declared: Declared) -> Iterator[str]
         yield f"{who} is of type {variable.type}, but has a dependency of the kind {linear[0]}."
 
 
-def _unknown_knowns(who: str, unknown: Unknown, knowns: set[int], declared: Declared) -> Iterator[str]:
+def _unknown_knowns(
+    who: str, unknown: DeclaredUnknown, knowns: set[int], declared: Declarations
+) -> Iterator[str]:
     others = [
         v for i in unknown.dependencies or () if i not in knowns and (v := declared.variable(i)) is not None
     ]
     if others:
-        yield f"{who} depends on {listed([v.name for v in others])}, which is not known when it is computed."
+        yield (
+            f"{who} depends on {join_few_names([v.name for v in others])}, which is not known when it is "
+            "computed."
+        )
 
 
-def _listing(name: str, unknowns: Sequence[Unknown], declared: Declared) -> Iterator[str]:
+def _listing(name: str, unknowns: Sequence[DeclaredUnknown], declared: Declarations) -> Iterator[str]:
     """What is wrong with indices, whatever they mean."""
     for unknown in unknowns:
         if declared.variable(unknown.index) is None:
             yield f"{name} lists variable {unknown.index}; there are {len(declared.variables)}."
-    for twice in repeated(str(u.index) for u in unknowns):
+    for twice in find_repeated(str(u.index) for u in unknowns):
         yield f"{name} lists {declared.variable(int(twice)) or twice} more than once."
 
 
 def _compared(
     name: str,
     wanted: set[int],
-    unknowns: Sequence[Unknown],
-    declared: Declared,
+    unknowns: Sequence[DeclaredUnknown],
+    declared: Declarations,
     doubtful: Iterable[int] = (),
 ) -> Iterator[str]:
     """What of the wanted indices is missing, and what is there besides those and the doubtful ones."""
     found = {u.index for u in unknowns}
     if missing := sorted(wanted - found):
-        yield f"{name} lacks {listed(_names(missing, declared))}."
+        yield f"{name} lacks {join_few_names(_names(missing, declared))}."
     if surplus := [i for i in sorted(found.difference(wanted, doubtful)) if declared.variable(i) is not None]:
-        yield f"{name} lists {listed(_names(surplus, declared))}, which does not belong there."
+        yield f"{name} lists {join_few_names(_names(surplus, declared))}, which does not belong there."
 
 
-def _names(indices: Iterable[int], declared: Declared) -> list[str]:
+def _names(indices: Iterable[int], declared: Declarations) -> list[str]:
     return [str(declared.variable(i)) for i in indices]
 
 
-def _distinct(variables: Iterable[Variable]) -> list[Variable]:
+def _distinct(variables: Iterable[DeclaredVariable]) -> list[DeclaredVariable]:
     return list({v.index: v for v in variables}.values())

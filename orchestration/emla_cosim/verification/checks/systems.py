@@ -6,9 +6,9 @@ from typing import Any
 
 from ...base.errors import CosimError
 from ..check import check
-from ..saying import sentence
+from ..messages import sentence
 from ..settings import Settings
-from ..verdict import Clause, Outcome, failed, passed
+from ..verdict import CheckOutcome, Clause, failed, passed
 
 _DOCUMENT = "EMLA-Cosim, docs/verify.md"
 _PATIENCE, _ROOM = 60.0, 4.0
@@ -27,10 +27,10 @@ class WholeSystem:
     "The system runs to its stop time",
     Clause("Systems", "A system runs from its start time to its stop time.", _DOCUMENT),
     "`emla run` of the same file shows more.",
-    patience=_PATIENCE,
-    room=_ROOM,
+    time_factor=_PATIENCE,
+    memory_factor=_ROOM,
 )
-def runs(system: WholeSystem) -> Outcome:
+def runs(system: WholeSystem) -> CheckOutcome:
     """All FMUs can be connected and stepped."""
     return _simulated(system, {})
 
@@ -40,16 +40,16 @@ def runs(system: WholeSystem) -> Outcome:
     "All signals stay within the tubes around those of a run that was kept",
     Clause("Systems", "Every signal of both runs stays within the tube around the earlier one.", _DOCUMENT),
     "The signal that left first is nearest to the reason; see what drives it.",
-    patience=_PATIENCE,
-    room=_ROOM,
+    time_factor=_PATIENCE,
+    memory_factor=_ROOM,
 )
-def agrees(system: WholeSystem) -> Outcome:
+def agrees(system: WholeSystem) -> CheckOutcome:
     """The system does what it did."""
     settings = system.settings
     return _simulated(system, {"reference": settings.reference, "tolerance": settings.tolerance})
 
 
-def _simulated(system: WholeSystem, options: dict[str, Any]) -> Outcome:
+def _simulated(system: WholeSystem, options: dict[str, Any]) -> CheckOutcome:
     from ...study.loading import load  # which knows all there is
 
     try:

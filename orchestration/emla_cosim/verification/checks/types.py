@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from ..check import check
-from ..declared import Declared, Type, repeated
-from ..saying import judged
+from ..declarations import Declarations, DeclaredType, find_repeated
+from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import Clause, Outcome
+from ..verdict import CheckOutcome, Clause
 
 
 @check(
@@ -16,23 +16,23 @@ from ..verdict import Clause, Outcome
     "Define every type once, with a name that no variable has, and of the type of its variables.",
     needs=("description.schema",),
 )
-def types(subject: Subject) -> Outcome:
+def types(subject: Subject) -> CheckOutcome:
     """Every declared type is defined once, and is of the variable's own type."""
     declared = subject.declared
     problems = [*_names(declared), *_uses(declared), *(p for t in declared.types for p in _items(t))]
-    return judged(problems, f"{len(declared.types)} types are defined and used as they should be.")
+    return judge_problems(problems, f"{len(declared.types)} types are defined and used as they should be.")
 
 
-def _names(declared: Declared) -> Iterator[str]:
+def _names(declared: Declarations) -> Iterator[str]:
     variables = {v.name for v in declared.variables}
-    for name in repeated(t.name for t in declared.types):
+    for name in find_repeated(t.name for t in declared.types):
         yield f"More than one SimpleType is called {name}."
     for one in declared.types:
         if one.name in variables:
             yield f"The SimpleType {one.name} has the name of a variable."
 
 
-def _uses(declared: Declared) -> Iterator[str]:
+def _uses(declared: Declarations) -> Iterator[str]:
     by_name = {t.name: t for t in declared.types}
     for variable in declared.variables:
         name = variable.own.get("declaredType")
@@ -45,7 +45,7 @@ def _uses(declared: Declared) -> Iterator[str]:
             yield f"{variable} is of type {variable.type}, but declared as {name}, which is {other}."
 
 
-def _items(one: Type) -> Iterator[str]:
+def _items(one: DeclaredType) -> Iterator[str]:
     for attribute in ("name", "value"):
-        for twice in repeated(item[attribute] for item in one.items):
+        for twice in find_repeated(item[attribute] for item in one.items):
             yield f"More than one item of the enumeration {one.name} has the {attribute} {twice}."

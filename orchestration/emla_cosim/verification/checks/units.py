@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping
 
 from ...base.units import BASE_UNITS, counts_turns, find_unit
 from ..check import check
-from ..declared import Declared, DeclaredUnit, Variable, repeated
-from ..saying import judged, listed
+from ..declarations import Declarations, DeclaredUnit, DeclaredVariable, find_repeated
+from ..messages import join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import Clause, Outcome
+from ..verdict import CheckOutcome, Clause
 
 _CLOSE = 1e-4
 """Relative difference of factors that are meant to be the same: some are written with few digits."""
@@ -26,22 +26,22 @@ _RAD = BASE_UNITS.index("rad")
     "Add a `Unit` to `UnitDefinitions` for every unit that a variable or type has, with its exponents.",
     needs=("description.schema",),
 )
-def defined(subject: Subject) -> Outcome:
+def defined(subject: Subject) -> CheckOutcome:
     """Every unit that is used is defined, once, and every display unit belongs to a unit."""
     declared = subject.declared
     problems = [*_repeated(declared), *_undefined(declared)]
-    return judged(problems, f"{len(declared.units)} units are defined.", list(_bare(declared)))
+    return judge_problems(problems, f"{len(declared.units)} units are defined.", list(_bare(declared)))
 
 
-def _repeated(declared: Declared) -> Iterator[str]:
-    for name in repeated(u.name for u in declared.units):
+def _repeated(declared: Declarations) -> Iterator[str]:
+    for name in find_repeated(u.name for u in declared.units):
         yield f"The unit {name} is defined more than once."
     for unit in declared.units:
-        for name in repeated(d["name"] for d in unit.display):
+        for name in find_repeated(d["name"] for d in unit.display):
             yield f"The unit {unit.name} has more than one display unit {name}."
 
 
-def _undefined(declared: Declared) -> Iterator[str]:
+def _undefined(declared: Declarations) -> Iterator[str]:
     used = [(v.name, v.own.get("unit")) for v in declared.variables]
     used += [(f"the type {t.name}", t.attributes.get("unit")) for t in declared.types]
     for who, unit in used:
@@ -52,10 +52,10 @@ def _undefined(declared: Declared) -> Iterator[str]:
             yield f"{variable} has a display unit, but no unit."
 
 
-def _bare(declared: Declared) -> Iterator[str]:
+def _bare(declared: Declarations) -> Iterator[str]:
     bare = [u.name for u in declared.units if u.base is None]
     if bare:
-        yield f"Nobody says what the unit {listed(bare)} is made of (BaseUnit)."
+        yield f"Nobody says what the unit {join_few_names(bare)} is made of (BaseUnit)."
     for variable in declared.variables:
         shown, unit = variable.attributes.get("displayUnit"), declared.unit_of(variable)
         if shown is not None and unit and shown not in [unit.name, *(d["name"] for d in unit.display)]:
@@ -73,13 +73,13 @@ def _bare(declared: Declared) -> Iterator[str]:
     "Correct the exponents and the factor, or the name; masters convert connected values by them.",
     needs=("units.defined",),
 )
-def consistent(subject: Subject) -> Outcome:
+def consistent(subject: Subject) -> CheckOutcome:
     """Exponents and factors of units with well-known names are right, and those of their display units."""
     units = subject.declared.units
     problems = [p for unit in units for p in (*_finite(unit), *_wrong(unit), *_wrong_display(unit))]
     doubts = [d for unit in units for d in _offset(unit)]
     known = sum(find_unit(u.name) is not None for u in units)
-    return judged(
+    return judge_problems(
         problems, f"{known} of {len(units)} units have well-known names, and are what these say.", doubts
     )
 
@@ -145,7 +145,7 @@ def _offset(unit: DeclaredUnit) -> Iterator[str]:
     "Give the derivative the unit of its variable divided by `s`, with the same factor.",
     needs=("units.consistent", "structure.derivatives"),
 )
-def derivatives(subject: Subject) -> Outcome:
+def derivatives(subject: Subject) -> CheckOutcome:
     """Where both have units, that of der(x) is that of x per second."""
     declared = subject.declared
     pairs = [
@@ -162,10 +162,10 @@ def derivatives(subject: Subject) -> Outcome:
             told = f"{variable} is in {variable.unit}, but is the derivative of {of}, which is in {of.unit}."
             (doubts if exponents else problems).append(told)
     fine = f"{len(pairs)} derivatives have units that agree with their variables'."
-    return judged(problems, fine, doubts)
+    return judge_problems(problems, fine, doubts)
 
 
-def _agree(declared: Declared, derivative: Variable, of: Variable) -> tuple[bool, bool]:
+def _agree(declared: Declarations, derivative: DeclaredVariable, of: DeclaredVariable) -> tuple[bool, bool]:
     """Whether exponents and factors of their units agree, as far as both are known."""
     bases = [u.base for v in (of, derivative) if (u := declared.unit_of(v))]
     if len(bases) < 2 or bases[0] is None or bases[1] is None:

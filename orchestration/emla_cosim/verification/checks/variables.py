@@ -5,10 +5,10 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 from ..check import check
-from ..declared import Declared, Variable, repeated
-from ..saying import judged
+from ..declarations import Declarations, DeclaredVariable, find_repeated
+from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import Clause, Outcome
+from ..verdict import CheckOutcome, Clause
 
 _NONDIGIT = "_a-zA-Z"
 _QUOTED = r"'(?:[_a-zA-Z0-9!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
@@ -24,16 +24,16 @@ _STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
     "Rename them; with variableNamingConvention `flat` every name is allowed.",
     needs=("description.schema",),
 )
-def names(subject: Subject) -> Outcome:
+def names(subject: Subject) -> CheckOutcome:
     """Names are unique, and structured where the FMU says that they are."""
     found = [v.name for v in subject.declared.variables]
-    problems = [f"More than one variable is called {name}." for name in repeated(found)]
+    problems = [f"More than one variable is called {name}." for name in find_repeated(found)]
     problems += [f"Variable {i} has no name." for i, name in enumerate(found, start=1) if not name]
     if subject.tree.get("variableNamingConvention") == "structured":
         problems += [
             f"{name} is no structured name." for name in found if name and not _STRUCTURED.fullmatch(name)
         ]
-    return judged(problems, f"{len(found)} variables have names of their own.")
+    return judge_problems(problems, f"{len(found)} variables have names of their own.")
 
 
 @check(
@@ -43,7 +43,7 @@ def names(subject: Subject) -> Outcome:
     "The tables of section 2.2.7 say what goes together; the default of variability is `continuous`.",
     needs=("description.schema",),
 )
-def attributes(subject: Subject) -> Outcome:
+def attributes(subject: Subject) -> CheckOutcome:
     """Causality, variability, initial and type of every variable go together."""
     declared = subject.declared
     problems = [p for v in declared.variables for p in _impossible(v)]
@@ -52,10 +52,10 @@ def attributes(subject: Subject) -> Outcome:
         problems.append(f"Both {independent[0]} and {independent[1]} are independent.")
     if "ModelExchange" not in subject.kinds:
         problems += [p for v in declared.variables for p in _exchanged(v)]
-    return judged(problems, f"{len(declared.variables)} variables can be what they say.")
+    return judge_problems(problems, f"{len(declared.variables)} variables can be what they say.")
 
 
-def _impossible(variable: Variable) -> Iterator[str]:
+def _impossible(variable: DeclaredVariable) -> Iterator[str]:
     what = f"{variable} is {variable.variability} and {_article(variable.causality)}"
     if variable.initials is None:
         yield f"{what}, which do not go together."
@@ -65,7 +65,7 @@ def _impossible(variable: Variable) -> Iterator[str]:
         yield f"{variable} is continuous, but of type {variable.type}; only a Real can be."
 
 
-def _exchanged(variable: Variable) -> Iterator[str]:
+def _exchanged(variable: DeclaredVariable) -> Iterator[str]:
     if "reinit" in variable.own:
         yield f"{variable} has reinit, which is for Model Exchange only."
     if variable.multiple_sets:
@@ -89,22 +89,22 @@ def _article(causality: str) -> str:
     "Give them value references of their own, or the same unit, and a start value to one of them only.",
     needs=("description.schema",),
 )
-def aliases(subject: Subject) -> Outcome:
+def aliases(subject: Subject) -> CheckOutcome:
     """Variables of one value reference agree in unit and constancy, and one of them at most is set."""
     sets = _alias_sets(subject.declared)
     problems = [p for several in sets for p in _apart(several)]
-    return judged(problems, f"{len(sets)} value references are shared, by variables that can be one.")
+    return judge_problems(problems, f"{len(sets)} value references are shared, by variables that can be one.")
 
 
-def _alias_sets(declared: Declared) -> list[list[Variable]]:
-    found: dict[tuple[str, int], list[Variable]] = defaultdict(list)
+def _alias_sets(declared: Declarations) -> list[list[DeclaredVariable]]:
+    found: dict[tuple[str, int], list[DeclaredVariable]] = defaultdict(list)
     for variable in declared.variables:
         base = "Integer" if variable.type == "Enumeration" else variable.type
         found[base, variable.reference].append(variable)
     return [several for several in found.values() if len(several) > 1]
 
 
-def _apart(several: Sequence[Variable]) -> Iterator[str]:
+def _apart(several: Sequence[DeclaredVariable]) -> Iterator[str]:
     both = (
         f"{several[0]} and {several[1]}"
         if len(several) == 2

@@ -31,26 +31,26 @@ class Experiment:
         return {name: float(values[k]) for name, values in self.inputs.items()}
 
 
-def experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
+def make_experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
     """The beginning of the FMU's default experiment, with its step, and at most so many of them."""
     start, step, count = span(subject)
     times = start + step * np.arange(min(steps, count) + 1, dtype=np.float64)
     inputs = subject.of_causality("input")
-    return Experiment(times, {v.name: _moved(v, i, times) for i, v in enumerate(inputs)})
+    return Experiment(times, {v.name: _vary_input(v, i, times) for i, v in enumerate(inputs)})
 
 
 def span(subject: Subject) -> tuple[float, float, int]:
     """Start and step in s, and the number of steps, of the FMU's default experiment."""
     given = subject.description.defaultExperiment
-    start = number(given.startTime if given else None, 0.0)
-    stop = number(given.stopTime if given else None, start + 1.0)
+    start = parse_number(given.startTime if given else None, 0.0)
+    stop = parse_number(given.stopTime if given else None, start + 1.0)
     stop = stop if stop > start else start + 1.0
-    step = number(given.stepSize if given else None, (stop - start) / MOST_STEPS)
+    step = parse_number(given.stepSize if given else None, (stop - start) / MOST_STEPS)
     step = step if 0.0 < step <= stop - start else (stop - start) / MOST_STEPS
     return start, step, max(1, round((stop - start) / step))
 
 
-def number(value: Any, otherwise: float) -> float:
+def parse_number(value: Any, otherwise: float) -> float:
     """What an attribute of the model description says, or something else where it is no finite number."""
     try:
         number = float(value)
@@ -59,11 +59,11 @@ def number(value: Any, otherwise: float) -> float:
     return number if math.isfinite(number) else otherwise
 
 
-def _moved(variable: ModelVariable, index: int, times: Vector) -> Vector:
+def _vary_input(variable: ModelVariable, index: int, times: Vector) -> Vector:
     """A sine around the start value, of a tenth of the range, and with a period of its own."""
-    middle = number(variable.start, 0.0)
-    low, high = number(variable.min, -math.inf), number(variable.max, math.inf)
-    typical = abs(number(variable.nominal, middle or 1.0))
+    middle = parse_number(variable.start, 0.0)
+    low, high = parse_number(variable.min, -math.inf), parse_number(variable.max, math.inf)
+    typical = abs(parse_number(variable.nominal, middle or 1.0))
     width = 0.1 * (high - low if math.isfinite(high - low) else typical)
     periods = 2.0 + 0.5 * (index % 7)
     phase = 2.0 * np.pi * periods * (times - times[0]) / (times[-1] - times[0])

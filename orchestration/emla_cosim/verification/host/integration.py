@@ -72,7 +72,7 @@ class Integration:
         self._fmu = fmu
         self._states = int(subject.description.numberOfContinuousStates)
         self._indicators = int(subject.description.numberOfEventIndicators or 0)
-        self._tells = not subject.means("ModelExchange").completedIntegratorStepNotNeeded
+        self._tells = not subject.find_kind_element("ModelExchange").completedIntegratorStepNotNeeded
         self._next_event = math.inf
         self._solver: Any = None
 
@@ -96,7 +96,7 @@ class Integration:
 
     def _to_event(self, time: float, end: float) -> float:
         """Integrate until an event or the end; when that is."""
-        solver = self._restarted(time)
+        solver = self._restart_solver(time)
         close = 1e-12 * max(abs(end), end - time)
         while time < end:
             until = min(end, max(self._next_event, time))
@@ -104,12 +104,12 @@ class Integration:
             if until > time:
                 found, time = solver.advance(time, until)
             self._fmu.setTime(time)
-            entered = self._tells and self._completed()
+            entered = self._tells and self._complete_step()
             if found or entered or self.terminated or time >= self._next_event - close:
                 break
         return end if end - time <= close else time
 
-    def _completed(self) -> bool:
+    def _complete_step(self) -> bool:
         enter, terminate = self._fmu.completedIntegratorStep(noSetFMUStatePriorToCurrentPoint=0)
         self.terminated = self.terminated or terminate
         return enter
@@ -124,7 +124,7 @@ class Integration:
             raise FMICallException("fmi2NewDiscreteStates, asked for again and again,", 3)
         self._next_event = time if defined else math.inf
 
-    def _restarted(self, time: float) -> Any:
+    def _restart_solver(self, time: float) -> Any:
         """The solver, without memory of what was before `time`."""
         if self._solver is None:
             fmu = self._fmu

@@ -26,7 +26,7 @@ _OF_EACH_SIZE = 16
 
 
 @contextlib.contextmanager
-def littered(junk: Junk) -> Iterator[None]:
+def fill_memory(junk: Junk) -> Iterator[None]:
     """Fill what the C library hands out next with junk, and move it, as far as it can be asked to."""
     kept = ctypes.create_string_buffer(junk.bytes)
     library: Any = ctypes.CDLL(None)

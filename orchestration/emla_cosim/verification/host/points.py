@@ -9,11 +9,11 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ..subject import Subject
-from . import structure
-from .afresh import only_once
-from .experiment import experiment, number
-from .instance import Instance
-from .structure import Dependency
+from . import declared_dependencies
+from .declared_dependencies import Dependency
+from .experiment import make_experiment, parse_number
+from .fresh_process import is_single_instance
+from .hosted_instance import HostedInstance
 
 _STEPS = 20
 """Of a model's run on which it is asked."""
@@ -26,7 +26,7 @@ class Point:
     `values` are those of the knowns. Whoever changes a known sets it back.
     """
 
-    instance: Instance
+    instance: HostedInstance
     dependencies: list[Dependency]
     knowns: list[str]
     values: dict[str, float]
@@ -40,11 +40,11 @@ class Point:
     def scale(self, known: str) -> float:
         """How large a change of a known is neither lost nor far away."""
         variable = self.instance.subject.variables[known]
-        nominal = abs(number(variable.nominal, 0.0))
-        width = 0.1 * (number(variable.max, math.inf) - number(variable.min, -math.inf))
+        nominal = abs(parse_number(variable.nominal, 0.0))
+        width = 0.1 * (parse_number(variable.max, math.inf) - parse_number(variable.min, -math.inf))
         return max(nominal, abs(self.values[known]), width if math.isfinite(width) else 0.0) or 1.0
 
-    def shifted(self, changes: dict[str, float]) -> Vector:
+    def evaluate_shifted(self, changes: dict[str, float]) -> Vector:
         """Values of the unknowns with some knowns changed by so much; they are set back before it returns."""
         old = {name: self.values[name] for name in changes}
         self.instance.set({name: old[name] + by for name, by in changes.items()})
@@ -63,32 +63,32 @@ class Point:
 
 def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
     """Instances in initialization mode, with inputs of several times of the experiment."""
-    course = experiment(subject)
+    course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input")]
-    places = np.linspace(0, len(course.times) - 1, 1 if only_once(subject) else count)
+    places = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
     for k in np.unique(places.astype(int)):
-        instance = Instance(subject)
+        instance = HostedInstance(subject)
         instance.set(course.at(0))
         instance.enter_initialization(float(course.times[0]))
         values = course.at(int(k))
         instance.set(values)
-        found = structure.at_initialization(subject)
+        found = declared_dependencies.at_initialization(subject)
         yield Point(instance, found, knowns, values, f"in initialization mode (inputs {k})")
         instance.free()
 
 
 def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
     """A model in event mode, at several times of the experiment."""
-    course = experiment(subject, _STEPS)
+    course = make_experiment(subject, _STEPS)
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
-    instance = Instance(subject, kind="ModelExchange")
+    instance = HostedInstance(subject, kind="ModelExchange")
     instance.initialize(course.at(0), float(course.times[0]))
     wanted = set(np.linspace(0, len(course.times) - 1, count).astype(int))
     for k, time in enumerate(course.times):
         instance.set(course.at(k))
         if k in wanted:
             values = {n: course.at(k)[n] for n in knowns}
-            found = structure.at_events(subject)
+            found = declared_dependencies.at_events(subject)
             yield Point(instance, found, knowns, values, f"of the model at t = {time:.9g} s")
         if instance.terminated or k == len(course.times) - 1:
             return

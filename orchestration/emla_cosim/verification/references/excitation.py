@@ -7,7 +7,7 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
-from ..host.experiment import number
+from ..host.experiment import parse_number
 from ..subject import Subject
 
 
@@ -33,7 +33,7 @@ SHAPES: dict[str, Callable[[Vector, int], Vector]] = {"steps": _steps, "ramps": 
 """What inputs can do, by name: values from -1 to 1 over a run, from 0 to 1, for the input of a number."""
 
 
-def excited(subject: Subject, shape: str, times: Vector) -> dict[str, Vector]:
+def excite_inputs(subject: Subject, shape: str, times: Vector) -> dict[str, Vector]:
     """Columns of all inputs that are numbers, `time` in s first, within their ranges.
 
     Reals move by a quarter of their range around its middle, or by a tenth of what is nominal around
@@ -50,13 +50,13 @@ def excited(subject: Subject, shape: str, times: Vector) -> dict[str, Vector]:
 def _moved(variable: ModelVariable, wave: Vector) -> Vector:
     if variable.type == "Boolean":
         return (wave > 0.5).astype(float)
-    low, high = number(variable.min, -math.inf), number(variable.max, math.inf)
-    start = number(variable.start, 0.0)
+    low, high = parse_number(variable.min, -math.inf), parse_number(variable.max, math.inf)
+    start = parse_number(variable.start, 0.0)
     if variable.type == "Enumeration" and variable.declaredType is not None:
         values = [int(str(item.value)) for item in variable.declaredType.items or []]
         low, high = (float(min(values)), float(max(values))) if values else (start, start)
     bounded = math.isfinite(low) and math.isfinite(high)
     middle = 0.5 * (low + high) if bounded else start
-    width = 0.25 * (high - low) if bounded else 0.1 * abs(number(variable.nominal, start or 1.0))
+    width = 0.25 * (high - low) if bounded else 0.1 * abs(parse_number(variable.nominal, start or 1.0))
     found = np.clip(middle + width * wave, low, high)
     return found if variable.type == "Real" else np.round(found)

@@ -11,14 +11,14 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from ...base.files import place_of, written_whole
-from ..host.drive import outputs
+from ...base.files import resolve_output_path, write_atomically
 from ..host.experiment import span
+from ..host.instance_runs import outputs
 from ..settings import Recording
 from ..subject import Subject
-from .excitation import excited
-from .files import Reference, read_columns
-from .following import followed, inputs_at, start_values
+from .excitation import excite_inputs
+from .playback import inputs_at, read_start_values, run_reference
+from .reference_files import ReferenceSolution, read_columns
 
 MOST_STEPS = 100_000
 """Of a run that is recorded."""
@@ -40,7 +40,7 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
     written: set[Path] = set()
     for fmu in fmus:
         for path in recording.files(fmu.stem):
-            place = place_of(path, "the reference")
+            place = resolve_output_path(path, "the reference")
             if path in written:
                 raise CommandError(f"two FMUs are called {fmu.stem}; record one at a time.")
             if place.exists() and not recording.overwrite:
@@ -52,12 +52,12 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
         except Exception:  # which the checks tell better
             continue
         _course(subject, recording)
-        start_values(subject, recording.values)
+        read_start_values(subject, recording.values)
         if recording.inputs is not None:
             inputs_at(subject, read_columns(recording.inputs, "the inputs"), np.zeros(2))
 
 
-def recorded(subject: Subject, recording: Recording) -> list[Path]:
+def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     """Run the FMU and write its reference files, which are returned.
 
     Raises CallError where the FMU refuses a call, CommandError for inputs that do not fit, OSError.
@@ -69,11 +69,13 @@ def recorded(subject: Subject, recording: Recording) -> list[Path]:
     if recording.inputs is not None:
         inputs = read_columns(recording.inputs, "the inputs")
     else:
-        inputs = excited(subject, recording.shape, times)
+        inputs = excite_inputs(subject, recording.shape, times)
     names = outputs(subject)
     wanted = {"time": times} | dict.fromkeys(names, times)
-    plan = Reference(recording.folder, wanted, inputs, start, stop, step, every * step, recording.values)
-    found = followed(subject, plan)
+    plan = ReferenceSolution(
+        recording.folder, wanted, inputs, start, stop, step, every * step, recording.values
+    )
+    found = run_reference(subject, plan)
     rows = {"time": found.times} | {n: found.values[:, i] for i, n in enumerate(found.names)}
     texts = {
         "ref.csv": _csv(rows),
@@ -84,7 +86,9 @@ def recorded(subject: Subject, recording: Recording) -> list[Path]:
         texts["in.csv"] = _csv(inputs)
     else:  # what an earlier recording left would be taken for its inputs
         (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
-    return [_written(recording.folder / f"{subject.path.stem}_{kind}", text) for kind, text in texts.items()]
+    return [
+        _write_text(recording.folder / f"{subject.path.stem}_{kind}", text) for kind, text in texts.items()
+    ]
 
 
 def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
@@ -105,8 +109,8 @@ def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
     return start, step, count
 
 
-def _written(path: Path, text: str) -> Path:
-    with written_whole(path) as stream:
+def _write_text(path: Path, text: str) -> Path:
+    with write_atomically(path) as stream:
         stream.write(text.encode())
     return path
 
@@ -132,22 +136,22 @@ def _about(subject: Subject, recording: Recording) -> str:
         f"emla verify --record, {version('emla-cosim')}: {subject.path.name} (GUID {description.guid}, "
         f"{description.generationTool or 'unnamed tool'}) with {driven}"
     )
-    values = "".join(f"{_quoted(n)} = {_value(v)}\n" for n, v in recording.values.items())
-    return f"made_by = {_quoted(made_by)}\n" + (f"\n[set]\n{values}" if values else "")
+    values = "".join(f"{_quote(n)} = {_value(v)}\n" for n, v in recording.values.items())
+    return f"made_by = {_quote(made_by)}\n" + (f"\n[set]\n{values}" if values else "")
 
 
 def _value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
-    return _quoted(value) if isinstance(value, str) else repr(value)
+    return _quote(value) if isinstance(value, str) else repr(value)
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     """A text as TOML has it."""
-    return '"' + "".join(_escaped(letter) for letter in text) + '"'
+    return '"' + "".join(_escape(letter) for letter in text) + '"'
 
 
-def _escaped(letter: str) -> str:
+def _escape(letter: str) -> str:
     if letter in '"\\':
         return f"\\{letter}"
     return letter if letter.isprintable() else f"\\U{ord(letter):08x}"

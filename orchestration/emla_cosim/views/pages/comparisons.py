@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...base.colors import BLUE, GREY, RED
-from ...recorders.tubes.comparison import Comparison
+from ...recorders.tubes.signal_comparison import Comparison
 from ..panels import Band, Line, Plot
 from .page import Plots
 
@@ -14,7 +14,7 @@ _OPEN_PLOTS = 3
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparedSignal:
     """One signal beside its reference, its plot, and whether that is shown without being asked for."""
 
     comparison: Comparison
@@ -27,12 +27,12 @@ class Compared:
         return _share(self.comparison)
 
 
-def compared(comparisons: Sequence[Comparison], plots: Plots) -> list[Compared]:
+def build_comparison_rows(comparisons: Sequence[Comparison], plots: Plots) -> list[ComparedSignal]:
     """Rows for the macro of `comparisons.html`: what left its tube first, then what came near an edge."""
     ordered = sorted(comparisons, key=_urgency)
     many = sum(not one.inside for one in ordered)
     return [
-        Compared(one, plots.add(_plot(one)), k < max(1, min(many, _OPEN_PLOTS)))
+        ComparedSignal(one, plots.add(_plot(one)), k < max(1, min(many, _OPEN_PLOTS)))
         for k, one in enumerate(ordered)
     ]
 

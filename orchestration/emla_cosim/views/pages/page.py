@@ -10,9 +10,9 @@ from markupsafe import Markup
 
 from ...base import colors
 from ..panels import Plot
-from .drawing import library, template
-from .plot import Shape, as_json, shape
-from .text import number, shortened, visible
+from .bokeh_plots import library, template
+from .plot_data import Shape, as_json, shape
+from .text import format_number, make_visible, shorten_text
 
 
 class Plots:
@@ -45,7 +45,7 @@ class Plots:
         return Markup("\n").join([*data, *figures, bokeh])
 
 
-def rendered(package: str, name: str, plots: Plots, **context: Any) -> str:
+def render_template(package: str, name: str, plots: Plots, **context: Any) -> str:
     """The page of a template in a package of ours, which extends `base.html`.
 
     Whatever stands in `context` may come from anybody: it is shown as it is, and does nothing.
@@ -63,16 +63,19 @@ def _environment(package: str) -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_finalized,
+        finalize=_make_visible,
     )
-    made.filters |= {"number": number, "brief": lambda text, most=160: shortened(visible(text), most)}
+    made.filters |= {
+        "number": format_number,
+        "brief": lambda text, most=160: shorten_text(make_visible(text), most),
+    }
     made.globals["asset"] = _asset
     return made
 
 
-def _finalized(value: Any) -> Any:
+def _make_visible(value: Any) -> Any:
     """What a template shows: text of others without anything that is not seen."""
-    return value if isinstance(value, (Markup, int, float)) else visible(value)
+    return value if isinstance(value, (Markup, int, float)) else make_visible(value)
 
 
 def _asset(name: str) -> Markup:

@@ -11,7 +11,7 @@ _HIDDEN = re.compile(
 )
 
 
-def visible(text: object) -> str:
+def make_visible(text: object) -> str:
     r"""The text with characters that do harm or are not seen written out: `\x1b`, `\u202e`."""
     return _HIDDEN.sub(_escape, str(text)).replace("\r", "\n")
 
@@ -21,7 +21,7 @@ def _escape(found: re.Match[str]) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
 
-def shortened(text: str, most: int) -> str:
+def shorten_text(text: str, most: int) -> str:
     """The text, or its beginning and its end where it has more than so many letters."""
     if len(text) <= most:
         return text
@@ -29,10 +29,10 @@ def shortened(text: str, most: int) -> str:
     return f"{text[: most - end]} … {text[-end:]}"
 
 
-def number(value: Any, digits: int = 4) -> str:
+def format_number(value: Any, digits: int = 4) -> str:
     """A number as people read it; what is none, as text."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return visible(value)
+        return make_visible(value)
     if isinstance(value, int):
         return str(value) if abs(value) < 10**15 else f"{float(value):.{digits}g}" if value < 10**300 else "∞"
     if math.isnan(value):

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from ...base.arrays import Vector
 from ..panels import Plot
-from .plotting import Drawing
-from .stacked import panels_needed, stacked, unit_panels
+from .pictures import Drawing
+from .stacked import build_unit_panels, count_panels, draw_stacked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +29,7 @@ class Group:
 
     def panels(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """What the picture shows of those that were read."""
-        return unit_panels([n for n in self.signals if n in data], _units(result), data, self.title)
+        return build_unit_panels([n for n in self.signals if n in data], _units(result), data, self.title)
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class ByUnit(Drawing):
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
         """The panels, one below the other."""
         for group in self._own(result):
-            return stacked(group.panels(result, data), group.title)
+            return draw_stacked(group.panels(result, data), group.title)
         return None
 
     def _own(self, result: "Result") -> Sequence[Group]:
@@ -119,6 +119,6 @@ def _first(signals: Sequence[str], units: Mapping[str, str]) -> list[str]:
     """The first signals that there is room for."""
     found = list[str]()
     for name in signals[:_MOST_SIGNALS]:
-        if panels_needed([*found, name], units) <= _MOST_PANELS:
+        if count_panels([*found, name], units) <= _MOST_PANELS:
             found.append(name)
     return found

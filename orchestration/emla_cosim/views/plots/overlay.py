@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.errors import CommandError, near_or_some
+from ...base.errors import CommandError, suggest_names
 from ...base.files import read_text
-from ...base.patterns import fits
+from ...base.patterns import matches_pattern
 from ...recorders.metrics import TRACKED
-from ...recorders.stored import StoredRun, stored_run
+from ...recorders.stored import StoredRun, open_stored_run
 from ..panels import Line, Plot
-from .stacked import MOST_LINES, MOST_PANELS, numbered, panels_needed, stacked, unit_panels
+from .stacked import MOST_LINES, MOST_PANELS, build_unit_panels, count_panels, draw_stacked, numbered
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,28 +56,28 @@ class Overlay:
     notes: Sequence[str]
 
 
-def traces(places: Sequence[Path]) -> list[Traces]:
+def read_traces(places: Sequence[Path]) -> list[Traces]:
     """The runs in folders of results, or in tables; CommandError where there is none, or too many."""
     if len(places) > _MOST_RUNS:
         raise CommandError(f"{len(places)} runs cannot be told apart; a picture shows up to {_MOST_RUNS}.")
     names = [place.resolve().name for place in places]
     labels = names if len(set(names)) == len(names) else [str(place) for place in places]
-    return [_kept(place, label) for place, label in zip(places, labels, strict=True)]
+    return [_read_trace(place, label) for place, label in zip(places, labels, strict=True)]
 
 
-def plotted(result: "Result", patterns: Sequence[str]) -> "Figure":
+def plot_signals(result: "Result", patterns: Sequence[str]) -> "Figure":
     """Signals of a result over time, panels by unit; CommandError for what is not there, and for too many."""
     if not patterns:
         raise CommandError("nothing to plot; name one signal or more.")
     for name in patterns:
-        if not any(fits(n, name) for n in result.names):
+        if not any(matches_pattern(n, name) for n in result.names):
             result.read([name])  # which says what is wrong
     units = {name: str(unit) for name, unit in result.units.items() if unit is not None}
     run = Traces(result.name, result.names, units, result, result.roles)
-    return overlaid([run], patterns).figure
+    return overlay_runs([run], patterns).figure
 
 
-def overlaid(
+def overlay_runs(
     runs: Sequence[Traces],
     patterns: Sequence[str] = (),
     begin: float | None = None,
@@ -98,20 +98,20 @@ def overlaid(
         chosen = _matching(patterns, names)
         _check_room(chosen, units, len(runs))
     else:
-        chosen, notes = _usual(runs, names, units)
-    notes += _missing(runs, chosen)
+        chosen, notes = _choose_default_signals(runs, names, units)
+    notes += _describe_missing(runs, chosen)
     data = [_cut(run, chosen, begin, end) for run in runs]
     if not any(len(columns["time"]) for columns in data):
         raise CommandError("there are no rows to draw at these times.")
     if len(runs) == 1:
-        panels = unit_panels(chosen, units, data[0], runs[0].label)
+        panels = build_unit_panels(chosen, units, data[0], runs[0].label)
     else:
-        panels = [panel for name in chosen for panel in _over_one_another(name, runs, units, data)]
-    return Overlay(stacked(panels, ", ".join(run.label for run in runs)), notes)
+        panels = [panel for name in chosen for panel in _overlay_signal(name, runs, units, data)]
+    return Overlay(draw_stacked(panels, ", ".join(run.label for run in runs)), notes)
 
 
-def _kept(place: Path, label: str) -> Traces:
-    stored: StoredRun = stored_run(place, "the run")
+def _read_trace(place: Path, label: str) -> Traces:
+    stored: StoredRun = open_stored_run(place, "the run")
     record = stored.path.parent / "run.json"
     content = _record(record)
     units, roles = _texts(content, "units"), _texts(content.get("settings"), "roles")
@@ -136,17 +136,17 @@ def _texts(content: Any, key: str) -> dict[str, str]:
 def _matching(patterns: Iterable[str], names: Sequence[str]) -> list[str]:
     found = list[str]()
     for pattern in patterns:
-        matching = [name for name in names if fits(name, pattern)]
+        matching = [name for name in names if matches_pattern(name, pattern)]
         if not matching:
             raise CommandError(
-                f"no signal is called '{pattern}'; {near_or_some(pattern, names)}", name=pattern
+                f"no signal is called '{pattern}'; {suggest_names(pattern, names)}", name=pattern
             )
         found += matching
     return list(dict.fromkeys(found))
 
 
 def _check_room(chosen: Sequence[str], units: Mapping[str, str], runs: int) -> None:
-    needed = len(chosen) if runs > 1 else panels_needed(chosen, units)
+    needed = len(chosen) if runs > 1 else count_panels(chosen, units)
     if needed > MOST_PANELS:
         raise CommandError(
             f"{len(chosen)} signals take {needed} panels, and a picture has up to {MOST_PANELS}; name fewer, "
@@ -154,7 +154,7 @@ def _check_room(chosen: Sequence[str], units: Mapping[str, str], runs: int) -> N
         )
 
 
-def _usual(
+def _choose_default_signals(
     runs: Sequence[Traces], names: Sequence[str], units: Mapping[str, str]
 ) -> tuple[list[str], list[str]]:
     """What is drawn where nobody says it, and a sentence where it is not all."""
@@ -163,14 +163,14 @@ def _usual(
     chosen = list(dict.fromkeys(name for pair in found for name in pair)) or list(names)
     kept = list[str]()
     for name in chosen:
-        if (len(kept) < MOST_PANELS) if len(runs) > 1 else panels_needed([*kept, name], units) <= MOST_PANELS:
+        if (len(kept) < MOST_PANELS) if len(runs) > 1 else count_panels([*kept, name], units) <= MOST_PANELS:
             kept.append(name)
     if len(kept) == len(names):
         return kept, []
     return kept, [f"{len(kept)} of {len(names)} signals are drawn; --signals chooses others."]
 
 
-def _missing(runs: Sequence[Traces], chosen: Sequence[str]) -> list[str]:
+def _describe_missing(runs: Sequence[Traces], chosen: Sequence[str]) -> list[str]:
     """Sentences on the signals that not every run has."""
     notes = []
     for run in runs:
@@ -194,7 +194,7 @@ def _cut(run: Traces, chosen: Sequence[str], begin: float | None, end: float | N
     return {name: values[inside] for name, values in data.items()}
 
 
-def _over_one_another(
+def _overlay_signal(
     name: str, runs: Sequence[Traces], units: Mapping[str, str], data: Sequence[Mapping[str, Vector]]
 ) -> list[Plot]:
     """A signal of all runs that have it, each with times of its own; of those with another unit apart."""

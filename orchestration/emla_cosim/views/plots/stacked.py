@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 from ...base.arrays import Vector
 from ..panels import Line, Plot
-from .drawing import draw_line
-from .style import COLORS, new_figure, tidied
+from .panel_drawing import draw_line
+from .style import COLORS, new_figure, tidy_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ _LONGEST = 44
 """Letters of a name that are shown."""
 
 
-def unit_panels(
+def build_unit_panels(
     names: Sequence[str], units: Mapping[str, str], data: Mapping[str, Vector], column: str
 ) -> list[Plot]:
     """Panels of signals by their unit, in the order of the first one with it; `data` has `time` too."""
@@ -39,8 +39,8 @@ def unit_panels(
     ]
 
 
-def panels_needed(names: Sequence[str], units: Mapping[str, str]) -> int:
-    """How many panels `unit_panels` makes."""
+def count_panels(names: Sequence[str], units: Mapping[str, str]) -> int:
+    """How many panels `build_unit_panels` makes."""
     count: dict[str, int] = {}
     for name in names:
         unit = units.get(name, "")
@@ -54,7 +54,7 @@ def numbered(number: int, label: str, time: Vector, values: Vector) -> Line:
     return Line(label, time, values, COLORS[number % len(COLORS)], dashed)
 
 
-def stacked(panels: Sequence[Plot], title: str) -> "Figure":
+def draw_stacked(panels: Sequence[Plot], title: str) -> "Figure":
     """A picture with the panels below one another; many stand in two columns.
 
     Where they are of different things, each has its own as a title.
@@ -73,7 +73,7 @@ def stacked(panels: Sequence[Plot], title: str) -> "Figure":
     return figure
 
 
-def shortened(name: str) -> str:
+def shorten_name(name: str) -> str:
     """A name whose middle is left out where it is long; its ends tell names apart."""
     if len(name) <= _LONGEST:
         return name
@@ -85,8 +85,8 @@ def _draw(axes: "Axes", panel: Plot, titled: bool) -> None:
         draw_line(axes, line)
     axes.set_ylabel(panel.label, parse_math=False)
     if titled:
-        axes.set_title(shortened(panel.column), fontsize=9, loc="left", parse_math=False)
-    tidied(axes, [shortened(line.label) for line in panel.lines])
+        axes.set_title(shorten_name(panel.column), fontsize=9, loc="left", parse_math=False)
+    tidy_axes(axes, [shorten_name(line.label) for line in panel.lines])
     if (legend := axes.get_legend()) is not None:
         legend.set_loc("center left")
         legend.set_bbox_to_anchor((1.0, 0.5))  # beside the curves, which it would hide

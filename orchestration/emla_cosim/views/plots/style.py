@@ -25,7 +25,7 @@ __all__ = [
     "is_picture",
     "new_figure",
     "save",
-    "tidied",
+    "tidy_axes",
     "with_margins",
 ]
 
@@ -83,7 +83,7 @@ def with_margins(figure: "Figure", grid: np.ndarray) -> None:
         axes.yaxis.set_label_coords(-0.56 / wide, 0.5)
 
 
-def tidied(axes: "Axes", labels: Sequence[str] = ()) -> None:
+def tidy_axes(axes: "Axes", labels: Sequence[str] = ()) -> None:
     """With a legend of the lines, if there are labels; they appear as they are, no formula, none left out."""
     if labels:
         legend = axes.legend(axes.lines, ["label"] * len(labels), fontsize=8, edgecolor="none")

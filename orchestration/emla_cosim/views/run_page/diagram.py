@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ...base.wording import counted
-from ...ssp.documents.structure import Connection, Connector, Element, SystemElement
-from ...ssp.writer.drawing import drawn
+from ...base.wording import format_count
+from ...ssp.documents.ssd_data import Connector, Element, SsdConnection, SystemElement
+from ...ssp.writer.coordinates import add_coordinates
 
 _MOST, _MOST_ALONE = 24, 100
 """Boxes of one diagram: of more, parts are drawn apart; and of one that has no parts."""
@@ -19,7 +19,7 @@ _LETTER, _SMALL = 0.62, 2.6
 
 
 @dataclass(frozen=True)
-class Wire:
+class ComponentLink:
     """All connections from one component to another: `signals` are pairs of an output and an input."""
 
     source: str
@@ -43,7 +43,7 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Line:
+class DiagramLine:
     """What runs from one box to another: a path of SVG, a label at its beginning, and what it is in full."""
 
     path: str
@@ -60,11 +60,11 @@ class Diagram:
 
     title: str
     boxes: tuple[Box, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[DiagramLine, ...]
     view: tuple[float, float, float, float]
 
 
-def wires(components: Iterable[str], connections: Sequence[str]) -> list[Wire]:
+def group_connections(components: Iterable[str], connections: Sequence[str]) -> list[ComponentLink]:
     """The connections of run.json between these components; what cannot be understood is left out."""
     known = sorted(components, key=len, reverse=True)
     found: dict[tuple[str, str], list[tuple[str, str]]] = {}
@@ -73,7 +73,7 @@ def wires(components: Iterable[str], connections: Sequence[str]) -> list[Wire]:
         a, b = _split(source, known), _split(target.partition(" ")[0], known)
         if a is not None and b is not None:
             found.setdefault((a[0], b[0]), []).append((a[1], b[1]))
-    return [Wire(a, b, tuple(signals)) for (a, b), signals in found.items()]
+    return [ComponentLink(a, b, tuple(signals)) for (a, b), signals in found.items()]
 
 
 def _split(path: str, components: Sequence[str]) -> tuple[str, str] | None:
@@ -82,7 +82,7 @@ def _split(path: str, components: Sequence[str]) -> tuple[str, str] | None:
     return None if name is None else (name, path.removeprefix(f"{name}."))
 
 
-def diagrams(components: Mapping[str, str], wires: Sequence[Wire]) -> list[Diagram]:
+def build_diagrams(components: Mapping[str, str], wires: Sequence[ComponentLink]) -> list[Diagram]:
     """The diagram of a system; of a large one that of its parts, and one of each part.
 
     `components` has what there is to know of each by its name. Parts are what names begin with, before
@@ -95,7 +95,7 @@ def diagrams(components: Mapping[str, str], wires: Sequence[Wire]) -> list[Diagr
         return [_diagram("", components, wires)]
     made = []
     if 0 < len(parts) <= _MOST:
-        told = {part: counted(len(inside), "component") for part, inside in parts.items()}
+        told = {part: format_count(len(inside), "component") for part, inside in parts.items()}
         made.append(_diagram("Overview", told, _between(wires)))
     for part, inside in list(parts.items())[:_MOST_DIAGRAMS]:
         if 1 < len(inside) <= _MOST_ALONE:
@@ -103,18 +103,18 @@ def diagrams(components: Mapping[str, str], wires: Sequence[Wire]) -> list[Diagr
     return made
 
 
-def _between(wires: Iterable[Wire]) -> list[Wire]:
+def _between(wires: Iterable[ComponentLink]) -> list[ComponentLink]:
     """What runs from one part to another."""
     found: dict[tuple[str, str], tuple[tuple[str, str], ...]] = {}
     for wire in wires:
         ends = wire.source.partition(".")[0], wire.target.partition(".")[0]
         if ends[0] != ends[1]:
             found[ends] = found.get(ends, ()) + wire.signals
-    return [Wire(*ends, signals) for ends, signals in found.items()]
+    return [ComponentLink(*ends, signals) for ends, signals in found.items()]
 
 
-def _diagram(title: str, components: Mapping[str, str], wires: Sequence[Wire]) -> Diagram:
-    system = drawn(_structure(components, wires))
+def _diagram(title: str, components: Mapping[str, str], wires: Sequence[ComponentLink]) -> Diagram:
+    system = add_coordinates(_structure(components, wires))
     elements = {e.name: e for e in system.elements}
     kinds = list(dict.fromkeys(name.rpartition(".")[2] for name in components))
     colors = {n: _COLORS[kinds.index(n.rpartition(".")[2]) % len(_COLORS)] for n in components}
@@ -133,7 +133,7 @@ def _diagram(title: str, components: Mapping[str, str], wires: Sequence[Wire]) -
     return Diagram(title, boxes, lines, (left, top, max(xs) + _MARGIN - left, max(ys) + _MARGIN - top))
 
 
-def _structure(components: Mapping[str, str], wires: Sequence[Wire]) -> SystemElement:
+def _structure(components: Mapping[str, str], wires: Sequence[ComponentLink]) -> SystemElement:
     """The system with one connector for each wire that begins or ends at a component."""
     ends: dict[str, list[Connector]] = {name: [] for name in components}
     for wire in wires:
@@ -143,7 +143,7 @@ def _structure(components: Mapping[str, str], wires: Sequence[Wire]) -> SystemEl
         "",
         elements=tuple(Element(name, tuple(found)) for name, found in ends.items()),
         connections=tuple(
-            Connection(w.source, f"to {w.target}", w.target, f"from {w.source}") for w in wires
+            SsdConnection(w.source, f"to {w.target}", w.target, f"from {w.source}") for w in wires
         ),
     )
 
@@ -155,15 +155,17 @@ def _box(element: Element, told: str, color: str) -> Box:
     return Box(x1, -y2, x2 - x1, y2 - y1, above, name, max(letters, 1.0), color, f"{element.name}: {told}")
 
 
-def _line(connection: Connection, wire: Wire, elements: Mapping[str, Element], color: str) -> Line:
+def _line(
+    connection: SsdConnection, wire: ComponentLink, elements: Mapping[str, Element], color: str
+) -> DiagramLine:
     start = _point(elements[wire.source], connection.start_connector)
     end = _point(elements[wire.target], connection.end_connector)
     points = [start, *connection.waypoints, end]
     path = "M" + "L".join(f"{x:.1f} {-y:.1f}" for x, y in points)
     outputs = list(dict.fromkeys(output for output, _ in wire.signals))
-    label = ", ".join(outputs) if len(", ".join(outputs)) <= 14 else counted(len(outputs), "signal")
+    label = ", ".join(outputs) if len(", ".join(outputs)) <= 14 else format_count(len(outputs), "signal")
     told = "\n".join(f"{wire.source}.{a} → {wire.target}.{b}" for a, b in wire.signals[:40])
-    return Line(path, color, label, start[0] + 1.0, -start[1] - 0.9, told)
+    return DiagramLine(path, color, label, start[0] + 1.0, -start[1] - 0.9, told)
 
 
 def _point(element: Element, connector: str) -> tuple[float, float]:

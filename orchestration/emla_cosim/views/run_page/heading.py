@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from ...run.result import Result
-from ..telling import changes, short
+from ..formatting import format_short, list_overrides
 
 
 @dataclass(frozen=True)
@@ -20,14 +20,14 @@ class Heading:
     span: str
 
 
-def heading(result: Result) -> Heading:
+def build_heading(result: Result) -> Heading:
     """The heading of the page."""
     verdict, sentences = _ending(result)
     return Heading(
         result.name,
         verdict,
         tuple(sentences),
-        tuple((name, short(value)) for name, value in changes(result)),
+        tuple((name, format_short(value)) for name, value in list_overrides(result)),
         f"{result.times.start:g} s to {result.end_s:g} s",
     )
 

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.wording import counted
+from ...base.wording import format_count
 from ...run.result import Result
-from ..pages.comparisons import compared
-from ..pages.page import Plots, rendered
-from ..telling import how_stepped
-from . import pictures, signals, tables
-from .diagram import diagrams, wires
-from .heading import heading
+from ..formatting import describe_stepping
+from ..pages.comparisons import build_comparison_rows
+from ..pages.page import Plots, render_template
+from . import picture_plots, signals, tables
+from .diagram import build_diagrams, group_connections
+from .heading import build_heading
 
 _VALUES = 20_000_000
 """That are read at most; of longer results only every n-th row is drawn."""
@@ -22,40 +22,40 @@ _COMPARED = 60
 """Signals beside a reference that are shown."""
 
 
-def page(result: Result, notes: Sequence[str] = ()) -> str:
+def render_page(result: Result, notes: Sequence[str] = ()) -> str:
     """The text of the page; `notes` are sentences on what was read. May raise OSError."""
     plots, record, data = Plots(), result.record, _data(result)
     components: Mapping[str, Any] = record.get("components", {})
     connections: Sequence[str] = record.get("connections", ())
-    shown, left_out = pictures.shown(result, data, plots)
+    shown, left_out = picture_plots.build_pictures(result, data, plots)
     first = sorted(result.comparisons, key=lambda one: one.inside)[:_COMPARED]
-    return rendered(
+    return render_template(
         __package__ or "",
         "page.html",
         plots,
-        heading=heading(result),
+        heading=build_heading(result),
         record=record,
         notes=notes,
-        figures=list(tables.figures(result)),
+        figures=list(tables.list_figure_tables(result)),
         pictures=shown,
         left_out=left_out,
-        signals=signals.listed(result, data, plots),
+        signals=signals.list_signal_rows(result, data, plots),
         recorded=len(_names(result)),
         rows=len(data["time"]),
-        comparisons=compared(first, plots),
+        comparisons=build_comparison_rows(first, plots),
         compared=len(result.comparisons),
         inside=sum(one.inside for one in result.comparisons),
         components=components,
         connections=connections,
-        diagrams=diagrams(
-            {n: str(c.get("fmu")) for n, c in components.items()}, wires(components, connections)
+        diagrams=build_diagrams(
+            {n: str(c.get("fmu")) for n, c in components.items()}, group_connections(components, connections)
         ),
-        settings=tables.settings(result),
-        starts=tables.starts(result),
-        stepped=list(how_stepped(result)),
+        settings=tables.list_settings(result),
+        starts=tables.list_start_values(result),
+        stepped=list(describe_stepping(result)),
         late=result.stepping.get("late_connections", ()),
         most=tables.MOST,
-        counted=counted,
+        counted=format_count,
     )
 
 
@@ -69,5 +69,5 @@ def _data(result: Result) -> Mapping[str, Vector]:
     names = _names(result)
     if not names:
         return {"time": np.empty(0)}
-    wanted = dict.fromkeys(["time", *names[: signals.MOST], *pictures.wanted(result)])
+    wanted = dict.fromkeys(["time", *names[: signals.MOST], *picture_plots.list_signals(result)])
     return result.read(list(wanted), _VALUES // len(wanted))

@@ -9,10 +9,10 @@ from typing import Any
 from ...base.arrays import Vector
 from ...recorders.signal_figures import NAMES
 from ...run.result import Result
-from ..pages.curves import condensed, drawable, small
+from ..pages.curve_data import build_small_curve, condense_curve, mask_undrawable
 from ..pages.page import Plots
-from ..pages.plot import Shape
-from ..pages.text import shortened, visible
+from ..pages.plot_data import Shape
+from ..pages.text import make_visible, shorten_text
 
 MOST = 1000
 """Signals that a page holds."""
@@ -25,7 +25,7 @@ _LINES = 6
 
 
 @dataclass(frozen=True)
-class Row:
+class SignalRow:
     """A signal with its figures, None where there is none."""
 
     name: str
@@ -36,20 +36,20 @@ class Row:
     final: float | None
 
 
-def listed(result: Result, data: Mapping[str, Vector], plots: Plots) -> list[Row]:
+def list_signal_rows(result: Result, data: Mapping[str, Vector], plots: Plots) -> list[SignalRow]:
     """The first signals in `data`, whose curves the page then holds."""
     names = [name for name in data if name != "time"][:MOST]
     units = {name: str(result.units.get(name) or "") for name in names}
     plots.hold("signals-data", _curves(data, units), [Shape(n) for n in range(1, _LINES + 1)])
-    return [Row(name, units[name], **_figures(result.signals.get(name, {}))) for name in names]
+    return [SignalRow(name, units[name], **_figures(result.signals.get(name, {}))) for name in names]
 
 
 def _curves(data: Mapping[str, Vector], units: Mapping[str, str]) -> str:
     time = data["time"]
-    curves = _small(time, [drawable(data[name]) for name in units]) if len(time) else []
+    curves = _small(time, [mask_undrawable(data[name]) for name in units]) if len(time) else []
     return json.dumps(
         [
-            {"label": visible(name), "unit": shortened(visible(unit), 40), **curve}
+            {"label": make_visible(name), "unit": shorten_text(make_visible(unit), 40), **curve}
             for (name, unit), curve in zip(units.items(), curves, strict=bool(curves))
         ],
         separators=(",", ":"),
@@ -60,12 +60,12 @@ def _curves(data: Mapping[str, Vector], units: Mapping[str, str]) -> str:
 def _small(time: Vector, curves: Sequence[Vector]) -> list[dict[str, Any]]:
     """Curves of as many points as there is room for; what smooth ones leave is for the others."""
     fair = _POINTS // (2 * len(curves))
-    kept = [condensed(time, curve, fair) for curve in curves]
+    kept = [condense_curve(time, curve, fair) for curve in curves]
     used = sum(map(len, kept))
     rough = [k for k, found in enumerate(kept) if len(found) >= fair]
     for k in rough:
-        kept[k] = condensed(time, curves[k], min(fair + (_POINTS - used) // len(rough), _MOST_POINTS))
-    return [small(time, curve, found) for curve, found in zip(curves, kept, strict=True)]
+        kept[k] = condense_curve(time, curves[k], min(fair + (_POINTS - used) // len(rough), _MOST_POINTS))
+    return [build_small_curve(time, curve, found) for curve, found in zip(curves, kept, strict=True)]
 
 
 def _figures(figures: Mapping[str, float]) -> dict[str, float | None]:

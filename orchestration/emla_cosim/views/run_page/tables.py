@@ -6,7 +6,7 @@ from typing import Any
 
 from ...recorders.metrics import Shown
 from ...run.result import Result
-from ..telling import cell, text
+from ..formatting import format_figure, format_value
 
 MOST = 1000
 """Rows of a table; who needs more has the files."""
@@ -21,7 +21,7 @@ BONDS = (
 
 
 @dataclass(frozen=True)
-class Figures:
+class FigureTable:
     """Figures of one kind: what they are of, and a row each of label, values and unit."""
 
     kind: str
@@ -30,7 +30,7 @@ class Figures:
 
 
 @dataclass(frozen=True)
-class Start:
+class StartValueRow:
     """A start value that is not that of the FMU, and that one."""
 
     name: str
@@ -39,31 +39,33 @@ class Start:
     default: str
 
 
-def figures(result: Result) -> Iterator[Figures]:
+def list_figure_tables(result: Result) -> Iterator[FigureTable]:
     """The tables that the terminal shows."""
     for kind, found in result.metrics.items():
         if shown := result.shown.get(kind, ()):
             rows = tuple(
-                (one.label, tuple(cell(f[one.name], one) for f in found.values()), one.unit) for one in shown
+                (one.label, tuple(format_figure(f[one.name], one) for f in found.values()), one.unit)
+                for one in shown
             )
-            yield Figures(kind, tuple(found), rows)
+            yield FigureTable(kind, tuple(found), rows)
     bonds = {name: found for name, found in result.coupling.items() if BONDS[0].name in found}
     if bonds:
         rows = tuple(
-            (one.label, tuple(cell(f[one.name], one) for f in bonds.values()), one.unit) for one in BONDS
+            (one.label, tuple(format_figure(f[one.name], one) for f in bonds.values()), one.unit)
+            for one in BONDS
         )
-        yield Figures("power bonds", tuple(bonds), rows)
+        yield FigureTable("power bonds", tuple(bonds), rows)
 
 
-def settings(result: Result) -> list[tuple[str, str]]:
+def list_settings(result: Result) -> list[tuple[str, str]]:
     """The options as they were in effect."""
-    return [(name, text(value)) for name, value in result.record.get("settings", {}).items()]
+    return [(name, format_value(value)) for name, value in result.record.get("settings", {}).items()]
 
 
-def starts(result: Result) -> list[Start]:
+def list_start_values(result: Result) -> list[StartValueRow]:
     """Start values that differ from those of the FMUs."""
     return [
-        Start(
+        StartValueRow(
             f"{component}.{name}", _value(found["value"]), str(found["unit"] or ""), _value(found["default"])
         )
         for component, about in result.record.get("components", {}).items()
@@ -72,4 +74,4 @@ def starts(result: Result) -> list[Start]:
 
 
 def _value(value: Any) -> str:
-    return f"{value:.9g}" if isinstance(value, float) else text(value)
+    return f"{value:.9g}" if isinstance(value, float) else format_value(value)

@@ -1,0 +1,261 @@
+"""What `emla run` leaves for its parent process, and what that makes of it where an FMU ended the run.
+
+The end is that of a run whose FMU answers with an error: all rows, all figures, run.json, and a sentence
+that names the component, its call and the time.
+"""
+
+import contextlib
+import os
+import pickle
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...base.errors import CosimError, join_names
+from ...base.progress import Progress
+from ...base.units import LinearTransformation
+from ...master.instances.call_codes import decode_call
+from ...recorders.metrics import MetricsRecorder
+from ...recorders.recorder import Outline, Pause, Recorder, RowBuffer, recording
+from ...recorders.table import Table
+from ...run.result import Result
+from ...run.run_record import COMPLETED
+from ...run.scenarios.scenario import Scenario
+from ...run.simulation import Simulation
+from ...sandbox import black_box
+from ...sandbox.interruption import POLITE
+from ...views.output_folder import OutputFolder
+from ...views.progress_bars import BarProgress
+from ...views.terminal import (
+    Verbosity,
+    get_verbosity,
+    show_error,
+    show_interrupted,
+    show_result,
+    use_verbosity,
+)
+
+_SELDOM = 1.0
+"""Wall time in s between two looks at what recorders remember, where a look costs much."""
+
+
+@dataclass(frozen=True)
+class _StartedRun:
+    """A run as it is when its first step begins."""
+
+    result: Result
+    outline: Outline
+    shown: Mapping[int, LinearTransformation]
+    rows: int
+    at: float
+    """The clock in s, which all processes share."""
+
+
+@dataclass(frozen=True)
+class _RunState:
+    """Who runs, where its results go, and how far it is."""
+
+    name: str
+    components: Sequence[str]
+    folder: Path
+    form: str
+    plots: bool
+    animate: bool
+    report: bool
+    notes: Sequence[str]
+    overwrite: bool
+    process: int
+    wanted: Verbosity
+    stepping: bool = False
+    """Whether the first step began; `begun` is None then where it was too much to tell."""
+    begun: _StartedRun | None = None
+    rows_written: bool = False
+    files_written: bool = False
+
+
+class CrashRecorder(Recorder):
+    """Leaves what is needed to finish the results of a run in another process; the last of its recorders."""
+
+    def __init__(self, scenario: Scenario, output: OutputFolder) -> None:
+        """Tell that a run of the scenario is about to be made, with results in this folder."""
+        names = [c.name for c in scenario.system.components]
+        self._told = _RunState(
+            scenario.name,
+            names,
+            output.path,
+            output.form,
+            scenario.options.plots,
+            scenario.options.animate,
+            scenario.options.report,
+            scenario.notes,
+            output.overwrite,
+            os.getpid(),
+            get_verbosity(),
+        )
+        self._quick = output.table().quick_memory
+        self._run: Pause | None = None
+        self._memory: Mapping[str, Any] = {}
+        self._looked, self._at = time.monotonic(), 0.0
+        self._write_state()
+
+    def __str__(self) -> str:
+        return "the record of the run"
+
+    def watch(self, simulation: Simulation) -> None:
+        """The simulation whose run is recorded."""
+        self._simulation = simulation
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Remember what recorders are told."""
+        self._outline = outline
+
+    def pause(self, run: Pause) -> None:
+        """Before the first step, tell how the run is."""
+        if self._run is not None:
+            return
+        self._run = run
+        self._look()
+        result = replace(self._simulation.so_far(), table=None)
+        rows = self._memory[Table.key]["rows"]
+        begun = _StartedRun(result, self._outline, run.shown, rows, time.monotonic())
+        if not self._write_state(stepping=True, begun=begun):
+            self._write_state(begun=None)
+
+    def write(self, rows: Any) -> None:
+        """Rows have reached the other recorders."""
+        if self._run is None:
+            return
+        if self._quick or time.monotonic() - self._looked >= _SELDOM:
+            self._look()
+        else:
+            self._write_memory(follows=False)
+
+    def end(self) -> None:
+        """All rows are where they belong."""
+        self._write_state(rows_written=True)
+
+    def keep(self) -> None:
+        """All files are where they belong."""
+        self._write_state(files_written=True)
+
+    def _look(self) -> None:
+        assert self._run is not None
+        self._looked = time.monotonic()
+        self._memory = self._run.memory()
+        self._at = self._run.stepping.time
+        self._write_memory(follows=True)
+
+    def _write_memory(self, follows: bool) -> None:
+        """What recorders remembered, whether rows that wait are the next ones, and when it was."""
+        black_box.write_message(pickle.dumps((self._memory, follows, self._at)), black_box.MEMORY)
+
+    def _write_state(self, **changed: Any) -> bool:
+        """Tell what has changed; whether there was room for it."""
+        self._told = replace(self._told, **changed)
+        return black_box.write_message(pickle.dumps(self._told))
+
+
+def rescue_results(how: str, ended: float) -> None:
+    """Finish the results of a run whose process ended so, at this time in s, and say it."""
+    message = black_box.read_message()
+    if not message:
+        if how in {number.name for number in POLITE}:  # it is so young that it cannot say so itself
+            show_interrupted()
+            return
+        show_error(f"the process of the run ended ({how}) before it began.")
+        return
+    try:
+        told: _RunState = pickle.loads(message)
+        busy = [decode_call(present) for present in black_box.list_busy_activities()]
+        cause = _cause(how, [(told.components[s], call) for s, call in busy if s is not None])
+    except Exception:  # an FMU wrote where it should not have
+        show_error(f"the process of the run ended ({how}), and what it left cannot be read.")
+        return
+    try:
+        output = OutputFolder(
+            told.folder,
+            told.form,
+            plots=told.plots,
+            animated=told.animate,
+            report=told.report,
+            overwrite=told.overwrite,
+        )
+        with output.alone(heir_of=told.process), use_verbosity(told.wanted):
+            problem = _save_results(told, output, cause, ended)
+        show_error(f"{problem} What was computed is in {output.path}.")
+    except (CosimError, OSError) as error:
+        show_error(f"{cause}; {error}")
+
+
+def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
+    """Why a process ended that was in these calls of components.
+
+    Which one ended it cannot be told where threads were in several.
+    """
+    where = [f"{component} in {call}" for component, call in calls]
+    if how == "SIGKILL":  # which nobody does to itself
+        return (
+            "the process was killed, "
+            f"{f'with {join_names(where)}' if where else 'perhaps for want of memory'}"
+        )
+    if len(calls) > 1:
+        return f"one of {join_names(where)} ended the process ({how})"
+    for component, call in calls:
+        return f"{component} ended the process in {call} ({how})"
+    return f"the process ended ({how})"
+
+
+def _save_results(told: _RunState, output: OutputFolder, cause: str, ended: float) -> str:
+    """Write what can be written; the sentence that says why the run ended."""
+    if told.files_written:
+        earlier = output.status()
+        whole = f"{cause}, when the results were complete."
+        problem = whole if earlier in ("", COMPLETED) else f"{earlier} Then {whole}"
+        output.change_record(status=problem)
+        return problem
+    if told.begun is None or not black_box.read_message(black_box.MEMORY):
+        problem = f"the run ended{'' if told.stepping else ' before its first step'}: {cause}."
+        output.change_record(scenario=told.name, status=problem)
+        return problem
+    result = _finish_result(told.begun, output, cause, ended, told.rows_written)
+    drawing = told.plots or told.animate or told.report
+    with BarProgress() if drawing else contextlib.nullcontext(Progress()) as progress:
+        result, pictures = output.keep(result, told.plots, progress, told.animate, told.report, told.notes)
+    show_result(result, told.notes, output, pictures)
+    return str(result.problem)
+
+
+def _finish_result(
+    begun: _StartedRun, output: OutputFolder, cause: str, ended: float, written: bool
+) -> Result:
+    """The result, with all rows that were recorded; the table has them already if they are `written`."""
+    memory, follows, end = pickle.loads(black_box.read_message(black_box.MEMORY))
+    table, metrics = output.table(), MetricsRecorder()
+    metrics.begin(begun.outline, memory[metrics.key])
+    count = memory[table.key]["rows"]
+    if not written:
+        with recording(table):
+            table.begin(begun.outline, memory[table.key])
+        rows = RowBuffer(1 + len(begun.outline.names), [table, metrics], shown=begun.shown)
+        if follows and (last := rows.recover()) is not None:
+            end = last
+        rows.end()
+        count = table.memory()["rows"]
+    problem = f"the run ended at t = {end:.6g} s: {cause}."
+    before, steps = begun.result, count - begun.rows
+    return replace(
+        before,
+        table=None if written else table,
+        metrics=metrics.figures(),
+        signals=metrics.signals(),
+        coupling=metrics.coupling(),
+        remarks=metrics.remarks(),
+        steps=steps,
+        simulated_s=end - before.end_s,
+        end_s=end,
+        wall_s=ended - begun.at,
+        problem=problem,
+        record={**before.record, "status": problem},
+    )

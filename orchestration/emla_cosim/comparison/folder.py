@@ -1,0 +1,73 @@
+"""What a comparison leaves in its folder: rows, tables, what repeats each run, and pictures."""
+
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..base.files import report_write_errors
+from ..base.ownership import has_entries
+from ..run.options import select_repeatable
+from ..run.run_record import list_versions, to_plain
+from ..views.folder import Folder
+from .pictures import NAMES
+from .plan import ComparisonPlan
+from .result import CompareResult
+
+CSV, MARKDOWN, RECORD = "comparison.csv", "comparison.md", "comparison.json"
+
+
+class CompareFolder(Folder):
+    """The folder of a comparison; see `Folder` for errors."""
+
+    what = "comparison"
+    files = (CSV, MARKDOWN, RECORD)
+    pictures = tuple(f"{picture}.png" for picture in NAMES)
+    record_file, is_record = RECORD, has_entries("entrants", "runs")
+
+    def keep(self, result: CompareResult, record: Mapping[str, Any]) -> None:
+        """Write all but pictures, each file whole; those of an earlier comparison go. Raises RunError."""
+        with report_write_errors(self.path):
+            self._files.remove(self.pictures)
+            self.write(CSV, result.rows.write_csv().encode())
+            self.write(MARKDOWN, result.markdown().encode())
+            self.write_json(RECORD, record)
+        self.settle()
+
+    def draw_result(self, result: CompareResult) -> list[Path]:
+        """Draw all pictures of a result, and return their files. Raises RunError."""
+        with self.alone(), report_write_errors(self.path):
+            found = [self.draw(f"{name}.png", figure) for name, figure in result.figures().items()]
+        self.settle()
+        return found
+
+
+def build_record(contest: ComparisonPlan, result: CompareResult) -> dict[str, Any]:
+    """All that repeats the comparison: versions, options, systems, and the start values of each run."""
+    return {
+        "name": result.name,
+        "table": result.table,
+        "status": "completed" if result.complete else "unfinished",
+        "entrants": list(result.entrants),
+        "options": to_plain(select_repeatable(contest.options)),
+        "notes": list(result.notes),
+        "wall_s": result.wall_s,
+        "versions": dict(list_versions()),
+        "systems": [group.identity for group in contest.groups],
+        "runs": [
+            {
+                "run": number,
+                "scenario": heat.scenario,
+                "case": heat.case.name,
+                "joints": list(heat.joints),
+                "controller": heat.controller_variant.label,
+                "gains": heat.controller_variant.gains,
+                "seed": heat.seed,
+                "system": heat.group,
+                "set": to_plain(heat.own["set"]),
+                "fault": [str(fault) for fault in heat.own.get("fault", ())],
+                "command": shlex.join(command) if (command := contest.command(number)) else None,
+            }
+            for number, heat in enumerate(contest.runs)
+        ],
+    }

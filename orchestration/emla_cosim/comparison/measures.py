@@ -1,0 +1,43 @@
+"""What is kept of each run that is compared: all figures of its joints, and how their errors go over time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars
+
+from ..base.patterns import matches_pattern
+from ..run.result import Result
+from ..study.registration import JOINTS
+from ..study.roles import find_tracked_joints, list_role_patterns
+from ..sweeps.measures import Measures
+
+
+@dataclass(frozen=True)
+class JointMeasures(Measures):
+    """The figures of joints as metrics.json has them, by joint, instead of numbers by name."""
+
+    def reading(self, names: Sequence[str]) -> Sequence[str]:
+        """Those of the patterns, which not every system has signals for."""
+        return [name for name in names if any(matches_pattern(name, pattern) for pattern in self.read)]
+
+    def of(self, result: Result) -> dict[str, Any]:
+        """Figures by joint."""
+        return {joint: dict(figures) for joint, figures in result.metrics.get(JOINTS, {}).items()}
+
+    def series(self, result: Result) -> polars.DataFrame:
+        """The position error of each joint in m over time in s, in columns of their names."""
+        ends = find_tracked_joints(result.names, result.roles)
+        table = polars.DataFrame(result.read(["time", *(name for pair in ends.values() for name in pair)]))
+        errors = [
+            (polars.col(position) - polars.col(reference)).alias(joint)
+            for joint, (position, reference) in ends.items()
+        ]
+        return table.select("time", *errors)
+
+
+FIGURES_ALONE = JointMeasures()
+"""Without anything over time."""
+
+WITH_ERRORS = JointMeasures(signals=["errors"], read=list_role_patterns("x_L", "x_d"))
+"""With the errors over time."""

@@ -1,0 +1,185 @@
+"""A comparison laid out: every run, and the prepared simulations that it takes."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..base.errors import CommandError
+from ..base.progress import Progress
+from ..run.run_setup import check_run, run_times
+from ..study.loading import load
+from ..study.roles import find_joints
+from ..sweeps.executor import WorkPackage
+from ..sweeps.targets import changed_in_run, format_arguments, merge_options
+from ..sweeps.worker import Variant
+from ..sweeps.worker_payload import Preparation
+from .cases import ComparisonCase, describe_left_out
+from .controller_variants import ControllerVariant
+from .held_out_seeds import HeldOutSeeds, random_seeds
+from .reserves import CURRENT, VOLTAGE, Reserves, describe_reserves, reserve_values
+from .subsystems import find_independent_subsystems
+
+
+@dataclass(frozen=True)
+class ComparisonRun:
+    """One run: a controller, under one circumstance, in a part of a scenario that has these joints.
+
+    `own` has the options that are the circumstance; `group` is the position of the prepared simulation.
+    `seed` is the held-out seed of its random sequences, None where they are those of the scenario.
+    """
+
+    scenario: str
+    controller_variant: ControllerVariant
+    case: ComparisonCase
+    joints: Sequence[str]
+    own: Mapping[str, Any]
+    group: int
+    seed: int | None = None
+
+
+@dataclass(frozen=True)
+class ComparisonPlan:
+    """All heats, in the order of the tables.
+
+    `options` are those of all runs, `notes` what a reader has to know: what is left out, and the reserves
+    of each controller.
+    """
+
+    runs: Sequence[ComparisonRun]
+    groups: Sequence[Preparation]
+    options: Mapping[str, Any]
+    notes: Sequence[str]
+
+    def variant(self, number: int) -> Variant:
+        """A heat as it is run."""
+        return Variant(number, changed_in_run(self.runs[number].own))
+
+    def work(self) -> list[WorkPackage]:
+        """All heats by group, those with the most steps first, so that workers end at about the same time."""
+        numbers: list[list[int]] = [[] for _ in self.groups]
+        for number, heat in enumerate(self.runs):
+            numbers[heat.group].append(number)
+        steps = [run_times(group.options, group.name).steps for group in self.groups]
+        order = sorted(range(len(self.groups)), key=lambda group: -steps[group])
+        return [WorkPackage(group, numbers[group]) for group in order if numbers[group]]
+
+    def command(self, number: int) -> list[str] | None:
+        """The command that runs a heat alone; None where an option is an object of Python."""
+        heat = self.runs[number]
+        own = {"controller": heat.controller_variant.controller, "gains": heat.controller_variant.gains}
+        arguments = format_arguments(merge_options([self.options, own, heat.own]))
+        return None if arguments is None else ["emla", "run", heat.scenario, *arguments]
+
+
+@dataclass(frozen=True)
+class ComparisonTerms:
+    """On what terms controllers meet.
+
+    `seeds` is the number of held-out seeds for runs in which anything is random, 0 for the seeds of the
+    scenario; `reserves` are those of all controllers, None for each one's own. `options` are for all runs.
+    """
+
+    seeds: int
+    reserves: Reserves | None
+    options: Mapping[str, Any]
+
+
+def plan_runs(
+    scenarios: Sequence[str],
+    entrants: Sequence[ControllerVariant],
+    cases: Sequence[ComparisonCase],
+    terms: ComparisonTerms,
+    progress: Progress,
+) -> ComparisonPlan:
+    """Build what is missing, and lay out all heats.
+
+    Raises CommandError for whatever is wrong with scenarios and options, and for a scenario without joints;
+    RunError where FMUs cannot be built.
+    """
+    heats, groups = list[ComparisonRun](), list[Preparation]()
+    run = set[tuple[str, str]]()
+    held_out = HeldOutSeeds(terms.seeds)
+    kept, fixed = dict[str, dict[str, None]](), dict[str, None]()
+    for scenario in scenarios:
+        for entrant in entrants:
+            for part, case, own in _cases(scenario, entrant, cases, terms, progress):
+                if not groups or groups[-1] is not part:
+                    groups.append(part)
+                run.add((scenario, case.name))
+                kept.setdefault(str(entrant), {})[describe_reserves(part, own["set"])] = None
+                if terms.reserves is not None and not reserve_values(part, terms.reserves):
+                    fixed[str(entrant)] = None
+                for seed, options in _choose_seeds(part, own, held_out, terms.options):
+                    heats.append(
+                        ComparisonRun(scenario, entrant, case, _joints(part), options, len(groups) - 1, seed)
+                    )
+    notes = [
+        describe_left_out(missing, scenario)
+        for scenario in scenarios
+        if (missing := [case for case in cases if (scenario, case.name) not in run])
+    ]
+    if not heats:
+        raise CommandError(" ".join(notes))
+    known = [f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes]
+    notes += dict.fromkeys(known)
+    reserves = "; ".join(f"{name} {', '.join(found)}" for name, found in kept.items())
+    notes.append(f"Reserves of current and voltage: {reserves}.")
+    notes += [f"{name} keeps its own reserves: it has no {CURRENT} and {VOLTAGE} to set." for name in fixed]
+    return ComparisonPlan(heats, groups, terms.options, notes)
+
+
+def _choose_seeds(
+    part: Preparation, own: Mapping[str, Any], held_out: HeldOutSeeds, options: Mapping[str, Any]
+) -> Iterator[tuple[int | None, Mapping[str, Any]]]:
+    """Held-out seeds with the options that they make of a run; one None where nothing is random."""
+    names = random_seeds(part, own["set"], options.get("set") or {}) if held_out.drawn else []
+    if not names:
+        yield None, own
+    else:
+        for seed in held_out.drawn:
+            yield seed, merge_options([own, {"set": held_out.values(names, seed)}])
+
+
+def _cases(
+    scenario: str,
+    entrant: ControllerVariant,
+    cases: Sequence[ComparisonCase],
+    terms: ComparisonTerms,
+    progress: Progress,
+) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
+    """Parts of a scenario with the cases that they can run, and the options that these are."""
+    options = terms.options
+    usual = _parts(scenario, entrant, options, progress)
+    for part in usual:
+        for case in cases:
+            if not case.fault and (values := case.resolve_start_values(part)) is not None:
+                yield part, case, {"set": _on_terms(values, part, terms)}
+    joints = [joint for part in usual for joint in _joints(part)]
+    for case in cases:
+        if case.fault:  # which is put into the system before it is prepared
+            own = {"fault": [*options.get("fault", ()), *case.faults(joints)]}
+            for part in _parts(scenario, entrant, {**options, **own}, progress):
+                if (values := case.resolve_start_values(part)) is not None:
+                    yield part, case, {**own, "set": _on_terms(values, part, terms)}
+
+
+def _on_terms(values: Mapping[str, Any], part: Preparation, terms: ComparisonTerms) -> dict[str, Any]:
+    return {**values, **({} if terms.reserves is None else reserve_values(part, terms.reserves))}
+
+
+def _parts(
+    scenario: str, entrant: ControllerVariant, options: Mapping[str, Any], progress: Progress
+) -> list[Preparation]:
+    """The parts of a scenario that have joints, closed by this controller."""
+    chosen = load(scenario, **{**options, "controller": entrant.controller, "gains": entrant.gains})
+    check_run(chosen.options, chosen.name)
+    found = [part for part in find_independent_subsystems(Preparation.of(chosen, progress)) if _joints(part)]
+    if not found:
+        raise CommandError(
+            f"'{scenario}' has no joint, a plant with its reference, to compare controllers on."
+        )
+    return found
+
+
+def _joints(part: Preparation) -> list[str]:
+    return find_joints([c.name for c in part.system.components])

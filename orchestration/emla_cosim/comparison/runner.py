@@ -1,0 +1,221 @@
+"""The one way to compare controllers: laid out, given out to the workers of a sweep, and put side by side."""
+
+import shlex
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import polars
+
+from ..base.errors import CommandError, RunError, check_choice, join_names
+from ..base.option import COMPARE, SHOWING
+from ..base.progress import Progress
+from ..base.values import convert_value
+from ..run.options import list_options as options_table
+from ..run.scenarios.built_in import SCENARIOS
+from ..sandbox.interruption import catch_interrupts
+from ..study.controllers import ROBUSTNESS_SETS
+from ..study.paper import PRINTED
+from ..sweeps.data import REFUSED, VARIANT
+from ..sweeps.executor import Scheduler, open_executor
+from ..sweeps.runner import check_cluster
+from ..sweeps.worker import Chunk, VariantOutcome
+from ..sweeps.worker_payload import REGISTRIES, WorkerPayload, check_portable
+from .cases import ComparisonCase, check_resolution, robustness_cases, stability_maps, stability_stop_time
+from .controller_variants import ALL, Choice, ControllerVariant, list_other_variants, select_variants
+from .data import PAPER, ROBUSTNESS, STABILITY, TABLES
+from .folder import CompareFolder, build_record
+from .measures import FIGURES_ALONE, WITH_ERRORS
+from .plan import ComparisonPlan, ComparisonTerms, plan_runs
+from .reserves import parse_reserves
+from .result import CompareResult
+from .rows import build_rows as rows_of
+
+RESOLUTION = 7
+"""Points along an axis of a map unless told otherwise."""
+
+SEEDS = 5
+"""Held-out seeds by default; for maps none."""
+
+
+def compare(
+    scenario: str | Path = "study",
+    controllers: Sequence[Choice] | None = None,
+    *,
+    gains: Sequence[str] | None = None,
+    table: str | None = None,
+    seeds: int | None = None,
+    reserves: Sequence[float] | None = None,
+    resolution: int | None = None,
+    scheduler: Scheduler = None,
+    workers: int | None = None,
+    output: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    **options: Any,
+) -> CompareResult:
+    """Run a built-in scenario with several controllers side by side, and put what came out into tables.
+
+    `controllers` are names, FILE.fmu, FILE.py:BLOCK or blocks, by default all of `CONTROLLERS`. `gains` names
+    sets: SET for every controller that has it, CONTROLLER/SET for one, "all" for all; a controller for
+    which none is named comes with its recommended set. `table` is "paper" (the paper's Tables VI and VIII
+    beside ours, of all sets unless some are named), "robustness" (the scenario under many circumstances, with
+    the sets `robust` and `rule`, too, unless some are named), "stability" (maps over delay and parameters,
+    with `resolution` points along each axis), or None. Where anything is random, each controller runs with
+    the same `seeds` held-out seeds, which no tuning used: 5 by default, 0 for maps, 0 being the scenario's
+    own.
+    `reserves` are the parts of current and voltage, such as (0.02, 0.2), that every controller keeps; by
+    default each keeps its own. `options` are those of `Options`, for all runs.
+
+    Joints that nothing connects are run apart, so that none of them ends the others. It runs on the
+    cluster of a sweep: see `sweep` for `scheduler` and `workers`. With `output` everything is written to
+    that folder, where files that emla did not write are only replaced with `overwrite`. Ctrl-C ends it
+    early, and the result has what was there.
+
+    Raises CommandError for whatever is wrong with controllers, gains, scenario and options, before anything
+    is run; RunError where the cluster is gone, all runs are refused, or files cannot be written.
+    """
+    told, name = progress or Progress(), _name_of(scenario)
+    options |= {"overwrite": True} if overwrite else {}
+    _check(table, resolution, options)
+    check_cluster(scheduler, workers)
+    all_sets = [ALL] if table == PAPER and gains is None else gains
+    chosen = select_variants(controllers, all_sets, ROBUSTNESS_SETS if table == ROBUSTNESS else ())
+    terms = ComparisonTerms(_check_seeds(seeds, table), parse_reserves(reserves), options)
+    folder = None
+    if output is not None:
+        folder = CompareFolder(convert_value(output, Path, "the output folder"), overwrite)
+    if table == STABILITY:
+        options = {"stop_time": stability_stop_time(), **options}
+        terms = replace(terms, options=options)
+    contest = plan_runs(_scenarios(str(scenario), table), chosen, _cases(table, resolution), terms, told)
+    for kind, known in REGISTRIES.items():
+        check_portable(kind, known)
+    if folder is None:
+        return _result(contest, name, table, _run(contest, table, (scheduler, workers), told), None)
+    folder.check_unread(group.read for group in contest.groups)
+    with folder.alone():
+        ran = _run(contest, table, (scheduler, workers), told)
+        result = _result(contest, name, table, ran, folder.path)
+        folder.keep(result, build_record(contest, result))
+    return result
+
+
+class _CollectedOutcomes:
+    """What came back so far."""
+
+    def __init__(self) -> None:
+        self.outcomes: dict[int, VariantOutcome] = {}
+        self.errors: dict[int, polars.DataFrame] = {}
+        self.complete = False
+        self.wall_s = 0.0
+
+    def keep(self, chunk: Chunk) -> None:
+        """Take what a chunk gave."""
+        self.outcomes |= {outcome.number: outcome for outcome in chunk.outcomes}
+        if chunk.series is not None:
+            series = polars.read_parquet(BytesIO(chunk.series))
+            for (number,), part in series.group_by(VARIANT, maintain_order=True):
+                self.errors[int(str(number))] = part.drop(VARIANT)
+
+
+def _run(
+    contest: ComparisonPlan, table: str | None, cluster: tuple[Scheduler, int | None], told: Progress
+) -> _CollectedOutcomes:
+    """Run all heats, or as many as there is time for until somebody interrupts."""
+    ran = _CollectedOutcomes()
+    measures = FIGURES_ALONE if table in (ROBUSTNESS, STABILITY) else WITH_ERRORS
+    shipment = WorkerPayload.of(f"emla-compare-{time.time_ns()}", contest.groups)
+
+    def keep(chunk: Chunk) -> None:
+        ran.keep(chunk)
+        told.advance(len(chunk.outcomes))
+
+    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, told.note) as found:
+        for group in {heat.scenario: heat.group for heat in reversed(contest.runs)}.values():
+            found.describe(group)  # raises what no run of the scenario could do either
+        told.begin("comparing", len(contest.runs), "runs")
+        began = time.monotonic()
+        ran.complete = found.run(contest.work(), contest.variant, measures, 0, keep, interrupted)
+        ran.wall_s = time.monotonic() - began
+    if ran.outcomes and all(outcome.status == REFUSED for outcome in ran.outcomes.values()):
+        raise RunError(str(next(iter(ran.outcomes.values())).problem))
+    return ran
+
+
+def _result(
+    contest: ComparisonPlan, name: str, table: str | None, ran: _CollectedOutcomes, folder: Path | None
+) -> CompareResult:
+    commands = {number: contest.command(number) for number in ran.outcomes}
+    compared = list(dict.fromkeys(heat.controller_variant for heat in contest.runs))
+    return CompareResult(
+        name=name,
+        table=table,
+        rows=rows_of(contest, ran.outcomes),
+        entrants=list(map(str, compared)),
+        errors=ran.errors,
+        commands={number: shlex.join(words) for number, words in commands.items() if words},
+        notes=[*contest.notes, *_describe_other_sets(compared)],
+        complete=ran.complete,
+        wall_s=ran.wall_s,
+        folder=folder,
+    )
+
+
+def _describe_other_sets(compared: Sequence[ControllerVariant]) -> list[str]:
+    """A sentence that names the sets of gains which are there but not compared."""
+    left = list_other_variants(compared)
+    return [f"Further sets of gains: {join_names(left)}; take them with --gains."] if left else []
+
+
+def _name_of(scenario: str | Path) -> str:
+    if not isinstance(scenario, (str, Path)):
+        raise CommandError(f"controllers are compared on a scenario by its name or file, not {scenario!r}.")
+    path = Path(scenario)
+    return path.stem if path.suffix else path.name
+
+
+def _check(table: str | None, resolution: int | None, options: Mapping[str, Any]) -> None:
+    """Raise CommandError for what can be seen to be wrong at once."""
+    if table is not None:
+        check_choice("table", table, TABLES)
+    if resolution is not None and table != STABILITY:
+        raise CommandError(f"a resolution is for the table {STABILITY}; leave it out.")
+    if resolution is not None:
+        check_resolution(resolution)
+    known = {name for name, one in options_table(COMPARE).items() if one.about.stage != SHOWING}
+    if wrong := [n for n in options if n in options_table() and n not in known]:
+        raise CommandError(f"the option {wrong[0]} is for a single run; leave it out of the comparison.")
+
+
+def _check_seeds(seeds: int | None, table: str | None) -> int:
+    """Return the number of held-out seeds; CommandError for one that is none."""
+    if seeds is None:
+        return 0 if table == STABILITY else SEEDS
+    if not 0 <= convert_value(seeds, int, "the number of seeds") <= 1000:
+        raise CommandError(f"the number of seeds is {seeds}; it must be from 0 to 1000.")
+    return seeds
+
+
+def _scenarios(scenario: str, table: str | None) -> list[str]:
+    """The scenarios to run; CommandError for one that the paper prints nothing of."""
+    if table != PAPER:
+        return [scenario]
+    printed = [s for t in PRINTED for s in t.scenarios]
+    if scenario not in printed:
+        raise CommandError(
+            f"the paper's tables take the scenarios {join_names(printed)}; name {printed[0]}, not "
+            f"'{scenario}'."
+        )
+    return [s for s in printed if s in SCENARIOS]
+
+
+def _cases(table: str | None, resolution: int | None) -> list[ComparisonCase]:
+    if table == ROBUSTNESS:
+        return robustness_cases()
+    if table == STABILITY:
+        return [case for m in stability_maps() for case in m.cases(resolution or RESOLUTION)]
+    return [ComparisonCase()]

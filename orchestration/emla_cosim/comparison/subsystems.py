@@ -1,0 +1,52 @@
+"""A prepared scenario in parts that have nothing to do with each other, so that none can end the others."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import networkx
+
+from ..sweeps.worker_payload import Preparation
+from ..system.model import System
+
+
+def find_independent_subsystems(prepared: Preparation) -> list[Preparation]:
+    """One for each joint, or for those joints together that connections lead between."""
+    graph = networkx.Graph()
+    system = prepared.system
+    branch = {c.name: c.branch for c in system.components}
+    graph.add_nodes_from(branch.values())
+    graph.add_edges_from((branch[x.source], branch[x.target]) for x in system.connections)
+    found = list(networkx.connected_components(graph))
+    if len(found) == 1:
+        return [prepared]
+    return [_make_subsystem(prepared, branches) for branches in found]
+
+
+def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
+    system = prepared.system
+    components = tuple(c for c in system.components if c.branch in branches)
+    names = {c.name for c in components}
+    others = {c.name for c in system.components} - names
+    bonds = {name: bond for name, bond in system.bonds.items() if system.split(bond.effort)[0].name in names}
+    fmus = {name: sha for name, sha in prepared.fmus.items() if name in names}
+    options = prepared.options
+    return replace(
+        prepared,
+        system=System(components, tuple(x for x in system.connections if x.source in names), bonds),
+        options=replace(
+            options, own={name: _remove_components(value, others) for name, value in options.own.items()}
+        ),
+        fmus=fmus,
+        interfaces={name: one for name, one in prepared.interfaces.items() if name in names},
+        files={sha: path for sha, path in prepared.files.items() if sha in fmus.values()},
+    )
+
+
+def _remove_components(value: Any, components: set[str]) -> Any:
+    """The value of an option that may name components, without these."""
+    if isinstance(value, Mapping):
+        return {name: one for name, one in value.items() if name not in components}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [one for one in value if one not in components]
+    return value

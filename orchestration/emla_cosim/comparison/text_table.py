@@ -1,0 +1,69 @@
+"""A table as a person reads it, for the terminal and as Markdown."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rich.markup import escape
+from rich.table import Table
+
+
+class Cell(NamedTuple):
+    """What stands in a cell, and whether it is the best of its kind or tells of a loss."""
+
+    text: str
+    best: bool = False
+    lost: bool = False
+
+
+def format_rounded(value: float) -> str:
+    """A number with three digits, or as many as stand before the point; no power of ten for large ones."""
+    return f"{value:.3g}" if abs(value) < 1e3 else f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table: its title, sentences under it, and numbers of the rows before which a line is drawn."""
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    under: Sequence[str] = ()
+    lines: Sequence[int] = ()
+
+    def markdown(self) -> str:
+        """The table for a page."""
+        columns = range(len(self.header))
+        texts = [[_mark_cell(cell) for cell in row] for row in self.rows]
+        heads = [_plain(head) for head in self.header]
+        width = [max(3, *(len(row[i]) for row in [heads, *texts])) for i in columns]
+        rule = [f"{'-' * (w - 1)}:" if i else "-" * w for i, w in enumerate(width)]
+        rows = [[text.ljust(w) for text, w in zip(row, width, strict=True)] for row in [heads, rule, *texts]]
+        said = "".join(f"\n{sentence}\n" for sentence in self.under)
+        return f"{self.title}\n\n" + "".join(f"| {' | '.join(row)} |\n" for row in rows) + said
+
+    def rich(self) -> Table:
+        """The table for the terminal."""
+        table = Table(title=escape(self.title), title_justify="left")
+        for number, head in enumerate(self.header):
+            table.add_column(escape(head), justify="right" if number else "left")
+        for number, row in enumerate(self.rows):
+            if number in self.lines:
+                table.add_section()
+            table.add_row(*map(_style_cell, row))
+        return table
+
+
+def _plain(text: str) -> str:
+    return text.replace("\n", " ").replace("|", "\\|")
+
+
+def _mark_cell(cell: Cell) -> str:
+    text = _plain(cell.text)
+    return f"**{text}**" if cell.best else text
+
+
+def _style_cell(cell: Cell) -> str:
+    text = escape(f"{cell.text} *" if cell.best else cell.text)  # also where there are no colours
+    style = "bold green" if cell.best else "bold red" if cell.lost else ""
+    return f"[{style}]{text}[/]" if style and text else text

@@ -1,0 +1,182 @@
+"""Which column drives which signal, and what its values are multiplied by."""
+
+import dataclasses
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ..base.errors import CommandError, join_names
+from ..base.patterns import matches_pattern
+from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
+from ..fmu.interface import Interface
+from ..fmu.variables import find_variable
+from ..system.model import System
+from .data_tables import DataTable
+from .headers import Header, is_same_unit, parse_data_unit, rate_of
+from .input import Column, Input
+
+
+@dataclass(frozen=True)
+class ColumnBinding:
+    """A signal, by component and variable of its FMU, and the column that drives it.
+
+    The signal is `transformation` of the column's derivative of this order, in the unit of the signal.
+    """
+
+    signal: str
+    component: str
+    variable: str
+    output: bool
+    column: int
+    order: int
+    transformation: LinearTransformation
+    unit: SiUnit | None
+
+
+def bind_columns(
+    source: Input, data: DataTable, time: int, system: System, interfaces: Mapping[str, Interface]
+) -> tuple[list[ColumnBinding], list[str]]:
+    """What a table drives, and the names of its columns that drive nothing; `time` has the times.
+
+    Raises CommandError for signals and columns that are not there, for units that do not fit, and where
+    nothing would be driven.
+    """
+    chosen = {signal: _column(source, data, column) for signal, column in source.signals.items()}
+    idle = []
+    for position, header in _match_headers(source, data, time):
+        if header.name in chosen:
+            continue
+        if _is_driven(header.name, system, interfaces):
+            data.find(header.text)  # there is one of it
+            chosen[header.name] = position, Column(header.text, header.unit)
+        else:
+            idle.append(header.name)
+    if not chosen and source.columns:
+        raise CommandError(
+            f"{source.label} drives no signal: {join_names(idle[:8])} is none that somebody reads."
+        )
+    if not chosen:
+        raise CommandError(_unmatched_error(source, data, time, system, interfaces))
+    found = [
+        _bind_column(signal, position, column, source, data, system, interfaces)
+        for signal, (position, column) in chosen.items()
+    ]
+    return found, idle
+
+
+def _match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int, Header]]:
+    """The columns that drive the signals that they are called after, if there are these.
+
+    These are all where nobody says which. Raises CommandError for a pattern that finds none.
+    """
+    others = [(i, h) for i, h in enumerate(data.headers) if i != time]
+    if not source.columns:
+        return [] if source.signals else others
+    for pattern in source.columns:
+        if not any(matches_pattern(h.name, pattern) for _, h in others):
+            near = difflib.get_close_matches(pattern, [h.name for _, h in others], n=3, cutoff=0.5)
+            meant = f"; did you mean {' or '.join(near)}?" if near else "."
+            raise CommandError(f"{data.label} has no column '{pattern}'{meant}", name=pattern, near=near)
+    return [(i, h) for i, h in others if any(matches_pattern(h.name, p) for p in source.columns)]
+
+
+def _column(source: Input, data: DataTable, asked: Column) -> tuple[int, Column]:
+    """The position of a column that is asked for, with its unit and order told apart from its name."""
+    text, order, unit = asked.column.strip(), asked.derivative, asked.unit
+    position = data.find(text)
+    while position is None and text.startswith("der(") and text.endswith(")"):
+        text, order = text[4:-1].strip(), order + 1
+        position = data.find(text)
+    named = Header.of(text)
+    if position is None:
+        position, unit = data.find(named.name), unit if unit is not None else named.unit
+    if position is None:
+        names = [h.name for h in data.headers]
+        near = difflib.get_close_matches(named.name, names, n=3, cutoff=0.5)
+        meant = f"did you mean {' or '.join(near)}?" if near else f"it has {join_names(names[:8])}."
+        raise CommandError(f"{data.label} has no column '{named.name}'; {meant}", name=named.name, near=near)
+    there = data.headers[position].unit
+    if unit is not None and there is not None and not is_same_unit(unit, there):
+        raise CommandError(
+            f"the column '{data.headers[position].text}' of {data.label} is declared to be in {unit}; its "
+            "header says otherwise."
+        )
+    if order > 0 and source.interpolation != "cubic":
+        raise CommandError(
+            f"{data.label} is asked for a derivative of '{named.name}'; that needs the interpolation cubic."
+        )
+    return position, dataclasses.replace(asked, unit=unit or there, derivative=order)
+
+
+def _is_driven(name: str, system: System, interfaces: Mapping[str, Interface]) -> bool:
+    """Whether a column of this name means a signal that data can drive."""
+    try:
+        component, variable = system.split(name)
+    except CommandError:
+        return False
+    found = interfaces[component.name].variables.get(component.alias(variable).variable)
+    if found is None or found.type != "Real":
+        return False
+    end = (component.name, found.name)
+    return found.causality == "input" or (
+        found.causality == "output" and any(x.ends[0] == end for x in system.out_of(component.name))
+    )
+
+
+def _unmatched_error(
+    source: Input, data: DataTable, time: int, system: System, interfaces: Mapping[str, Interface]
+) -> str:
+    names = [h.name for i, h in enumerate(data.headers) if i != time]
+    signals = [
+        f"{c.name}.{v.name}"
+        for c in system.components
+        for v in interfaces[c.name].variables.values()
+        if v.causality in ("input", "output")
+    ]
+    near = [s for name in names[:20] for s in difflib.get_close_matches(name, signals, n=1, cutoff=0.6)]
+    meant = f"did you mean {join_names(near[:3])}?" if near else "say which column drives which signal."
+    columns = f"are called {join_names(names[:8])}" if names else "are none but the times"
+    return f"{source.label} drives no signal: its columns {columns}; {meant}"
+
+
+def _bind_column(
+    signal: str,
+    position: int,
+    column: Column,
+    source: Input,
+    data: DataTable,
+    system: System,
+    interfaces: Mapping[str, Interface],
+) -> ColumnBinding:
+    component, name = system.split(signal)
+    interface = interfaces[component.name]
+    variable = find_variable(component.name, interface.variables, component.alias(name).variable)
+    if variable.causality not in ("input", "output"):
+        raise CommandError(
+            f"{signal} is a {variable.causality}; data can drive an input, or what an output drives.",
+            signal=signal,
+        )
+    if variable.type != "Real":
+        raise CommandError(f"{signal} is of the type {variable.type}; data can drive a Real.", signal=signal)
+    end, output = (component.name, str(variable.name)), variable.causality == "output"
+    if output and not any(x.ends[0] == end for x in system.out_of(component.name)):
+        raise CommandError(f"nobody reads {signal}, so that data for it would change nothing.", signal=signal)
+    unit = interface.unit(end[1])
+    label = f"the column '{data.headers[position].text}' of {data.label}"
+    given = rate_of(parse_data_unit(column.unit, label), column.derivative)
+    try:
+        transformation = find_conversion(given, unit) if given is not None else IDENTITY
+    except ValueError as error:
+        raise CommandError(
+            f"{label} drives {signal} and has {error}, of which one cannot become the other.", signal=signal
+        ) from error
+    return ColumnBinding(signal, *end, output, position, column.derivative, transformation, unit)
+
+
+def check_single_binding(found: Sequence[ColumnBinding]) -> None:
+    """Raise CommandError where two columns drive one signal."""
+    seen: set[tuple[str, str]] = set()
+    for one in found:
+        if (one.component, one.variable) in seen:
+            raise CommandError(f"{one.signal} is driven by two columns.", signal=one.signal)
+        seen.add((one.component, one.variable))

@@ -1,0 +1,219 @@
+"""Tables put into a system: their FMUs, and the connections from them."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from fmublock.errors import BuildError
+from fmublock.table import TableColumn, TableContent, TableOutput
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError, RunError
+from ..base.files import CacheError, temporary_folder
+from ..fmu.interface import Interface
+from ..fmu.models import license_text, producer
+from ..system.model import Component, Connection, System
+from .column_bindings import ColumnBinding, bind_columns, check_single_binding
+from .data_names import NAME
+from .data_tables import DataTable, read_data
+from .input import Input
+
+_LARGEST = 1e100
+"""Values of signals; differences and slopes of greater ones may be no numbers any more."""
+
+
+@dataclass(frozen=True)
+class LoadedInput:
+    """An input whose data were read."""
+
+    source: Input
+    data: DataTable
+    time: int
+    times: Vector
+
+    @classmethod
+    def of(cls, source: Input) -> "LoadedInput":
+        """Read the data of an input; CommandError for whatever is wrong with it."""
+        data = read_data(source)
+        return cls(source, data, *data.times(source.time))
+
+
+@dataclass(frozen=True)
+class WiredInputs:
+    """A system in which tables drive signals, their FMUs by component, and sentences worth knowing."""
+
+    system: System
+    fmus: Mapping[str, Path]
+    notes: Sequence[str]
+
+
+def wire_inputs(
+    system: System,
+    tables: Sequence[LoadedInput],
+    interfaces: Mapping[str, Interface],
+    platforms: Sequence[str],
+) -> WiredInputs:
+    """The system with tables in it.
+
+    What drove an input before goes. Who reads an output that a table drives reads the table; where it
+    drives every output of a component that somebody reads, it takes the place of the component. Raises
+    CommandError for what does not fit, RunError where an FMU cannot be built.
+    """
+    found = [bind_columns(t.source, t.data, t.time, system, interfaces) for t in tables]
+    check_single_binding([one for driven, _ in found for one in driven])
+    fmus, notes = dict[str, Path](), list[str]()
+    for table, (driven, idle) in zip(tables, found, strict=True):
+        if idle:
+            more = f" and {len(idle) - 8} more" if len(idle) > 8 else ""
+            notes.append(f"{table.source.label} has columns that drive nothing: {', '.join(idle[:8])}{more}.")
+        if table.source.end == "stop":
+            notes.append(
+                f"the run stops where the data of {table.source.label} end, at t = {table.times[-1]:.9g} s."
+            )
+        places, rest = _places(system, driven)
+        for name, part in places.items():
+            fmus[name] = _build_table_fmu(table, [(one, one.variable) for one in part], platforms)
+            system = _replace_component(system, name, fmus[name])
+        if rest:
+            name = _free_name(system)
+            fmus[name] = _build_table_fmu(table, [(one, one.signal) for one in rest], platforms)
+            system = _add_component(system, name, fmus[name], rest)
+            notes += _describe_partly_replaced(name, rest)
+    return WiredInputs(system, fmus, notes)
+
+
+def _places(
+    system: System, driven: Sequence[ColumnBinding]
+) -> tuple[dict[str, list[ColumnBinding]], list[ColumnBinding]]:
+    """What takes the place of whole components, by their names, and the rest."""
+    outputs: dict[str, list[ColumnBinding]] = {}
+    for one in driven:
+        if one.output:
+            outputs.setdefault(one.component, []).append(one)
+    whole = {
+        name: part
+        for name, part in outputs.items()
+        if {x.output for x in system.out_of(name)} <= {one.variable for one in part}
+    }
+    return whole, [one for one in driven if not (one.output and one.component in whole)]
+
+
+def _replace_component(system: System, name: str, fmu: Path) -> System:
+    """A table instead of a component: nothing drives it, and it has no start values."""
+    changed = replace(system.component(name), model="", fmu=fmu, parameters={}, aliases={})
+    kept = tuple(x for x in system.connections if x.target != name)
+    return replace(system.with_component(changed), connections=kept)
+
+
+def _add_component(system: System, name: str, fmu: Path, driven: Sequence[ColumnBinding]) -> System:
+    """A table as a component of its own."""
+    outputs = {(one.component, one.variable): one.signal for one in driven if one.output}
+    inputs = {(one.component, one.variable): one.signal for one in driven if not one.output}
+    connections = [
+        replace(x, source=name, output=outputs[x.ends[0]]) if x.ends[0] in outputs else x
+        for x in system.connections
+        if x.ends[1] not in inputs
+    ]
+    connections += [Connection(name, signal, *end) for end, signal in inputs.items()]
+    taken: dict[str, list[str]] = {}
+    for component, variable in inputs:
+        taken.setdefault(component, []).append(variable)
+    components = [_drop_driven_values(c, taken.get(c.name, ())) for c in system.components]
+    components = [Component(name, fmu=fmu), *components]
+    return replace(system, components=tuple(components), connections=tuple(connections))
+
+
+def _drop_driven_values(component: Component, driven: Iterable[str]) -> Component:
+    """A component without start values of inputs that are driven now."""
+    gone = set(driven)
+    kept = {n: v for n, v in component.parameters.items() if component.alias(n).variable not in gone}
+    return replace(component, parameters=kept)
+
+
+def _describe_partly_replaced(name: str, driven: Sequence[ColumnBinding]) -> list[str]:
+    """Who goes on computing what nobody reads any more."""
+    return [
+        f"{one.component} goes on computing {one.signal}, but nobody reads it: {name}.{one.signal} has the "
+        "data that are read instead."
+        for one in driven
+        if one.output
+    ]
+
+
+def _free_name(system: System) -> str:
+    taken, number = {c.name for c in system.components}, 2
+    taken |= {c.branch for c in system.components}
+    name = NAME
+    while name in taken:
+        name, number = f"{NAME}_{number}", number + 1
+    return name
+
+
+def _build_table_fmu(
+    table: LoadedInput, driven: Sequence[tuple[ColumnBinding, str]], platforms: Sequence[str]
+) -> Path:
+    """The FMU of what is driven, each with the name of its output."""
+    from fmublock.table import build_table  # imports much, for few runs
+
+    positions = list(dict.fromkeys(one.column for one, _ in driven))
+    columns = [TableColumn(table.data.numbers(p), table.source.interpolation) for p in positions]
+    for one, _ in driven:
+        _check_size(table.data, one, columns[positions.index(one.column)].values)
+    shown = [
+        TableOutput(
+            name,
+            positions.index(one.column),
+            one.order,
+            one.transformation.factor,
+            one.transformation.offset,
+            one.unit,
+            f"Column '{table.data.headers[one.column].text}'",
+        )
+        for one, name in driven
+    ]
+    content = TableContent(table.times, columns, shown, table.source.end)
+    digest = sha256(repr((shown, table.source.end, table.source.interpolation, sorted(platforms))).encode())
+    for numbers in (table.times, *(c.values for c in columns)):
+        digest.update(numbers.tobytes())
+    path = _folder() / digest.hexdigest()[:24] / "DataTable.fmu"
+    if path.is_file():
+        return path
+    try:
+        return build_table(content, path, platforms, producer(), license_text())
+    except (BuildError, CacheError) as error:
+        raise RunError(f"the FMU of {table.source.label} could not be built: {error}") from error
+
+
+def _check_size(data: DataTable, one: ColumnBinding, values: Vector) -> None:
+    """Raise CommandError for values between which numbers overflow."""
+    unit = one.transformation
+    with np.errstate(over="ignore"):
+        beyond = ~(np.abs(unit.factor * values + unit.offset) <= _LARGEST)
+    if beyond.any():
+        row, header = int(beyond.argmax()) + 1, data.headers[one.column].text
+        raise CommandError(
+            f"{data.label} has {values[row - 1]:g} in row {row} of the column '{header}', which drives "
+            f"{one.signal}; it must be within -{_LARGEST:g} and {_LARGEST:g} in the unit of the signal.",
+            row=row,
+            column=header,
+        )
+
+
+_fmu_folders = ExitStack()
+
+
+@cache
+def _folder() -> Path:
+    """Where the FMUs of tables lie as long as this process lives."""
+    return _fmu_folders.enter_context(temporary_folder("emla-tables-"))
+
+
+def find_data_end(sources: Sequence[Input]) -> float | None:
+    """When the first of the data ends that ask to stop the run, in s; None where none do."""
+    ends = [float(LoadedInput.of(s).times[-1]) for s in sources if s.end == "stop"]
+    return min(ends, default=None)

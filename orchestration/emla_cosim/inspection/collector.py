@@ -1,0 +1,145 @@
+"""Reads what there is to know of an FMU, a package or a scenario."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fmpy.model_description import ValidationError
+
+from ..base.errors import CommandError, show_paths_relative_to
+from ..base.option import BUILDING
+from ..base.progress import Progress
+from ..base.units import IDENTITY
+from ..fmu.interface import Interface, explain_unsupported, first_problem, read_description, read_interfaces
+from ..run.options import list_options
+from ..run.preparation import prepare_system
+from ..run.scenarios.loading import is_fmu
+from ..run.scenarios.scenario import Scenario
+from ..run.scenarios.single_fmu import make_component_name
+from ..study.loading import load
+from ..system.model import Component, System
+from ..system.resolution import resolve_system
+from .fmu_header import read_fmu_info
+from .info_parts import ComponentInfo, ConnectionInfo, FmuInfo
+from .system_info import Info
+from .variable_rows import ConnectionIndex, End, VariableRows, map_names, read_fmu_variables
+
+
+def info(source: str | Path | System, progress: Progress | None = None, **options: Any) -> Info:
+    """What an FMU, a package, a scenario or a system is made of, with all that options change.
+
+    `source` and `options` are as in `load`. Our own FMUs are built where they are missing; nothing is
+    simulated. An FMU that this master cannot run is told of, too. Raises CommandError for whatever is
+    wrong, RunError where FMUs cannot be built.
+    """
+    try:
+        scenario = load(source, **options)
+    except CommandError:
+        of_ours = {
+            n for n, one in list_options().items() if one.about.stage == BUILDING or not one.about.repeated
+        }
+        if set(options) - of_ours or not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
+            raise
+        return _collect_unsupported_fmu(Path(source))
+    with show_paths_relative_to(scenario.unpacked):
+        told = progress or Progress()
+        system, files = prepare_system(scenario.system, scenario.options, told)
+        found = _collect_system(scenario, system, files, read_interfaces(files))
+    told.advance(1)
+    return found
+
+
+def _collect_system(
+    scenario: Scenario, system: System, files: Mapping[str, Path], interfaces: Mapping[str, Interface]
+) -> Info:
+    names = {
+        (c.name, variable): f"{c.name}.{name}"
+        for c in system.components
+        for variable, (name, _) in map_names(c).items()
+    }
+    wired = resolve_system(system, interfaces)
+    readers: dict[End, list[End]] = {}
+    for x in wired.connections:
+        readers.setdefault(x.ends[0], []).append(x.ends[1])
+    wires = ConnectionIndex({x.ends[1]: x.ends[0] for x in wired.connections}, readers, names)
+    connections = (
+        ConnectionInfo(wires.name(x.ends[0]), wires.name(x.ends[1]), by.factor, by.offset)
+        for x in wired.connections
+        for by in (x.transformation or IDENTITY,)
+    )
+    used = {file: interfaces[name] for name, file in files.items()}
+    places = {file: place for place, file in enumerate(used)}
+    fmus = tuple(read_fmu_info(file, _display_name(file, scenario.unpacked), of) for file, of in used.items())
+    said = [read_fmu_variables(of) for of in used.values()]
+    rows = (
+        v
+        for c in system.components
+        for v in VariableRows(c, interfaces[c.name], said[places[files[c.name]]], wires).all()
+    )
+    components = (
+        ComponentInfo(c.name, fmus[places[files[c.name]]].model, places[files[c.name]])
+        for c in system.components
+    )
+    return Info(
+        name=scenario.name,
+        description=scenario.description,
+        start_time=scenario.options.start_time,
+        stop_time=scenario.options.stop_time,
+        step_size=scenario.options.step_size,
+        notes=tuple(scenario.notes),
+        fmus=fmus,
+        components=tuple(components),
+        connections=tuple(connections),
+        variables=tuple(rows),
+    )
+
+
+def _collect_unsupported_fmu(path: Path) -> Info:
+    """What an FMU says that this master cannot run: of another version or kind, or against the standard."""
+    interface, reason = _read(path)
+    try:
+        fmu = read_fmu_info(path, str(path), interface)
+        name = make_component_name(fmu.model)
+        alone, wires = Component(name, fmu=path), ConnectionIndex({}, {}, {})
+        rows = VariableRows(alone, interface, read_fmu_variables(interface), wires, runnable=False).all()
+    except (CommandError, MemoryError):
+        raise
+    except Exception as error:  # of numbers that are none, where nobody has looked before
+        raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
+    return _collect_single_fmu(name, fmu, reason, rows)
+
+
+def _read(path: Path) -> tuple[Interface, str]:
+    """The interface of an FMU, and why this master cannot run it."""
+    wrong = "cannot be run"
+    try:
+        interface = read_description(path)
+    except ValidationError as error:
+        wrong = f"is not valid: {first_problem(error)}"
+        try:
+            interface = read_description(path, validate=False)
+        except ValidationError as more:
+            raise CommandError(f"'{path}' is not a valid FMU: {first_problem(more)}.") from more
+    return interface, explain_unsupported(interface) or wrong
+
+
+def _collect_single_fmu(name: str, fmu: FmuInfo, reason: str, rows: list[Any]) -> Info:
+    return Info(
+        name=name,
+        description=fmu.description,
+        start_time=fmu.start_time,
+        stop_time=fmu.stop_time,
+        step_size=fmu.step_size,
+        notes=(f"the FMU cannot be run here: it {reason}",),
+        fmus=(fmu,),
+        components=(ComponentInfo(name, fmu.model, 0),),
+        connections=(),
+        variables=tuple(rows),
+    )
+
+
+def _display_name(file: Path, unpacked: Path | None) -> str:
+    """What a file is called: one of a package PACKAGE.ssp/FILE."""
+    if unpacked is not None and file.is_relative_to(unpacked):
+        return str(file.relative_to(unpacked))
+    return str(file)

@@ -1,0 +1,71 @@
+"""The header of an FMU: what its file and its model description say of the whole."""
+
+import math
+import zipfile
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from ..base.errors import CommandError
+from ..base.files import hash_file
+from ..fmu.interface import Interface
+from .info_parts import FmuInfo
+
+_KINDS = {
+    "CoSimulation": "coSimulation",
+    "ModelExchange": "modelExchange",
+    "ScheduledExecution": "scheduledExecution",
+}
+"""What the standard calls a kind, and what fmpy does."""
+
+
+def read_fmu_info(path: Path, shown: str, interface: Interface) -> FmuInfo:
+    """What there is to know of an FMU; `shown` is what its file is called.
+
+    Raises CommandError where the file cannot be read.
+    """
+    said = interface.description
+    try:
+        content, size, platforms = hash_file(path), path.stat().st_size, _platforms(path)
+    except OSError as error:
+        raise CommandError(f"the FMU '{path}' cannot be read: {error.strerror}.") from error
+    return FmuInfo(
+        path=shown,
+        model=_text(said.modelName),
+        description=_text(said.description),
+        fmi_version=_text(said.fmiVersion),
+        kinds=tuple(kind for kind, name in _KINDS.items() if getattr(said, name, None) is not None),
+        platforms=platforms,
+        start_time=_seconds(said, "startTime"),
+        stop_time=_seconds(said, "stopTime"),
+        step_size=_seconds(said, "stepSize"),
+        tolerance=_seconds(said, "tolerance"),
+        tool=_text(said.generationTool),
+        version=_text(said.version),
+        author=_text(said.author),
+        license=_text(said.license),
+        guid=_text(said.guid),
+        sha256=content,
+        size=size,
+    )
+
+
+def _platforms(path: Path) -> tuple[str, ...]:
+    """The folders below binaries/ that have something in them."""
+    with zipfile.ZipFile(path) as archive:
+        parts = [PurePosixPath(e.filename).parts for e in archive.infolist() if not e.is_dir()]
+    return tuple(sorted({p[1] for p in parts if len(p) > 2 and p[0] == "binaries"}))
+
+
+def _text(text: Any) -> str:
+    """A text, empty where there is none."""
+    return "" if text is None else str(text)
+
+
+def _seconds(description: Any, name: str) -> float | None:
+    """A number of the default experiment; None where it has none, or none that is finite."""
+    text = getattr(description.defaultExperiment, name, None)
+    try:
+        number = math.nan if text is None else float(text)
+    except ValueError:  # of a model description that is not valid
+        return None
+    return number if math.isfinite(number) else None

@@ -1,0 +1,156 @@
+"""What the consumer of every continuous connection uses during a step, as far as the master knows it."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ..network import Link, Network
+from .algorithm import Algorithm
+from .quasi_newton import RELAXATION
+from .strong import Strong
+
+
+@dataclass(frozen=True)
+class ContinuousConnection:
+    """A continuous connection between two components that compute in continuous time.
+
+    `signal` is the position of its source among all signals, `source` and `target` are the names of the
+    components. The consumer sees the source's value of the end of a step, or, where the connection `is_late`,
+    that of its beginning; `mode` says how the input goes on from there. `is_in_loop` says whether the
+    source depends on the target, so that an error comes back. Where a loop agrees on the signal, `group` is
+    the number of the loop and `place` the position among the signals that it agrees on; else both are -1.
+    """
+
+    name: str
+    signal: int
+    source: str
+    target: str
+    is_late: bool
+    mode: int
+    is_in_loop: bool = False
+    group: int = -1
+    place: int = -1
+
+
+def list_continuous_connections(
+    algorithm: Algorithm, samplers: Collection[str] = ()
+) -> list[ContinuousConnection]:
+    """List the connections at which an exchange can cost accuracy, with what their consumers use.
+
+    Leaves out discrete variables and components that sample: they see a value at a point of time on purpose.
+
+    Args:
+        algorithm: one that is set up.
+        samplers: names of components that sample; those with a step multiple are added.
+
+    Returns:
+        One entry per connection, in the order of the network.
+
+    """
+    network, exchange = algorithm.network, algorithm.exchange
+    sampling = {*samplers, *getattr(algorithm, "step_multiples", ())}
+    sampling |= {slave.name for slave, rare in zip(network.instances, exchange.rare, strict=True) if rare}
+    late = {id(link) for link in algorithm.late()}
+    ways = [
+        (first, last, is_late)
+        for first in network.links
+        if first.source not in network.followers and exchange.smooth[network.signal(first)]
+        for last, is_late in _readers(network, first, late)
+        if _is_continuous(network, first, last, sampling)
+    ]
+    loops, agreed = _loops([(first.source, last.target) for first, last, _ in ways]), _agreed(algorithm)
+    found = []
+    for first, last, is_late in ways:
+        signal, inside = network.signal(first), loops.get(first.source, -1) == loops.get(last.target, -2)
+        group, place = agreed.get(signal, (-1, -1)) if inside else (-1, -1)
+        source, target = network.instances[first.source].name, network.instances[last.target].name
+        name = f"{network.names[signal]} -> {last.name.partition(' -> ')[2] or f'{target}[{last.input}]'}"
+        mode = exchange.modes[last.target]
+        found.append(ContinuousConnection(name, signal, source, target, is_late, mode, inside, group, place))
+    return found
+
+
+def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
+    """Return how much the answers of each loop miss guesses that are wrong: F' - 1, by the loop's number.
+
+    F' has the derivatives of the answers with respect to the guesses, as the algorithm learned them; a loop
+    of which it learned nothing is left out.
+    """
+    found = {}
+    for number, group in enumerate(algorithm.groups if isinstance(algorithm, Strong) else ()):
+        count = len(group.coupling_variables)
+        missing = group.newton.jacobian - np.eye(count)  # J = F' (F' - 1)^-1, so this is (F' - 1)^-1
+        if not count or np.array_equal(missing, -RELAXATION * np.eye(count)):
+            continue
+        try:
+            response = np.linalg.inv(missing)
+        except np.linalg.LinAlgError:
+            continue
+        if np.isfinite(response).all():
+            found[number] = response
+    return found
+
+
+def _readers(network: Network, link: Link, late: Collection[int]) -> Iterator[tuple[Link, bool]]:
+    """The links by which a signal comes to its users, through what only passes it on, and whether late."""
+    if link.target not in network.followers:
+        yield link, id(link) in late
+        return
+    for onward in network.links:
+        if onward.source == link.target:
+            yield from (
+                (last, is_late or id(link) in late) for last, is_late in _readers(network, onward, late)
+            )
+
+
+def _is_continuous(network: Network, first: Link, last: Link, sampling: Collection[str]) -> bool:
+    source, target = network.instances[first.source], network.instances[last.target]
+    ends = bool(source.continuous_outputs[first.output] and target.continuous_inputs[last.input])
+    return ends and source.name not in sampling and target.name not in sampling
+
+
+def _loops(ways: Collection[tuple[int, int]]) -> dict[int, int]:
+    """The number of the loop of every slave that is in one: strongly connected components (Kosaraju)."""
+    readers: dict[int, list[int]] = {}
+    sources: dict[int, list[int]] = {}
+    for source, target in ways:
+        readers.setdefault(source, []).append(target)
+        sources.setdefault(target, []).append(source)
+    left: set[int] = set()
+    order = [slave for start in readers for slave in _finishing_order(start, readers, left)]
+    loops, left = {}, set()
+    for number, start in enumerate(reversed(order)):
+        members = _finishing_order(start, sources, left)
+        if len(members) > 1 or start in readers.get(start, ()):
+            loops |= dict.fromkeys(members, number)
+    return loops
+
+
+def _finishing_order(start: int, neighbours: Mapping[int, Sequence[int]], left: set[int]) -> list[int]:
+    """Those that can be reached without those `left`, each after all it reaches; they are left now."""
+    if start in left:
+        return []
+    left.add(start)
+    found, path = [], [(start, iter(neighbours.get(start, ())))]
+    while path:
+        slave, rest = path[-1]
+        following = next((i for i in rest if i not in left), None)
+        if following is None:
+            found.append(slave)
+            path.pop()
+        else:
+            left.add(following)
+            path.append((following, iter(neighbours.get(following, ()))))
+    return found
+
+
+def _agreed(algorithm: Algorithm) -> dict[int, tuple[int, int]]:
+    """Loop and position among what it agrees on, by signal."""
+    groups = algorithm.groups if isinstance(algorithm, Strong) else []
+    return {
+        int(signal): (number, place)
+        for number, group in enumerate(groups)
+        for place, signal in enumerate(group.coupling_variables)
+    }

@@ -1,0 +1,67 @@
+"""Steps of slaves in other processes, side by side."""
+
+from collections import deque
+from collections.abc import Sequence
+from heapq import heapify, heappop, heappush
+
+from ...base.arrays import Indices
+from .algorithm import Span
+from .extrapolation import Exchange
+from .tasks import Call, Operation, perform, plan_tasks
+
+
+class OverlappedSteps:
+    """Works through a table of operations as it would be in order, but that steps overlap where they can.
+
+    A step that is done apart is begun as soon as what it depends on is there, and ended when nothing else can
+    be done. All that goes on is ended before the first failure, in the order of the table, is raised.
+    """
+
+    def __init__(self, exchange: Exchange, operations: Sequence[Operation], multiples: Indices) -> None:
+        self._exchange, self._operations, self._multiples = exchange, operations, multiples
+        work = plan_tasks(exchange, operations)
+        self._waits = [len(task.after) for task in work]
+        self._followers = [list[int]() for _ in work]
+        for place, task in enumerate(work):
+            for before in task.after:
+                self._followers[before].append(place)
+
+    def operate(self, time: float, step: float, span: Span, reached: int) -> None:
+        """Do the step from `time` of length `step`, both in s, after which so many are `reached`."""
+        slaves, waits = self._exchange.network.instances, self._waits.copy()
+        possible, under_way = [p for p, n in enumerate(waits) if not n], deque[int]()
+        heapify(possible)
+        failed, failure = len(waits), None
+        while possible or under_way:
+            place = heappop(possible) if possible else under_way.popleft()
+            fresh = not waits[place]
+            waits[place] = -1
+            try:
+                if fresh and place < failed and self._begins(place, time, step, span, reached):
+                    under_way.append(place)
+                    continue
+                if not fresh:
+                    slaves[self._operations[place].slave].end_step()
+            except Exception as error:
+                if place < failed:
+                    failed, failure = place, error
+            for follower in self._followers[place]:
+                waits[follower] -= 1
+                if not waits[follower]:
+                    heappush(possible, follower)
+        if failure is not None:
+            raise failure
+
+    def _begins(self, place: int, time: float, step: float, span: Span, reached: int) -> bool:
+        """Do an operation, or begin it; whether it is still to be ended."""
+        operation = self._operations[place]
+        i, slave = operation.slave, self._exchange.network.instances[operation.slave]
+        multiple = int(self._multiples[i])
+        if reached % multiple:
+            return False
+        begin, length = (time, step) if multiple == 1 else span(multiple)
+        if operation.call == Call.STEP and slave.steps_apart:
+            slave.begin_step(begin, length)
+            return True
+        perform(self._exchange, operation.call, i, begin, length, time + step)
+        return False

@@ -1,0 +1,313 @@
+"""An FMI 2.0 co-simulation FMU as a slave, called through preallocated vectors."""
+
+import contextlib
+import ctypes
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+from fmpy.model_description import ModelVariable
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError, RunError
+from ...fmu.file import FmuFile
+from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
+from ...fmu.loaded_library import DERIVATIVE, LoadedLibrary, plain_name
+from ...fmu.log import FmuLog
+from ...sandbox import black_box
+from .call_codes import CALLS, code_of
+from .described_instance import DescribedInstance
+from .fmu_instance import DiscardedStepError, EndRequestedError, EntryPoints, InstanceError
+from .typed_values import TypedValues
+
+_POINTER = ctypes.c_void_p
+_ONE, _REAL, _INTEGER, _TEXT = (
+    kind * 1 for kind in (ctypes.c_uint32, ctypes.c_double, ctypes.c_int32, ctypes.c_char_p)
+)
+"""Memory for one value reference, or one value."""
+
+_DEAD_LIBRARIES: set[Path] = set()
+
+_INTERPRETED = "slavemodule.txt"
+"""What an FMU of PythonFMU has among its resources: all of these share the lock of one interpreter."""
+
+LARGEST_STATE = 2**32
+"""Bytes that a serialized state may have; an FMU that answers more is not believed."""
+
+
+class InProcessInstance(FmiInstance, DescribedInstance):
+    """One instance of an FMU in this process; see `Slave` and `DescribedInstance`."""
+
+    def __init__(
+        self,
+        name: str,
+        file: FmuFile,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        log: FmuLog,
+        number: int = 0,
+    ) -> None:
+        """Instantiate the FMU; raises CommandError where its library cannot be loaded.
+
+        `number` is what this slave is called by where the present call is told.
+        """
+        if file.library in _DEAD_LIBRARIES:
+            raise RunError(f"the FMU '{file.path}' of {name} answered fmi2Fatal; load it anew.")
+        super().__init__(name, file, inputs, outputs)
+        self.runs_beside_others = _is_thread_safe(file)
+        self._log = log
+        self._stepping = False
+        self._no_way_back = 1  # until a state is saved, a step may forget the past
+        self._present = black_box.current_activity()
+        self._codes = {call: code_of(number, call) for call in CALLS}
+        try:
+            self.announce("loading its library")
+            self._library = LoadedLibrary.entered(file)
+            try:
+                self.fmu = self._library.calls_of(self)
+                self.fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
+            except BaseException:
+                self._library.leave()
+                raise
+        except Exception as error:  # fmpy raises bare Exception
+            reasons = " ".join([str(error), *log.last(name)])
+            raise CommandError(f"the FMU '{file.path}' of {name} cannot be started: {reasons}") from error
+        finally:
+            self.returned()
+        self._functions = {n: self._with_notice(n, f) for n, f in self._library.functions.items()}
+        self._component = self.fmu.component
+        self._do_step = self._functions["doStep"]
+        self._set_real, self._get_real = self._functions["setReal"], self._functions["getReal"]
+        self._input_references, self._output_references = (
+            np.array([v.valueReference for v in variables], dtype=np.uint32)
+            for variables in (self.read, self.written)
+        )
+        self._derivative_orders = np.ones(len(self.read), dtype=np.int32)
+        self._typed = None
+        if self.typed:
+            self._typed = (
+                TypedValues("set", self.read, self._functions),
+                TypedValues("get", self.written, self._functions),
+            )
+        self.bind(self.inputs.copy(), self.outputs)
+
+    def bind(self, inputs: Vector, outputs: Vector) -> None:
+        """Use this memory from now on; the slave keeps its addresses."""
+        super().bind(inputs, outputs)
+        self._set_arguments = _arguments(self._component, self._input_references, inputs)
+        self._get_arguments = _arguments(self._component, self._output_references, outputs)
+
+    def set_value(self, variable: ModelVariable, value: Any) -> None:
+        """Set one variable to a value of its type; InstanceError where the FMU refuses."""
+        reference = _ONE(variable.valueReference)
+        if variable.type == "String":
+            status = self.status("fmi2SetString", reference, 1, _TEXT(str(value).encode()))
+        else:  # tables have thousands of them, and fmpy takes its time
+            kind = kind_of(variable)
+            place = _REAL(value) if kind == "Real" else _INTEGER(value)
+            status = self._functions[f"set{kind}"](self._component, reference, 1, place)
+        if status not in FINE:
+            raise self.error(f"setting {variable.name} = {value}", status)
+
+    def value(self, variable: ModelVariable) -> Any:
+        """The present value of a variable that is no String: a number, or true or false."""
+        with self.calling(f"getting {variable.name}"):
+            (value,) = self.get_typed([variable])
+        return bool(value) if variable.type == "Boolean" else value
+
+    def reset(self) -> None:
+        """Become as it was when it was new."""
+        super().reset()
+        self._stepping, self._no_way_back = False, 1
+        self.inputs[:] = self._input_starts
+
+    def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
+        """Enter initialization mode; times in s, no stop time where none is known yet."""
+        self._present.time = start_time
+        super().enter_initialization(start_time, stop_time)
+
+    def exit_initialization(self) -> None:
+        """Leave initialization mode."""
+        super().exit_initialization()
+        self._stepping = True
+
+    def set_inputs(self) -> None:
+        """Pass `inputs` on to the FMU."""
+        if not len(self.inputs):
+            return
+        if self._typed is not None:
+            call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
+        else:
+            call, status = "setReal", self._set_real(*self._set_arguments)
+        if status not in FINE:
+            raise self.error(call, status)
+
+    def set_input_derivatives(self, derivatives: Vector) -> None:
+        """Say how fast the inputs change during the next step, per s."""
+        if len(derivatives):
+            references, count, orders = self._input_references, len(derivatives), self._derivative_orders
+            addresses = (x.ctypes.data for x in (references, orders, derivatives))
+            reference, order, value = addresses
+            self._call("setRealInputDerivatives", reference, count, order, value)
+
+    def get_outputs(self) -> None:
+        """Read the FMU's outputs into `outputs`."""
+        if not len(self.outputs):
+            return
+        if self._typed is not None:
+            call, status = "getting outputs", self._typed[1].get(self._component, self.outputs)
+        else:
+            call, status = "getReal", self._get_real(*self._get_arguments)
+        if status not in FINE:
+            raise self.error(call, status)
+
+    def do_step(self, time: float, step: float) -> None:
+        """Advance from `time` by `step`, both in s."""
+        self._present.time = time
+        status = self._do_step(self._component, time, step, self._no_way_back)
+        if status not in FINE:
+            raise self.error(f"doStep at t = {time:.9g} s", status)
+
+    def directional_derivative(self, direction: Vector) -> Vector | None:
+        """How fast the outputs change at once when the inputs move in a direction."""
+        found = np.zeros(len(self.outputs))
+        if not len(found) or not len(direction):
+            return found
+        if DERIVATIVE not in self._functions:
+            return None
+        unknown, known = self._output_references, self._input_references
+        status = self._functions[DERIVATIVE](
+            self._component,
+            *(unknown.ctypes.data, len(unknown)),
+            *(known.ctypes.data, len(known)),
+            *(direction.ctypes.data, found.ctypes.data),
+        )
+        if status == FATAL:
+            raise self.error(DERIVATIVE, status)
+        return found if status in FINE else None
+
+    def save(self, state: Any = None) -> Any:
+        """A copy of the FMU's state, in the memory of an earlier one if given."""
+        self._no_way_back = 0
+        return self._copy_state(state or ctypes.c_void_p())
+
+    def restore(self, state: Any) -> None:
+        """Go back to a saved state."""
+        self._call("setFMUstate", state)
+
+    def forget(self, state: Any) -> None:
+        """Free a saved state."""
+        if not self._is_dead():
+            with contextlib.suppress(FMICallException):
+                self.fmu.freeFMUstate(state)
+
+    def serialize(self) -> bytes:
+        """The FMU's state as bytes."""
+        state, size = self._copy_state(ctypes.c_void_p()), ctypes.c_size_t()
+        try:
+            with self.calling():
+                self.fmu.fmi2SerializedFMUstateSize(self._component, state, ctypes.byref(size))
+                if size.value > LARGEST_STATE:
+                    answer = f"{size.value} bytes, more than {LARGEST_STATE}"
+                    raise InstanceError(self.name, "SerializedFMUstateSize", answer, [])
+                content = ctypes.create_string_buffer(size.value)
+                self.fmu.fmi2SerializeFMUstate(self._component, state, content, size.value)
+            return content.raw
+        finally:
+            self.forget(state)
+
+    def deserialize(self, content: bytes) -> None:
+        """Go to a state that was written by `serialize`."""
+        with self.calling():
+            state = self.fmu.deSerializeFMUstate(content)
+        try:
+            self.restore(state)
+        finally:
+            self.forget(state)
+
+    def close(self) -> None:
+        """Terminate the FMU where the standard allows it, and free the instance and its library."""
+        if self._is_dead():
+            return
+        with contextlib.suppress(Exception):
+            if self._stepping:
+                self.fmu.terminate()
+        with contextlib.suppress(Exception):
+            self.free()
+            self._library.leave()
+
+    def entry_points(self) -> EntryPoints | None:
+        """Addresses of the FMU's functions for compiled code, which knows Reals only."""
+        if self._typed is not None:
+            return None
+        address = self._library.addresses
+        return EntryPoints(
+            component=ctypes.cast(self._component, _POINTER).value or 0,
+            set_real=address["setReal"],
+            get_real=address["getReal"],
+            do_step=address["doStep"],
+            set_real_input_derivatives=address["setRealInputDerivatives"],
+            get_state=address["getFMUstate"],
+            set_state=address["setFMUstate"],
+            input_references=self._input_references,
+            output_references=self._output_references,
+            derivative_orders=self._derivative_orders,
+        )
+
+    def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
+        """Leave in the black box what is called next."""
+        self._present.code = self._codes[plain_name(function)]
+
+    def returned(self) -> None:
+        """Leave in the black box that nothing is called."""
+        self._present.code = 0
+
+    def error(self, call: str, status: int) -> InstanceError:
+        """The error of a call that returned this status."""
+        kind = InstanceError
+        if status == DISCARD and call.startswith("doStep"):
+            kind = EndRequestedError if self.asks_to_end() else DiscardedStepError
+        self._stepping = self._stepping and status == DISCARD
+        if status == FATAL:
+            _DEAD_LIBRARIES.add(self.file.library)
+        answer = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
+        return kind(self.name, plain_name(call), answer, self._log.last(self.name))
+
+    def _is_dead(self) -> bool:
+        """Whether an instance of this FMU answered fmi2Fatal: then none of them may be called again."""
+        return self.file.library in _DEAD_LIBRARIES
+
+    def _copy_state(self, state: Any) -> Any:
+        self._call("getFMUstate", ctypes.byref(state))
+        return state
+
+    def _with_notice(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
+        """A function that says that it is called."""
+        present, code = self._present, self._codes[name]
+
+        def called(*arguments: Any) -> int:
+            present.code = code
+            status = function(*arguments)
+            present.code = 0
+            return status
+
+        return called
+
+    def _call(self, name: str, *arguments: Any) -> None:
+        status = self._functions[name](self._component, *arguments)
+        if status not in FINE:
+            raise self.error(name, status)
+
+
+def _arguments(component: Any, references: Any, values: Vector) -> tuple[Any, ...]:
+    return (component, references.ctypes.data_as(_POINTER), len(references), values.ctypes.data_as(_POINTER))
+
+
+def _is_thread_safe(file: FmuFile) -> bool:
+    """Whether nothing is known of the FMU that only one thread of a process may have to do with."""
+    shares = file.has_capability("canBeInstantiatedOnlyOncePerProcess") or file.has_capability(
+        "needsExecutionTool"
+    )
+    return not shares and not (file.folder / "resources" / _INTERPRETED).exists()

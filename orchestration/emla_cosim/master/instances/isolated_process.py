@@ -1,0 +1,94 @@
+"""The process of one isolated FMU: answers requests until its parent is gone."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import CosimError, RunError
+from ...fmu.file import FmuFile
+from ...fmu.log import FmuLog
+from ...sandbox import black_box
+from ...sandbox.server import serve
+from .in_process_instance import InProcessInstance
+from .request import Request
+
+
+class IsolatedProcess:
+    """Calls its FMU as it is told to; every method is a request, see `IsolatedInstance`."""
+
+    def __init__(self, slave: InProcessInstance) -> None:
+        self._slave = slave
+        self._states: dict[int, Any] = {}
+
+    def do(self, request: Request) -> Any:
+        """Set what is to be set, then do the call; its answer."""
+        if request.inputs is not None:
+            self._slave.inputs[:] = np.frombuffer(request.inputs)
+            self._slave.set_inputs()
+        if request.slopes is not None:
+            self._slave.set_input_derivatives(np.frombuffer(request.slopes))
+        own = getattr(self, request.call, None) or getattr(self._slave, request.call)
+        return own(*request.arguments)
+
+    def set_values(self, values: list[tuple[str, Any]]) -> None:
+        """Set variables by name."""
+        known = self._slave.file.variables
+        self._slave.set_start_values((known[name], value) for name, value in values)
+
+    def value(self, name: str) -> Any:
+        """The value of a variable."""
+        return self._slave.value(self._slave.file.variables[name])
+
+    def outputs(self) -> bytes:
+        """All outputs."""
+        self._slave.get_outputs()
+        return self._slave.outputs.tobytes()
+
+    def do_step(self, at: float, step: float) -> bytes:
+        """Do a step; the outputs after it."""
+        self._slave.do_step(at, step)
+        return self.outputs()
+
+    def save(self, known: int | None) -> int:
+        """Save the state; the number that it has."""
+        number = known if known is not None else max(self._states, default=0) + 1
+        self._states[number] = self._slave.save(self._states.get(number))
+        return number
+
+    def restore(self, number: int) -> None:
+        """Go back to a saved state."""
+        self._slave.restore(self._states[number])
+
+    def forget(self, number: int) -> None:
+        """Free a saved state."""
+        self._slave.forget(self._states.pop(number))
+
+
+def main() -> None:
+    """Serve the parent at the other end of standard input and output."""
+    worker: IsolatedProcess | None = None
+
+    def answer(request: Request, tell: Callable[[Any], None]) -> Any:
+        nonlocal worker
+        try:
+            if worker is not None:
+                return worker.do(request)
+            worker = _start_instance(*request.arguments)
+        except CosimError as error:
+            return error
+        except Exception as error:
+            return RunError(f"the process of an isolated FMU failed: {error!r}.")
+
+    black_box.share_file(Path(sys.argv[1]))
+    serve(answer)
+
+
+def _start_instance(name: str, file: FmuFile, inputs: list[str], outputs: list[str]) -> IsolatedProcess:
+    return IsolatedProcess(InProcessInstance(name, file, inputs, outputs, FmuLog()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""Variables of several types as one vector of numbers: Booleans are 0 or 1, Enumerations their values."""
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+from numpy.typing import NDArray
+
+from ...base.arrays import Vector
+from ...fmu.instance import by_type
+
+
+@dataclass(frozen=True)
+class _TypeGroup:
+    """Elements of one type: where they are in the vector, and memory in the type of the FMI."""
+
+    elements: NDArray[np.intp]
+    references: NDArray[np.uint32]
+    values: NDArray[Any]
+    boolean: bool
+    function: Callable[..., int]
+
+
+class TypedValues:
+    """Gets or sets variables by one FMI call per type; `access` is get or set."""
+
+    def __init__(
+        self, access: str, variables: Sequence[ModelVariable], functions: Mapping[str, Callable[..., int]]
+    ) -> None:
+        self._groups = []
+        for type_, elements in by_type(variables):
+            self._groups.append(
+                _TypeGroup(
+                    elements=np.array(elements, dtype=np.intp),
+                    references=np.array([variables[i].valueReference for i in elements], dtype=np.uint32),
+                    values=np.zeros(len(elements), dtype=np.float64 if type_ == "Real" else np.int32),
+                    boolean=type_ == "Boolean",
+                    function=functions[f"{access}{type_}"],
+                )
+            )
+
+    def set(self, component: Any, vector: Vector) -> int:
+        """Set all variables; returns the worst status. Numbers between two values are rounded."""
+        worst = 0
+        for group in self._groups:
+            given = vector[group.elements]
+            exact = group.values.dtype == np.float64
+            group.values[:] = given if exact else np.rint(given) != 0.0 if group.boolean else np.rint(given)
+            worst = max(worst, self._call(component, group), key=abs)
+        return worst
+
+    def get(self, component: Any, vector: Vector) -> int:
+        """Get all variables; returns the worst status."""
+        worst = 0
+        for group in self._groups:
+            worst = max(worst, self._call(component, group), key=abs)
+            vector[group.elements] = group.values
+        return worst
+
+    @staticmethod
+    def _call(component: Any, group: _TypeGroup) -> int:
+        pointers = (group.references.ctypes.data_as(ctypes.c_void_p), len(group.references))
+        return group.function(component, *pointers, group.values.ctypes.data_as(ctypes.c_void_p))

@@ -1,0 +1,118 @@
+"""Who does what where several threads share a step: list scheduling by what tasks cost.
+
+T. L. Adam, K. M. Chandy, J. R. Dickson: A comparison of list schedules for parallel processing systems,
+Commun. ACM 17 (1974), doi:10.1145/361604.361619.
+"""
+
+import random
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from heapq import heappop, heappush
+
+from ..algorithms.tasks import StepTask
+
+_TRIES = 40
+"""How many orders are tried for a few tasks; for many, one is as good as another."""
+
+_MANY = 4000
+
+
+@dataclass(frozen=True)
+class ThreadSchedule:
+    """The places of the tasks of each lane, in order, and how long a step is then, in the unit of costs."""
+
+    lanes: list[list[int]]
+    length: float
+
+
+def schedule_tasks(
+    tasks: Sequence[StepTask], costs: Sequence[float], count: int, first_only: Collection[int] = ()
+) -> ThreadSchedule:
+    """Share tasks among so many lanes, or fewer where there is nothing for more; all calls of a slave in one.
+
+    `costs` are those of the slaves' steps, by slave; all else costs nothing. Slaves that are
+    `first_only` are left to the first lane, one after the other.
+
+    The task goes first from which the longest way leads to the end of the step. That is near the best, and a
+    few tries with blurred lengths come nearer; they are the same every time.
+    """
+    cost = [sum(costs[i] for i in task.slaves) if task.steps else 0.0 for task in tasks]
+    ways, noise = _find_longest_paths(tasks, cost), random.Random(1)
+    best = _simulate_step(tasks, cost, ways, count, first_only)
+    for _ in range(min(_TRIES, _MANY // max(len(tasks), 1))):
+        blurred = [way * noise.uniform(0.7, 1.3) for way in ways]
+        best = min(best, _simulate_step(tasks, cost, blurred, count, first_only), key=lambda p: p.length)
+    return best
+
+
+def _find_longest_paths(tasks: Sequence[StepTask], cost: Sequence[float]) -> list[float]:
+    """The longest way from the beginning of each task to the end of the step."""
+    ways = list(cost)
+    for place in range(len(tasks) - 1, -1, -1):
+        for before in tasks[place].after:
+            ways[before] = max(ways[before], cost[before] + ways[place])
+    return ways
+
+
+def _simulate_step(
+    tasks: Sequence[StepTask],
+    cost: Sequence[float],
+    priorities: Sequence[float],
+    count: int,
+    first_only: Collection[int],
+) -> ThreadSchedule:
+    """One step, as it would go: whoever is free takes what is possible and most urgent."""
+    waits, followers = [len(task.after) for task in tasks], [list[int]() for _ in tasks]
+    for place, task in enumerate(tasks):
+        for before in task.after:
+            followers[before].append(place)
+    lane_of, begun = dict[int, int](), [0.0] * len(tasks)
+    now, free = 0.0, list(range(count))
+    running = list[tuple[float, int, int]]()
+    possible = [list[tuple[float, int]]() for _ in (0, 1)]  # for anyone, and for the first lane only
+
+    def end(place: int) -> None:
+        """A task is through: what waited for nothing else is possible, and through where it costs nothing."""
+        ended = [place]
+        while ended:
+            for follower in followers[ended.pop()]:
+                waits[follower] -= 1
+                if not waits[follower]:
+                    ended += begin(follower)
+
+    def begin(place: int) -> list[int]:
+        """A task is possible; the task itself where it costs nothing and so is through."""
+        begun[place] = now
+        if not tasks[place].steps:
+            return [place]
+        anyone = not first_only or set(tasks[place].slaves).isdisjoint(first_only)
+        heappush(possible[0 if anyone else 1], (-priorities[place], place))
+        return []
+
+    for place in [p for p, n in enumerate(waits) if not n]:
+        for through in begin(place):
+            end(through)
+    while True:
+        for lane in sorted(free):
+            queues = [q for q in (possible if lane == 0 else possible[:1]) if q]
+            if not queues:
+                continue
+            _, place = heappop(min(queues, key=lambda q: q[0]))
+            free.remove(lane)
+            begun[place] = now
+            lane_of |= dict.fromkeys(tasks[place].slaves, lane)
+            heappush(running, (now + cost[place], place, lane))
+        if not running:
+            break
+        now, place, lane = heappop(running)
+        free.append(lane)
+        end(place)
+        while running and running[0][0] == now:
+            _, place, lane = heappop(running)
+            free.append(lane)
+            end(place)
+    lanes = [list[int]() for _ in range(count)]
+    # what costs nothing comes first, so that who waits for it need not wait for more
+    for place in sorted(range(len(tasks)), key=lambda p: (begun[p], cost[p] > 0.0, p)):
+        lanes[lane_of.get(tasks[place].slaves[0], 0)].append(place)
+    return ThreadSchedule([lane for lane in lanes if lane], now)  # a thread without work would only wait

@@ -1,0 +1,227 @@
+"""One way to scenarios: built-in ones by name, scenario files, SSPs, FMUs, and systems made in Python."""
+
+import contextlib
+import weakref
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...base.errors import CommandError, join_names
+from ...base.files import read_text
+from ...base.option import FileOrObject
+from ...ssp.reader.flat_document import SspDocument, read_ssp
+from ...system.model import System
+from ..options import Options, list_options, read_options
+from ..origin import RunOrigin, read_origin, with_gains
+from .built_in import FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, find_built_in
+from .recorded import load_recorded_run
+from .scenario import Scenario
+from .scenario_file import ScenarioFile, parse_scenario
+from .single_fmu import make_single_fmu
+
+_SSP = (".ssp", ".ssd")
+_FMU = ".fmu"
+
+
+def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Scenario:
+    """The scenario that a name or a path means, or that runs a system; with these options.
+
+    A path leads to a scenario file (.toml) or to an SSP: package, folder or SSD, with `#Variant.ssd`
+    for another SSD than the default one; to an FMU (.fmu), which runs alone; or to the run.json of a run
+    to repeat. Raises CommandError for whatever is wrong with it.
+    """
+    if isinstance(source, System):
+        return Scenario("system", "", source).with_options(given)
+    if not isinstance(source, (str, Path)):
+        raise CommandError(f"a scenario is a name, a path or a System, not {source!r}.")
+    name, path = str(source), Path(source)
+    if name in SCENARIOS:
+        return _load_scenario_file(find_built_in(name), name, given, RunOrigin(name))
+    if path.suffix.lower() == ".toml":
+        text = read_text(path, "the scenario")
+        read = parse_scenario(text, str(path), path.parent)
+        return _load_scenario_file(read, path.stem, given, read_origin(path, text.encode()))
+    if path.suffix.lower() == ".json":
+        recorded = load_recorded_run(path, given)
+        return load_scenario(recorded.source, recorded.with_options(given))
+    read = ScenarioFile("", "", {}, str(path), Path())
+    if is_fmu(path):
+        return _load_fmu(path, None, read, given, _package_origin(path))
+    if _is_ssp(path):
+        return _load_ssp(path, None, read, given, _package_origin(path))
+    raise CommandError(
+        f"there is no scenario '{name}'; choose from {join_names(SCENARIOS)}, or name a file that "
+        "ends in .toml, .ssp, .ssd or .fmu, or the run.json of a run.",
+        name=name,
+        choices=list(SCENARIOS),
+    )
+
+
+def _load_scenario_file(
+    read: ScenarioFile, name: str, given: Mapping[str, Any], origin: RunOrigin
+) -> Scenario:
+    """The scenario of a file: its system, and the options of the usual one, of the file, and given."""
+    described = _find_system_file(read)
+    if described is None:
+        file = read.folder / read.system
+        if is_fmu(file):
+            return _load_fmu(file, name, read, given, origin)
+        if not _is_ssp(file):
+            raise CommandError(
+                f"the scenario '{read.where}' names the system '{read.system}', which is neither an SSP, "
+                f"nor an FMU, nor a joint file, nor one of {join_names(SYSTEMS)}."
+            )
+        return _load_ssp(file, name, read, given, origin)
+    options = Options()
+    layers = (read,) if described is read else (described, read)
+    for layer in layers:
+        options = options.updated(with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
+    values = read_options(given)
+    options = options.merged(with_gains(values))
+    made_of: dict[str, Any] = {}
+    if options.trajectory is not None:
+        if described.system not in FOLLOWING:
+            raise CommandError(
+                f"'{read.where}' follows no trajectory; --trajectory is for {join_names(sorted(FOLLOWING))}."
+            )
+        made_of["trajectory"] = options.trajectory
+    if options.actuator:
+        options = replace(options, actuator=_read("actuator", options.actuator))
+        made_of["actuators"] = options.actuator
+    make = described.make or SYSTEMS[described.system]
+    system = make(options.controller, options.gains, **made_of)
+    made = Scenario(name, read.description, system, options, origin=origin.updated(values), remarks=_remarks)
+    return replace(made, notes=made.notes_with(options))
+
+
+def _find_system_file(read: ScenarioFile) -> ScenarioFile | None:
+    """Return the file that describes the system of a scenario: itself, a built-in one, or one of `KINDS`.
+
+    None for any other system. Raises CommandError as `parse_scenario` does.
+    """
+    if read.make is not None:
+        return read
+    if read.system in SYSTEMS:
+        return find_built_in(read.system)
+    file = read.folder / read.system
+    if file.suffix.lower() != ".toml":
+        return None
+    found = parse_scenario(read_text(file, "the system"), str(file), file.parent)
+    if found.make is None:
+        raise CommandError(
+            f"the scenario '{read.where}' names the system '{read.system}', which is a scenario file itself; "
+            f"name what it names: '{found.system}'."
+        )
+    return found
+
+
+def _remarks(system: System, options: Options) -> list[str]:
+    return [note for remark in REMARKS for note in remark(system, options)]
+
+
+def _read(option: str, given: Mapping[str, Path | FileOrObject]) -> dict[str, FileOrObject]:
+    """What an option names by its files, read; what Python gives, as it is."""
+    reader = READERS[option]
+    return {name: one if isinstance(one, FileOrObject) else reader(one) for name, one in given.items()}
+
+
+def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
+    """Raise CommandError where an option of built-in systems is given to another system."""
+    for name, option in list_options().items():
+        if option.about.makes and (name in given or name in read.options):
+            raise CommandError(
+                f"'{read.where}' has its own {option.about.makes}; {option.flag} is for built-in systems."
+            )
+
+
+def _load_fmu(
+    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: RunOrigin
+) -> Scenario:
+    """The scenario of one FMU, with what a scenario file says about it."""
+    _refuse_of_built_in(read, given)
+    values = read_options(given)
+    options = Options().updated(read.options, f"the scenario '{read.where}'", read.folder).merged(values)
+    alone = make_single_fmu(path, options)
+    return Scenario(
+        name or alone.name,
+        read.description or alone.description,
+        alone.system,
+        options.updated(alone.times),
+        alone.notes,
+        origin=origin.updated(values),
+    )
+
+
+def _load_ssp(
+    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: RunOrigin
+) -> Scenario:
+    """The scenario of an SSP, with what a scenario file says about it."""
+    _refuse_of_built_in(read, given)
+    held = ResourceHolder()
+    document = held.stack.enter_context(read_ssp(path))
+    options = Options().updated(_times(document))
+    options = options.updated(read.options, f"the scenario '{read.where}'", read.folder)
+    values = read_options(given)
+    return Scenario(
+        name or document.name,
+        read.description or document.description,
+        document.system,
+        options.merged(values),
+        tuple(document.notes),
+        document.unpacked,
+        held,
+        origin.updated(values),
+    )
+
+
+def _package_origin(path: Path) -> RunOrigin:
+    """The origin that an SSP or an FMU is, by the content of its one file where it is one."""
+    file = path if _is_file(path) else _without_variant(path)
+    return read_origin(path, file.read_bytes() if _is_file(file) else None)
+
+
+def _times(document: SspDocument) -> dict[str, float]:
+    """The times that an SSP gives, as options."""
+    times = {
+        "start_time": document.start_time,
+        "stop_time": document.stop_time,
+        "step_size": document.step_size,
+    }
+    return {name: value for name, value in times.items() if value is not None}
+
+
+class ResourceHolder:
+    """What has to stay until nobody needs it any more, such as a folder with unpacked FMUs."""
+
+    def __init__(self) -> None:
+        self.stack = contextlib.ExitStack()
+        self._finalizer = weakref.finalize(self, self.stack.close)
+
+
+def is_fmu(path: Path) -> bool:
+    """Whether a path means an FMU; PACKAGE.ssp#x.fmu would be a variant of a package."""
+    return path.suffix.lower() == _FMU and not _is_folder(path) and (_is_file(path) or not _is_ssp(path))
+
+
+def _is_ssp(path: Path) -> bool:
+    """Whether a path means an SSP, without or with the name of a variant in it."""
+    return any(x.suffix.lower() in _SSP or _is_folder(x) for x in (path, _without_variant(path)))
+
+
+def _without_variant(path: Path) -> Path:
+    return path.parent / path.name.partition("#")[0]
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):  # too long a name, or one that no file can have
+        return False
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

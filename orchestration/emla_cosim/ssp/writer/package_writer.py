@@ -1,0 +1,100 @@
+"""From a system of FMUs to an SSP file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from zipfile import BadZipFile, ZipFile
+
+from fmublock.archive import write_archive
+
+from ...base.errors import CommandError, RunError
+from ...base.ownership import check_replaceable
+from ...fmu.interface import read_interfaces
+from ...system.model import System
+from ...system.resolution import resolve_system
+from ..documents.ssd_data import DEFAULT_SSD, Structure
+from ..documents.ssd_writer import format_structure
+from .elements import StructurePart, build_root_system, order_system
+from .parameter_files import file_name, parameter_files
+
+
+@dataclass(frozen=True)
+class SystemTimes:
+    """How a system is run: times in s."""
+
+    start_time: float
+    stop_time: float
+    step_size: float
+
+
+_MARK = b"emla-cosim package"
+"""The zip comment of our packages, which is no part of the SSP; repacking leaves it out."""
+
+
+def check_package(path: Path, overwrite: bool = False) -> None:
+    """Raise CommandError where no package may be written; see `check_replaceable`."""
+    if path.suffix.lower() != ".ssp":
+        raise CommandError(f"an SSP is written to a file that ends in .ssp, not to '{path}'.")
+    if path.parent.is_dir():  # else it is made
+        check_replaceable(path, "the package", _is_ours, overwrite)
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with ZipFile(path) as archive:
+            return archive.comment == _MARK
+    except (OSError, BadZipFile):
+        return False
+
+
+def write_ssp(
+    path: Path,
+    name: str,
+    description: str,
+    system: System,
+    fmus: Mapping[str, Path],
+    experiment: SystemTimes,
+    nested: bool = False,
+    overwrite: bool = False,
+) -> None:
+    """Write a system with its FMUs, by component, as a package.
+
+    Its bytes depend on its content alone. `nested` makes a system of every part of the components'
+    names but the last. Raises CommandError for what does not fit and for a file that may not be replaced,
+    RunError where the file cannot be written.
+    """
+    check_package(path, overwrite)
+    system = order_system(system, nested)
+    fmus = {c.name: fmus[c.name] for c in system.components}
+    interfaces = read_interfaces(fmus)
+    plain = resolve_system(system, interfaces)
+    uris = _uris(fmus)
+    parameters = parameter_files(system, interfaces)
+    parts = {
+        c.name: StructurePart(interfaces[c.name], uris[fmus[c.name]], parameters.bindings[c.name])
+        for c in system.components
+    }
+    structure = Structure(
+        name,
+        build_root_system(name, plain, parts, nested),
+        experiment.start_time,
+        experiment.stop_time,
+        experiment.step_size,
+        description,
+        tuple(c.name for c in system.components if c.samples),
+        system.bonds,
+    )
+    contents = {uri: file.read_bytes() for file, uri in uris.items()}
+    contents |= parameters.contents | {DEFAULT_SSD: format_structure(structure)}
+    try:
+        write_archive(path, contents, _MARK)
+    except OSError as error:
+        raise RunError(f"the package '{path}' cannot be written: {error.strerror or error}.") from error
+
+
+def _uris(fmus: Mapping[str, Path]) -> dict[Path, str]:
+    """A place in the package for every FMU; files of the same name are numbered."""
+    uris: dict[Path, str] = {}
+    for file in dict.fromkeys(fmus.values()):
+        uris[file] = file_name(file.stem, ".fmu", uris.values())
+    return uris

@@ -1,0 +1,176 @@
+"""What observer and controller assume of a plant, and which of it a changed plant leaves behind."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+from emla_fmu import motion_law
+
+from ...base.errors import join_names
+from ...base.patterns import matches_pattern
+from ...run.options import Options
+from ...system.model import System, Value
+from ..roles import JOINTS
+from .effective_values import value_of
+
+_BOTH, _CONTROLLER = ("controller", "observer"), ("controller",)
+
+_GEAR = ("gearbox.rho", "screw.lead")
+
+_MOST_NAMED = 6
+"""Of so many parameters a note has the names."""
+
+
+@dataclass(frozen=True)
+class _AssumedValue:
+    """A value that components of a joint assume.
+
+    `of` are the plant's parameters that it follows from. `value` computes it of these, as attributes called
+    by their last names.
+    """
+
+    name: str
+    whose: tuple[str, ...]
+    of: tuple[str, ...]
+    value: Callable[[Any], float]
+
+
+def _same(name: str, whose: tuple[str, ...], of: str) -> _AssumedValue:
+    """Return a belief that is the plant's parameter itself."""
+    attribute = of.rpartition(".")[2]
+    return _AssumedValue(name, whose, (of,), lambda plant: getattr(plant, attribute))
+
+
+_ASSUMED_VALUES = (
+    _same("model.R_s", _CONTROLLER, "motor.R_s"),
+    _same("model.L_d", _CONTROLLER, "motor.L_d"),
+    _same("model.L_q", _CONTROLLER, "motor.L_q"),
+    _same("model.Phi_PM", _BOTH, "motor.Phi_PM"),
+    _same("model.N_p", _BOTH, "motor.N_p"),
+    _same("model.C_eq", _CONTROLLER, "screw.C_eq"),
+    _same("limit.u_max", _CONTROLLER, "inverter.u_max"),
+    _same("limit.v_max", _CONTROLLER, "screw.v_max"),
+    _AssumedValue("model.alpha_RL", _CONTROLLER, _GEAR, motion_law.alpha_RL),
+    _AssumedValue(
+        "model.A_eq",
+        _BOTH,
+        ("motor.J_m", "coupling.J_c", "gearbox.J_GB", "screw.M_BS", *_GEAR),
+        motion_law.A_eq,
+    ),
+    _AssumedValue("model.B_eq", _BOTH, ("motor.B_m", "screw.B_BS", *_GEAR), motion_law.B_eq),
+)
+
+
+@dataclass(frozen=True)
+class _StaleValue:
+    """A belief that a changed plant leaves behind: its full name, what changed, and the value that fits."""
+
+    name: str
+    changed: tuple[str, ...]
+    fitting: float
+
+
+def describe_stale_parameters(system: System, options: Options) -> Iterator[str]:
+    """Yield a sentence, without its stop, for each joint whose plant changes while its models do not."""
+    if options.follow_models:
+        return
+    for joint, found in _by_joint(system, options).items():
+        changed = list(dict.fromkeys(name for one in found for name in one.changed))
+        verb, keep = ("changes" if len(changed) == 1 else "change"), ("keeps its value", "keep their values")
+        yield (
+            f"{_shorten_names(changed)} {verb}, but {_shorten_names([one.name for one in found])} "
+            f"{keep[len(found) > 1]}; --follow-models (follow_models = true in a file) changes "
+            f"{'it' if len(found) == 1 else 'them'} too, and --actuator {joint}=FILE the whole actuator"
+        )
+
+
+def _shorten_names(names: Sequence[str]) -> str:
+    more = len(names) - _MOST_NAMED
+    return join_names([*names[:_MOST_NAMED], f"{more} more"] if more > 0 else names)
+
+
+def follow_plant_changes(system: System, options: Options) -> Mapping[str, Value]:
+    """Return the values, by full name, that make the models of all joints fit their changed plants."""
+    stale = (one for found in _by_joint(system, options).values() for one in found)
+    return {one.name: one.fitting for one in stale if math.isfinite(one.fitting)}
+
+
+def _by_joint(system: System, options: Options) -> dict[str, list[_StaleValue]]:
+    """Return what is stale, by joint; joints without anything stale are left out."""
+    components = {c.name: c.parameters for c in system.components if c.name not in options.replace}
+    joints = dict.fromkeys(name.partition(".")[0] for name in components)
+    found = {joint: list(_find_stale(joint, components, options)) for joint in joints} if options.set else {}
+    return {joint: stale for joint, stale in found.items() if stale}
+
+
+def _find_stale(
+    joint: str, components: Mapping[str, Mapping[str, Value]], options: Options
+) -> Iterator[_StaleValue]:
+    for belief in _ASSUMED_VALUES:
+        plant = {parameter: _parameter(joint, parameter, components, options) for parameter in belief.of}
+        changed = tuple(one.name for one in plant.values() if one.is_changed)
+        if not changed:
+            continue
+        was = _value(belief, {parameter: one.before for parameter, one in plant.items()})
+        fitting = _value(belief, {parameter: one.after for parameter, one in plant.items()})
+        if _is_same(fitting, was):
+            continue
+        for who in belief.whose:
+            name = f"{joint}.{who}.{belief.name}"
+            is_there = belief.name in components.get(f"{joint}.{who}", {})
+            if is_there and not any(matches_pattern(name, key) for key in options.set):
+                yield _StaleValue(name, changed, fitting)
+
+
+@dataclass(frozen=True)
+class _Parameter:
+    """A parameter of a plant: its full name, and its value before and with what the options set."""
+
+    name: str
+    before: float
+    after: float
+
+    @property
+    def is_changed(self) -> bool:
+        return not _is_same(self.after, self.before)
+
+
+def _parameter(
+    joint: str, parameter: str, components: Mapping[str, Mapping[str, Value]], options: Options
+) -> _Parameter:
+    """Return a plant's parameter for a joint; of two that share the plant, the one that is changed.
+
+    One that no component has counts as 0.
+    """
+    places = [(f"{joint}.plant", parameter), (f"{joint}.motor", parameter)]
+    if joint in JOINTS:
+        places.append(("machine.plant", f"{parameter}[{JOINTS.index(joint) + 1}]"))
+    found = [
+        _Parameter(name, _number(name, value, {}), _number(name, value, options.set))
+        for name, value in (
+            (f"{component}.{variable}", components.get(component, {}).get(variable))
+            for component, variable in places
+        )
+        if value is not None
+    ]
+    return max(found, key=lambda one: one.is_changed, default=_Parameter("", 0.0, 0.0))
+
+
+def _number(name: str, value: Value, overrides: Mapping[str, Value]) -> float:
+    found = value_of(name, value, overrides)
+    return math.nan if found is None else found
+
+
+def _is_same(one: float, other: float) -> bool:
+    """Return whether two numbers differ by rounding at most, such as that of a unit."""
+    return math.isclose(one, other, rel_tol=1e-12)
+
+
+def _value(belief: _AssumedValue, plant: Mapping[str, float]) -> float:
+    """Return what a plant makes of a belief; NaN where it makes nothing, such as for a lead of 0."""
+    try:
+        return belief.value(SimpleNamespace(**{p.rpartition(".")[2]: x for p, x in plant.items()}))
+    except (ZeroDivisionError, OverflowError):
+        return math.nan

@@ -1,0 +1,121 @@
+"""Quantities as data sheets print them: with a unit, and rms or peak, line to line or per phase."""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from ...base.errors import CommandError
+from ...base.quantities import parse_quantity, parse_unit_name
+from ...base.values import as_float
+from .entries import TURN, SheetEntry
+
+RMS, PEAK = "rms", "peak"
+BETWEEN, PHASE = "line to line", "per phase"
+
+_SAID = (
+    (RMS, re.compile(r"(?<=[AV])[ _]?rms\b|\brms\b", re.IGNORECASE)),
+    (PEAK, re.compile(r"(?<=[AV])[ _]?(?:peak|pk)\b|\bpeak\b", re.IGNORECASE)),
+    (
+        BETWEEN,
+        re.compile(r"\b(?:line|phase)[- ](?:to[- ])?(?:line|phase)\b|\bl-l\b|\bph-ph\b", re.IGNORECASE),
+    ),
+    (PHASE, re.compile(r"\b(?:per )?phase\b", re.IGNORECASE)),
+)
+"""What is said beside a unit, and how; in this order, as "phase to phase" has a phase in it."""
+
+_SPELLINGS = (
+    (re.compile(r"\(\s*\)|,"), " "),
+    (re.compile(r"\s*/\s*"), "/"),
+    (re.compile(r"\bNm\b"), "N m"),
+    (re.compile(r"\bkgcm"), "kg cm"),
+    (re.compile(r"\bkgm"), "kg m"),
+    (re.compile(r"\b(?:1/min|min\^?-1|min⁻¹|r/min|rev/min|RPM)(?![\w.])"), "rpm"),
+    (re.compile(r"\bkRPM\b"), "krpm"),
+    (re.compile(r"\b1000 ?rpm\b"), "krpm"),
+)
+"""What sheets write, and how units are read. Per minute is a speed of turns on every sheet."""
+
+
+@dataclass(frozen=True)
+class SheetValue:
+    """What was entered, and the number that the model has: in SI units, peak values, those of a phase."""
+
+    text: str
+    number: float
+
+
+def read_sheet_value(value: Any, entry: SheetEntry, label: str) -> SheetValue:
+    """An entry as it stands in a file; CommandError, with `label` for it, where it cannot mean one thing."""
+    if entry.kind is bool:
+        if not isinstance(value, bool):
+            raise CommandError(f"{label} is {value!r}; it must be true or false.")
+        return SheetValue(str(value).lower(), float(value))
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise CommandError(f'{label} is {value!r}; write it as "{entry.example}".')
+    if isinstance(value, str):
+        text, number = " ".join(value.split()), _number(value, entry, label)
+    elif entry.unit:
+        raise CommandError(f'{label} is {value!r} without a unit; write one, as in "{entry.example}".')
+    else:
+        number = as_float(value)
+        text = f"{number:.9g}"
+    _check_range(number, entry, f"{label} is {text}")
+    return SheetValue(text, number)
+
+
+def _number(text: str, entry: SheetEntry, label: str) -> float:
+    rest, factor = _read_suffix(text, entry, label)
+    for pattern, meant in _SPELLINGS:
+        rest = pattern.sub(meant, rest)
+    found = parse_quantity(rest.strip(), label)
+    if not entry.unit:
+        return found.in_unit(parse_unit_name("%", label), label) / 100.0 if found.unit else found.number
+    if found.unit is None:
+        raise CommandError(f"{label} is '{text}' without a unit; write one, as in \"{entry.example}\".")
+    unit = parse_unit_name(entry.unit, label)
+    number = found.in_unit(unit, label) * factor
+    if unit.exponents is None or found.unit.exponents is None or unit.exponents == found.unit.exponents:
+        return number
+    if entry.per_turn and found.unit.exponents[-1] == -1:
+        return number * TURN
+    raise CommandError(
+        f"{label} is '{text}', which does not say whether turns or radians are meant; "
+        f'write it as "{entry.example}".'
+    )
+
+
+def _read_suffix(text: str, entry: SheetEntry, label: str) -> tuple[str, float]:
+    """The text without what it says beside the unit, and the factor that this makes."""
+    said = set[str]()
+    for what, pattern in _SAID:
+        text, count = pattern.subn(" ", text)
+        if count:
+            said.add(what)
+    factor = 1.0
+    for choice, (usual, other) in ((entry.rms, (RMS, PEAK)), (entry.between, (BETWEEN, PHASE))):
+        mine = said & {usual, other}
+        if choice is None and mine:
+            raise CommandError(
+                f'{label} says {sorted(mine)[0]}, which means nothing there; write it as "{entry.example}".'
+            )
+        if choice is not None and len(mine) != 1:
+            raise CommandError(
+                f'{label} does not say whether it is {usual} or {other}; write it as "{entry.example}".'
+            )
+        if choice is not None and usual in mine:
+            factor *= choice
+    return text, factor
+
+
+def _check_range(number: float, entry: SheetEntry, told: str) -> None:
+    if not math.isfinite(number):
+        raise CommandError(f"{told}; it must be a finite number.")
+    if entry.positive and not entry.signed and number <= 0.0:
+        raise CommandError(f"{told}; it must be more than 0.")
+    if not entry.signed and number < 0.0:
+        raise CommandError(f"{told}; it must not be less than 0.")
+    if number > entry.most:
+        raise CommandError(f"{told}; it must be {entry.most:g} at most.")
+    if entry.whole and number != round(number):
+        raise CommandError(f"{told}; it must be a whole number.")

@@ -1,0 +1,266 @@
+"""The certificate of a scenario's RSBA gains: what the stability proof predicts, beside what is simulated."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from emla_fmu import TorqueSource
+from rsba_fmu.certificate import Bounds, Certificate, ControlGains, Four, ObserverConstants, certificate
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError
+from ..recorders.recorder import Outline, Recorder
+from ..recorders.time_series import TimeSeries
+from ..run.simulation import Simulation
+from .metrics import EVALUATED_AFTER
+from .roles import find_variable
+
+_SUBSYSTEMS = (1, 2, 3, 4)
+
+
+@dataclass(frozen=True)
+class JointCertificate:
+    """The certificate of a joint, for bounds measured in a run, and the largest values there from 0.3 s on.
+
+    `position_m`, `length` (of P), `current_A` (P_3) and `observer_m` are simulated; `remarks` are sentences
+    on where the assumptions of the proof do not hold.
+    """
+
+    joint: str
+    certificate: Certificate
+    bounds: Bounds
+    position_m: float
+    length: float
+    current_A: float
+    observer_m: float
+    remarks: Sequence[str]
+
+
+_CHOICES = (
+    "observer.use_model",
+    "observer.use_measured_current",
+    "observer.model.N_p",
+    "plant.torque_source",
+)
+"""Parameters that are no real numbers, which the outline of a run does not have."""
+
+
+class _ParameterRecorder(Recorder):
+    """Remembers the real parameters with which a run began."""
+
+    parameters: Mapping[str, float]
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        self.parameters = outline.parameters
+
+
+def certify(simulation: Simulation) -> list[JointCertificate]:
+    """Run a prepared scenario once, and give the certificate of each joint that has an `RsbaController`.
+
+    Its bounds are those of the run itself: D_i is the largest |P_i' + (beta_i + zeta_i theta_i) / 2 P_i|,
+    less what connects the subsystems, which by (36) and (39) is all that Lambda_i r_i, d_max(i) and Omega_i
+    stand for. Raises CommandError where there is no such joint, RunError where the run fails.
+    """
+    names = set(simulation.names)
+    joints = [
+        name.removesuffix(".controller.P[4]")
+        for name in simulation.names
+        if name.endswith(".controller.P[4]")
+    ]
+    joints = [j for j in joints if f"{j}.observer.x_hat" in names and f"{j}.plant.x_L" in names]
+    if not joints:
+        raise CommandError(
+            f"'{simulation.name}' has no joint with our plant, an RSBA controller and our observer."
+        )
+    references = [name for joint in joints if (name := find_variable(joint, "x_d", names)) is not None]
+    own = [f"{joint}.{part}" for joint in joints for part in ("controller.*", "plant.*", "observer.*")]
+    chosen = [f"{joint}.{name}" for joint in joints for name in _CHOICES]
+    choices = {name: float(simulation[name]) for name in chosen}
+    started, step = _ParameterRecorder(), simulation.options.step_size
+    result = simulation.run(
+        recorders=[started, TimeSeries()], signals=[*own, *references], output_interval=step
+    )
+    wanted = [
+        name
+        for name in simulation.names
+        if name.partition(".")[0] in joints and name.split(".")[1] in ("controller", "plant", "observer")
+    ]
+    columns = result.read(["time", *wanted, *references])
+    parameters = {**started.parameters, **choices}
+    return [_certify_joint(joint, columns, parameters) for joint in joints]
+
+
+def _certify_joint(
+    joint: str, columns: Mapping[str, Vector], parameters: Mapping[str, float]
+) -> JointCertificate:
+    time = columns["time"]
+    late = time - time[0] >= min(EVALUATED_AFTER, 0.5 * (time[-1] - time[0]))
+
+    def signal(name: str) -> Vector:
+        return columns[f"{joint}.{name}"]
+
+    def four(name: str) -> Four:
+        a, b, c, d = (parameters[f"{joint}.controller.{name}[{i}]"] for i in _SUBSYSTEMS)
+        return a, b, c, d
+
+    own = {
+        name.removeprefix(f"{joint}."): x for name, x in parameters.items() if name.startswith(f"{joint}.")
+    }
+    gains = ControlGains(four("beta"), four("zeta"), four("delta"), four("sigma"))
+    P = np.array([signal(f"controller.P[{i}]") for i in _SUBSYSTEMS])
+    theta = np.array([signal(f"controller.theta[{i}]") for i in _SUBSYSTEMS])
+    D = np.abs(_acting(time, P, theta, gains))[:, late].max(axis=1)
+    unknown = np.abs(_unknown_acceleration(signal, own))[late].max()
+    bounds = Bounds((D[0], D[1], D[2], D[3]), float(unknown), float(time[-1] - time[0]))
+    found = certificate(gains, _observer(own), bounds)
+    saturated = np.maximum(signal("controller.saturated"), signal("plant.inverter.saturated"))
+    limited = float(np.mean(saturated[late] > 0))
+    travel = float(np.abs(np.diff(signal("plant.x_L")[late])).max())
+    step = float(time[1] - time[0])
+    return JointCertificate(
+        joint,
+        found,
+        bounds,
+        float(np.abs(signal("plant.x_L") - columns[str(find_variable(joint, "x_d", columns))])[late].max()),
+        float(np.linalg.norm(P[:, late], axis=0).max()),
+        float(np.abs(P[2, late]).max()),
+        float(np.abs(signal("observer.x_hat") - signal("plant.x_L"))[late].max()),
+        _remarks(gains, own, step, limited, travel),
+    )
+
+
+def _acting(time: Vector, P: Vector, theta: Vector, gains: ControlGains) -> Vector:
+    """F_i + d_i - x_id' of (36), from what (39) leaves of the derivative of P_i."""
+    gain = (np.array(gains.beta)[:, None] + np.array(gains.zeta)[:, None] * theta) / 2.0
+    left = np.gradient(P, time, axis=1) + gain * P
+    left[0] -= P[1]
+    left[1] += P[0]
+    return left
+
+
+def _unknown_acceleration(signal: Any, own: Mapping[str, float]) -> Vector:
+    """K_2 of (17) in m/s2: what the screw does, less what the observer knows of it."""
+    found = signal("plant.a_L") - signal("observer.d_hat")
+    if not own["observer.use_model"]:
+        return found
+    current = signal("plant.i_q_measured" if own["observer.use_measured_current"] else "controller.i_q_ref")
+    torque = 1.5 * own["observer.model.N_p"] * own["observer.model.Phi_PM"] * current
+    return (
+        found - (torque - own["observer.model.B_eq"] * signal("observer.v_hat")) / own["observer.model.A_eq"]
+    )
+
+
+def _observer(own: Mapping[str, float]) -> ObserverConstants:
+    def value(name: str) -> float:
+        return own[f"observer.{name}"]
+
+    return ObserverConstants(
+        (value("alpha_1"), value("alpha_2")),
+        (value("Q_11"), value("Q_12"), value("Q_22")),
+        value("ell"),
+        value("m_0"),
+        value("m_decay"),
+    )
+
+
+def _remarks(
+    gains: ControlGains, own: Mapping[str, float], step: float, limited: float, travel: float
+) -> list[str]:
+    """Where the proof does not speak of this loop."""
+    forgetting = min(delta * sigma for delta, sigma in zip(gains.delta, gains.sigma, strict=True))
+    no_zeta = [i for i, zeta in zip(_SUBSYSTEMS, gains.zeta, strict=True) if zeta == 0.0]
+    said = [
+        (
+            bool(no_zeta),
+            f"zeta_i is 0 for i = {', '.join(map(str, no_zeta))}: (43) divides by it; nothing is proved.",
+        ),
+        (
+            forgetting < 0.1 * min(gains.beta),
+            f"The least of phi_1 to phi_4 is how theta_hat forgets, delta_i sigma_i = {forgetting:.3g} 1/s, "
+            f"{min(gains.beta) / max(forgetting, 1e-300):.3g} times slower than the loops.",
+        ),
+        (
+            own["observer.m_decay"] > 0.0,
+            "(22) wants the integral of m(t) finite, (55) its infimum positive: over unlimited time both "
+            "cannot be, and phi_0 is that of this run.",
+        ),
+        (True, "(19) wants K along p^-1 C'; what acts on the speed alone, as loads do, is not."),
+        (
+            True,
+            f"What is measured is held for a step, in which the joint goes {1e6 * travel:.3g} µm at most, "
+            f"and has a resolution of {1e6 * own.get('plant.sensor.resolution', 0.0):.2g} µm: of both the "
+            "bound of the observer's error knows nothing.",
+        ),
+        (
+            own.get("observer.omega_d", 0.0) > 0.0,
+            "The observer estimates the disturbance as a third state, which (44) does not have.",
+        ),
+        (
+            own["plant.torque_source"] == TorqueSource.CURRENT,
+            "x_3d is u_2, whose derivative Omega_3 nothing bounds beforehand, and P_3 acts on the speed, "
+            "which (36) leaves out: both are measured here.",
+        ),
+        (True, "F* of (34) contains P_1 and P_2 themselves: Lambda_2 r_2 is known only after the run."),
+        (
+            True,
+            f"The proof is of continuous laws; here they are held for {1e3 * step:g} ms, in which the "
+            f"fastest loop falls by {100 * (1 - math.exp(-0.5 * max(gains.beta) * step)):.2g} %.",
+        ),
+        (
+            own.get("plant.inverter.delay", 0.0) > 0.0,
+            "The inverter acts late, of which the proof knows nothing.",
+        ),
+        (
+            limited > 0.0,
+            f"A limit is reached {100 * limited:.2g} % of the time: the laws are not applied then.",
+        ),
+    ]
+    return [sentence for holds, sentence in said if holds]
+
+
+def build_certificate_table(found: Sequence[JointCertificate], gains: str = "") -> RenderableType:
+    """Constants, predicted bounds and simulated values, a column for each joint; `gains` names the set."""
+    of = f" of {gains}" if gains else ""
+    title = f"Certificate{of}: bounds of the proof beside the run, from 0.3 s on"
+    table = Table(title=title, title_justify="left")
+    table.add_column("")
+    for one in found:
+        table.add_column(escape(one.joint), justify="right")
+    table.add_column("")
+    for label, unit, values in build_certificate_rows(found):
+        table.add_row(label, *(f"{value:.4g}" for value in values), unit)
+    return table
+
+
+def build_certificate_rows(found: Sequence[JointCertificate]) -> list[tuple[str, str, list[float]]]:
+    """The rows of that table: what it is, its unit, and the values by joint; inf where there is no bound."""
+    return [
+        *((f"phi_{i}", "1/s", [one.certificate.phi[i] for one in found]) for i in range(5)),
+        ("phi_total", "1/s", [one.certificate.phi_total for one in found]),
+        ("predicted decay of |P|, proof", "1/s", [one.certificate.rate for one in found]),
+        ("predicted decay of |P|, without adaptation", "1/s", [one.certificate.direct_rate for one in found]),
+        *(
+            (f"D_{i + 1} measured", u, [one.bounds.total[i] for one in found])
+            for i, u in enumerate(("m/s", "m/s2", "A/s", "A/s"))
+        ),
+        *((f"theta*_{i + 1}", "", [one.certificate.theta_star[i] for one in found]) for i in range(4)),
+        ("|P|: bound of the proof", "", [one.certificate.ultimate for one in found]),
+        ("|P|: bound without adaptation", "", [one.certificate.direct_ultimate for one in found]),
+        ("|P|: simulated", "", [one.length for one in found]),
+        ("position error: bound", "µm", [1e6 * one.certificate.position for one in found]),
+        ("position error: simulated", "µm", [1e6 * one.position_m for one in found]),
+        ("current error: bound", "A", [one.certificate.current for one in found]),
+        ("current error: simulated", "A", [one.current_A for one in found]),
+        (
+            "observer error: bound, of K_2 alone",
+            "µm",
+            [1e6 * one.certificate.observer_position for one in found],
+        ),
+        ("observer error: simulated", "µm", [1e6 * one.observer_m for one in found]),
+    ]

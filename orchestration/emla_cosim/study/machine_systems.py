@@ -1,0 +1,153 @@
+"""The built-in systems of the manipulator: three joints that one trajectory leads and one machine loads."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from fmublock import Block
+from hdrm_fmu import HdrmManipulator, HdrmPlant
+
+from ..base.errors import CommandError, join_names
+from ..system.bond import Bond
+from ..system.model import Component, System, Value
+from .actuator.joint_actuators import NONE, Actuators, check_joints
+from .joint import start_values
+from .machine_motion import Motion, load_motion
+from .roles import JOINTS
+from .systems import STUDY, Choice, study_joint
+
+_LED: dict[str, str | None] = {
+    f"reference.{name}": f"machine.trajectory.{name}[{{element}}]" for name in ("x_d", "v_d", "a_d")
+}
+_LOADED = {**_LED, "disturbance.F_L": "machine.manipulator.F_L[{element}]"}
+_MOVED = {
+    **_LED,
+    "plant.x_L": "machine.plant.x_L[{element}]",
+    "plant.v_L": "machine.plant.v_L[{element}]",
+    "plant.d_2": "machine.plant.d_2[{element}]",
+    "plant.F_L": None,
+}
+_REPLAYED = (
+    "machine.trajectory.x_d[{element}] -> machine.manipulator.x_L[{element}]",
+    "machine.trajectory.v_d[{element}] -> machine.manipulator.v_L[{element}]",
+    "machine.trajectory.a_d[{element}] -> machine.manipulator.a_L[{element}]",
+)
+_COUPLED = (
+    "{joint}.plant.x_L -> machine.manipulator.x_L[{element}]",
+    "{joint}.plant.v_L -> machine.manipulator.v_L[{element}]",
+    "{joint}.plant.a_L -> machine.manipulator.a_L[{element}]",
+)
+_BOND = Bond("machine.manipulator.F_L[{element}]", "{joint}.plant.v_L")
+_MERGED = (
+    "{joint}.motor.tau_m -> machine.plant.tau_m[{element}]",
+    "machine.plant.x_L[{element}] -> {joint}.motor.x_L",
+    "machine.plant.v_L[{element}] -> {joint}.motor.v_L",
+)
+
+_NOT_MERGED = ("friction", "stop")
+"""Tables of an actuator that the merged plant has nothing for."""
+
+
+def _replay(
+    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
+) -> System:
+    """Load forces of the motion that is wanted, as the paper takes them: nobody's motion changes them."""
+    return _system(
+        controller, gains, load_motion(trajectory), _manipulator(actuators), _LOADED, _REPLAYED, actuators
+    )
+
+
+def _coupled(
+    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
+) -> System:
+    """Load forces of the motion that there is: plants and manipulator exchange motion and force."""
+    machine = _manipulator(actuators)
+    return _system(
+        controller, gains, load_motion(trajectory), machine, _LOADED, _COUPLED, actuators, bond=_BOND
+    )
+
+
+def _merged(
+    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
+) -> System:
+    """The mechanics of plants and manipulator in one component, which need not agree on a force."""
+    wanted = load_motion(trajectory)
+    check_joints(actuators, JOINTS)
+    for joint, own in actuators.items():
+        if lost := [place for place in own.values if place.partition(".")[0] in _NOT_MERGED]:
+            raise CommandError(
+                f"the merged machine has no friction and no end stops of single actuators; for "
+                f"{joint}, leave out {join_names(lost)}, or run hdrm-coupled."
+            )
+    machine = Component("machine.plant", "HdrmPlant", _mechanics(wanted, actuators))
+    return _system(controller, gains, wanted, machine, _MOVED, _MERGED, actuators, electrical=True)
+
+
+def _manipulator(actuators: Actuators) -> Component:
+    """The manipulator, which knows masses and strokes of its actuators."""
+    values = start_values(HdrmManipulator, _by_joint(HdrmManipulator, actuators)) if actuators else {}
+    return Component("machine.manipulator", "HdrmManipulator", values)
+
+
+def _system(
+    controller: Choice,
+    gains: Choice,
+    wanted: Motion,
+    machine: Component,
+    elsewhere: Mapping[str, str | None],
+    wires: Sequence[str],
+    actuators: Actuators,
+    electrical: bool = False,
+    bond: Bond | None = None,
+) -> System:
+    """Three joints with what they share; names in `elsewhere`, `wires` and `bond` are made for each."""
+    check_joints(actuators, JOINTS)
+    components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
+    for element, joint in enumerate(JOINTS, 1):
+        made = study_joint(
+            STUDY[joint],
+            controller,
+            gains,
+            reference=None,
+            load={},
+            ahead=wanted.ahead[joint],
+            actuators=actuators,
+            on_machine=True,
+            electrical=electrical,
+            elsewhere={
+                end: None if place is None else place.format(joint=joint, element=element)
+                for end, place in elsewhere.items()
+            },
+        )
+        components += made.components
+        connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in wires)]
+        if bond is not None:
+            bonds[joint] = bond.with_names(joint=joint, element=element)
+    shared = (Component("machine.trajectory", "Trajectory", wanted.parameters), machine)
+    system = System((*components, *shared), ()).with_connections(*connections)
+    return replace(system, bonds=bonds)
+
+
+def _mechanics(wanted: Motion, actuators: Actuators) -> dict[str, Value]:
+    """The actuators' part in the merged plant, and where it starts."""
+    start = [STUDY[joint].start.x_L + wanted.ahead[joint] for joint in JOINTS]
+    uncertain = [STUDY[joint].plant.get("F_2", 0.0) for joint in JOINTS]
+    return start_values(HdrmPlant, {**_by_joint(HdrmPlant, actuators), "x_L_start": start, "F_2": uncertain})
+
+
+def _by_joint(block: type[Block], actuators: Actuators) -> dict[str, Any]:
+    """What a block knows of each actuator, by its attributes."""
+    emlas = [(actuators.get(joint) or STUDY[joint].actuator).emla for joint in JOINTS]
+    known = {x.attribute for x in block.layout().parameters if x.shape}
+    return {
+        name: [getattr(emla, name) for emla in emlas] for name in sorted(known) if hasattr(emlas[0], name)
+    }
+
+
+SYSTEMS: dict[str, Callable[..., System]] = {
+    "hdrm-replay": _replay,
+    "hdrm-coupled": _coupled,
+    "hdrm-merged": _merged,
+}
+"""Systems by name, made for a controller, a set of its gains, and maybe a trajectory's file and actuators."""

@@ -1,0 +1,63 @@
+"""What every kind of distribution is."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, NoReturn, get_type_hints
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.values import convert_value
+from ...system.model import Value
+
+
+@dataclass(frozen=True)
+class Distribution(ABC):
+    """How one quantity varies. Where `relative`, it is the factor of the quantity's nominal value.
+
+    Raises CommandError when made of values that are none of the right type, not finite, or leave no range.
+    """
+
+    name: ClassVar[str]
+    noun: ClassVar[str]
+    """What sentences call one, with its article."""
+
+    relative: bool = field(default=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        types = get_type_hints(type(self))
+        for f in fields(self):
+            label = f"{f.name} of {self.noun}"
+            found = convert_value(getattr(self, f.name), types[f.name], label)
+            if isinstance(found, float) and not math.isfinite(found):
+                raise CommandError(f"{label} is {found}; it must be a finite number.", value=found)
+            object.__setattr__(self, f.name, found)
+        self._check()
+
+    @abstractmethod
+    def at(self, quantiles: Vector) -> list[Value]:
+        """The inverse distribution function: a value for each quantile, 0 to 1. All values are finite."""
+
+    @property
+    def level_count(self) -> int | None:
+        """How many levels a grid takes, known without listing them; None where there are none."""
+        return None
+
+    @property
+    def levels(self) -> Sequence[Value] | None:
+        """The values that a grid takes, in their order; None where there is no finite number of them."""
+        return None
+
+    @property
+    @abstractmethod
+    def ends(self) -> tuple[Value, Value]:
+        """The lowest and the highest value; the 5 % or 95 % quantile where there is no bound on a side."""
+
+    @abstractmethod
+    def _check(self) -> None:
+        """Raise CommandError for values that do not go together."""
+
+    def refuse(self, sentence: str, **found: Any) -> NoReturn:
+        """Raise CommandError with what is said of it."""
+        raise CommandError(f"{self.noun} {sentence}", distribution=self.name, **found)

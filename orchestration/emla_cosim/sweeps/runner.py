@@ -1,0 +1,231 @@
+"""The one way to run a sweep: laid out, given out to workers, and kept as it comes back."""
+
+import contextlib
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import polars
+from distributed import Client
+
+from ..base.errors import CommandError
+from ..base.files import temporary_folder
+from ..base.progress import Progress
+from ..base.values import convert_value
+from ..run.run_setup import select_signals
+from ..sandbox.interruption import catch_interrupts
+from .design import Design, design_variants
+from .executor import ClusterExecutor, Scheduler, open_executor
+from .folder import SweepFolder, hash_plain_data
+from .measures import Measures, Metric, MetricRequest, resolve_measures, with_verdicts
+from .notes import sweep_notes
+from .plan import Plan, Source, load_plan
+from .result import SweepResult
+from .sensitivity import SALTELLI, all_sobol_indices
+from .stored import read_sweep
+from .targets import format_arguments
+from .worker import Chunk, SimulationDescription
+from .worker_payload import REGISTRIES, WorkerPayload, check_portable
+
+SOBOL = "sobol"
+"""What sweep.json calls the Sobol indices by figure."""
+
+
+def sweep(
+    source: Source | Plan,
+    vary: Mapping[str, Any] | None = None,
+    *,
+    runs: int | None = None,
+    seed: int | None = None,
+    sampling: str | None = None,
+    metrics: Sequence[Metric] | Mapping[str, Metric] | None = None,
+    signals: Sequence[str] | None = None,
+    scheduler: Scheduler = None,
+    workers: int | None = None,
+    output: str | Path | None = None,
+    overwrite: bool = False,
+    resume: bool = False,
+    progress: Progress | None = None,
+    **options: Any,
+) -> SweepResult:
+    """Run many variants of a scenario side by side, and return what came out.
+
+    `source` is a plan, its name or its file; or a scenario as `load` takes it, with `vary` to say what
+    varies: the name of a start value (component.variable, or a pattern), of an option or of a component
+    (whose FMU varies), and for each a distribution, a list of values or a text such as "0.05:0.3:20",
+    "normal(0.14, 0.01)" or "±10%". `sampling` is one of `SAMPLINGS`, by default "grid", or "random" with
+    `runs`; `seed` is that of whatever is drawn. `metrics` says what is kept of each variant: names or
+    patterns of figures, "name = expression" over signals, functions of a `Result`; by default all
+    figures. `signals` are names or patterns of those to keep over time. `options` are those of
+    `Options`, for all variants.
+
+    It runs on a Dask cluster: the one whose scheduler is at the address `scheduler`, or that of the
+    `distributed.Client` given there, which stays open; or one of this machine with so many `workers`, by
+    default one for each core. What came out is in the folder `output`, where `resume` goes on with a sweep
+    that ended early; without a folder it lives as long as the result. Files there that emla did not write
+    are only replaced with `overwrite`.
+
+    Ctrl-C ends it early, and the result has what was there. Raises CommandError for whatever is wrong
+    with the plan, before anything is run; RunError where the cluster is gone or files cannot be written.
+    """
+    given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
+    options |= {"overwrite": True} if overwrite else {}
+    plan = load_plan(source).updated({**given, "signals": signals, "options": options})
+    check_cluster(scheduler, workers)
+    with _open_folder(output, resume, overwrite) as (folder, held):
+        told = progress or Progress()
+        design = design_variants(plan, told)
+        notes = sweep_notes(design)
+        for note in notes:
+            told.note(f"Note: {note}.")
+        folder.check_unread(group.preparation.read for group in design.groups)
+        with folder.alone():
+            _run(design, notes, folder, (scheduler, workers), resume, told)
+            result = read_sweep(folder.path)
+            _keep_sobol_indices(result, folder)
+            folder.settle()
+        return replace(result, folder=None, resources=held.pop_all()) if output is None else result
+
+
+def _keep_sobol_indices(result: SweepResult, folder: SweepFolder) -> None:
+    """Write the Sobol indices of all figures to sweep.json, once the sweep is complete."""
+    if result.complete and result.sampling == SALTELLI and SOBOL not in folder.record():
+        found = {name: indices.record() for name, indices in all_sobol_indices(result).items()}
+        folder.write_record({SOBOL: found})
+
+
+def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
+    """Raise CommandError for what cannot be a cluster."""
+    if not isinstance(scheduler, Client):
+        convert_value(scheduler, str | None, "the scheduler")
+    if workers is None:
+        return
+    if convert_value(workers, int, "the number of workers") < 1:
+        raise CommandError(f"the number of workers {workers} must be at least 1.")
+    if scheduler is not None:
+        raise CommandError("the cluster of that scheduler has workers of its own; leave out how many.")
+
+
+@contextlib.contextmanager
+def _open_folder(
+    output: str | Path | None, resume: bool, overwrite: bool
+) -> Iterator[tuple[SweepFolder, contextlib.ExitStack]]:
+    """The folder of a sweep, and what has to be held for it to stay."""
+    with contextlib.ExitStack() as held:
+        if output is not None:
+            place = convert_value(output, Path, "the output folder")
+        elif resume:
+            raise CommandError("what is to be resumed lies in a folder; give `output`.")
+        else:
+            place = held.enter_context(temporary_folder("emla-sweep-"))
+        yield SweepFolder(place, overwrite), held
+
+
+def _run(
+    design: Design,
+    notes: Sequence[str],
+    folder: SweepFolder,
+    cluster: tuple[Scheduler, int | None],
+    resume: bool,
+    told: Progress,
+) -> None:
+    """Run what is not there yet, and write all that is."""
+    asked = MetricRequest.of(design.plan.metrics, design.plan.where)
+    for kind, known in (("metric", asked.functions), *REGISTRIES.items()):
+        check_portable(kind, known)
+    identity = design.identity(asked.identity(design.plan.signals))
+    folder.check(identity, resume)
+    if resume and folder.is_complete:
+        return
+    key = f"emla-sweep-{hash_plain_data((identity, time.time_ns()))}"
+    shipment = WorkerPayload.of(key, [group.preparation for group in design.groups])
+    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, told.note) as found:
+        measures, described = _measures(design, asked, found)
+        folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
+        folder.begin(_record(design, notes, measures, described, identity), resume)
+        finished = folder.finished()
+        told.begin("sweeping", design.count, "variants")
+        told.advance(len(finished))
+
+        def keep(chunk: Chunk) -> None:
+            folder.keep(chunk, measures)
+            told.advance(len(chunk.outcomes))
+
+        each = 8 * described.rows * (2 + len(measures.signals)) if measures.signals else 0
+        began = time.monotonic()
+        try:
+            whole = found.run(design.work(finished), design.variant, measures, each, keep, interrupted)
+        finally:
+            wall_s = time.monotonic() - began
+            folder.merge(_table_columns(design, identity))
+    folder.close(whole, wall_s)
+
+
+def _measures(
+    design: Design, asked: MetricRequest, found: ClusterExecutor
+) -> tuple[Measures, SimulationDescription]:
+    """What is kept, which all groups have to have; and what the first one gives."""
+    plan, all_ = design.plan, [found.describe(group) for group in range(len(design.groups))]
+    each = []
+    for described in all_:
+        names = list(described.units)
+        kept = [names[i] for i in select_signals(plan.signals, names)] if plan.signals else []
+        found_here = resolve_measures(asked, described.figures, names, kept, plan.where)
+        each.append(with_verdicts(found_here, described.figures))
+    if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
+        raise CommandError(
+            f"variants of {plan.where} do not all have the same figures and signals; name those to keep."
+        )
+    if both := {f.name for f in design.factors} & set(each[0].names):
+        raise CommandError(
+            f"'{min(both)}' of {plan.where} would be a factor and a figure of one name; rename one of them."
+        )
+    return each[0], all_[0]
+
+
+def _record(
+    design: Design,
+    notes: Sequence[str],
+    measures: Measures,
+    described: SimulationDescription,
+    identity: Mapping[str, Any],
+) -> dict[str, Any]:
+    """What sweep.json says from the beginning."""
+    plan = design.plan
+    own = format_arguments(plan.options)
+    base = None if own is None or not isinstance(plan.scenario, (str, Path)) else [str(plan.scenario), *own]
+    units = {f.name: f.unit for f in design.factors} | {
+        name: described.units[name] for name in measures.signals
+    }
+    return {
+        "identity": dict(identity),
+        "name": plan.name,
+        "description": plan.description,
+        "variants": design.count,
+        "sampling": design.method,
+        "runs": plan.runs,
+        "seed": plan.seed,
+        "vary": {name: str(given) for name, given in plan.vary.items()},
+        "factors": {f.name: [asdict(target) for target in f.targets] for f in design.factors},
+        "figures": list(measures.names),
+        "expressions": dict(measures.expressions),
+        "signals": list(measures.signals),
+        "units": units,
+        "shown": {name: asdict(described.shown[name]) for name in measures.names if name in described.shown},
+        "notes": list(notes),
+        "required": list(design.groups[0].preparation.options.require),
+        "base": None if base is None else ["emla", "run", *base],
+        "systems": design.identities,
+        "version": version("emla-cosim"),
+    }
+
+
+def _table_columns(design: Design, identity: Mapping[str, Any]) -> polars.DataFrame:
+    """What the table says of variants beside what came out of them."""
+    return design.table().with_columns(
+        polars.lit(design.plan.seed, polars.Int64).alias("seed"),
+        polars.Series("provenance", design.provenance(identity["metrics"]), polars.String),
+    )

@@ -1,0 +1,46 @@
+"""A sweep read from its folder."""
+
+from pathlib import Path
+
+import polars
+
+from ..base.errors import CommandError
+from ..base.values import convert_value
+from ..recorders.metrics import Shown
+from .data import VARIANT
+from .folder import COMPLETED, SERIES, TABLE, SweepFolder
+from .result import SweepResult
+from .targets import Target
+
+
+def read_sweep(folder: str | Path) -> SweepResult:
+    """What a sweep left in its folder, also where it ended early. Raises CommandError where there is none."""
+    place = convert_value(folder, Path, "the folder of the sweep")
+    record = SweepFolder.record_of(place)
+    try:
+        variants = polars.read_parquet(place / TABLE)
+        parts = place / SERIES
+        series = None
+        if any(parts.glob("*.parquet")):  # each has its variants in order, but what was lost comes late
+            series = polars.scan_parquet(parts / "*.parquet").sort(VARIANT, maintain_order=True)
+        return SweepResult(
+            name=record["name"],
+            sampling=record["sampling"],
+            seed=record["seed"],
+            factors=list(record["factors"]),
+            figures=record["figures"],
+            variants=variants,
+            signals=record["signals"],
+            series=series,
+            units=record["units"],
+            shown={name: Shown(**shown) for name, shown in record["shown"].items()},
+            folder=place,
+            complete=record["status"] == COMPLETED,
+            required=record["required"],
+            base=record["base"],
+            targets={name: [Target(**t) for t in targets] for name, targets in record["factors"].items()},
+            wall_s=record.get("wall_s", 0.0),
+            notes=record.get("notes", ()),
+        )
+    except (OSError, KeyError, TypeError, ValueError, polars.exceptions.PolarsError) as error:
+        raise CommandError(f"'{place}' has no sweep that can be read: {error}.") from error

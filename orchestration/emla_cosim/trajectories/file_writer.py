@@ -1,0 +1,43 @@
+"""What is written to a trajectory file."""
+
+import json
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from ..base.errors import CommandError
+from ..base.files import write_atomically
+from .file import WHAT, check_trajectory
+from .motion import OptimisedMotion
+
+_TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
+
+
+def write_trajectory(result: OptimisedMotion, path: Path, overwrite: bool = False) -> None:
+    """Write a motion to a file, whole or not at all. Raises CommandError where that cannot be."""
+    place = check_trajectory(path, overwrite)
+    content = json.dumps(build_document(result), indent=1, allow_nan=False) + "\n"
+    try:
+        with write_atomically(place) as stream:
+            stream.write(content.encode())
+    except OSError as error:
+        raise CommandError(f"{WHAT} '{path}' cannot be written: {error.strerror or error}.") from error
+
+
+def build_document(result: OptimisedMotion) -> dict[str, Any]:
+    """What a trajectory file holds, all in SI units."""
+    spline, figures = result.spline, asdict(result.assessment)
+    return {
+        "format": "emla-cosim trajectory 1",
+        "degree": spline.degree,
+        "knots": list(spline.knots),
+        "coefficients": {joint: list(values) for joint, values in spline.coefficients.items()},
+        "units": {"knots": "s", "coefficients": "m"},
+        "problem": asdict(result.given),
+        "end_speed": result.end_speed.value,
+        "discretisation": asdict(result.discretisation),
+        "contradictions": list(result.contradictions),
+        "figures": {**figures, "iterations": result.solution.iterations},
+        "versions": {tool: version(tool) for tool in _TOOLS},
+    }

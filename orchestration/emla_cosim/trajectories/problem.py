@@ -1,0 +1,132 @@
+"""The problem as a user gives it: a file, a table, or single values."""
+
+import difflib
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from hdrm_fmu.optimisation.problem import MotionProblem
+from hdrm_fmu.parameters import HdrmParameters
+from hdrm_fmu.spline import TrajectoryError
+
+from ..base.errors import CommandError
+from ..base.files import read_text
+
+_MACHINE = "machine"
+_ELEMENT = re.compile(r"(?P<name>[\w.]+)(\[(?P<element>[123])\])?", re.ASCII)
+
+
+def load_problem(given: MotionProblem | Mapping[str, Any] | str | Path | None) -> MotionProblem:
+    """The problem that a value, a table or a file means; CommandError for what is none."""
+    if isinstance(given, MotionProblem):
+        return given
+    if given is None:
+        return MotionProblem()
+    if isinstance(given, Mapping):
+        return _of_table(given, "the problem")
+    path = Path(given)
+    try:
+        table = tomllib.loads(read_text(path, "the problem"))
+    except (ValueError, RecursionError) as error:
+        raise CommandError(f"the problem '{path}' is no TOML: {error}.") from error
+    return _of_table(table, f"the problem '{path}'")
+
+
+def override_values(problem: MotionProblem, texts: Mapping[str, str]) -> MotionProblem:
+    """The problem with other values: of q_E, q_E[3] or machine.lift_a, as numbers or three with commas.
+
+    Raises CommandError for a name that it does not have, or no such value.
+    """
+    table = asdict(problem)
+    for name, text in texts.items():
+        found = _ELEMENT.fullmatch(name)
+        if found is None:
+            raise CommandError(f"there is no '{name}' in a problem; write q_E, q_E[3] or machine.lift_a.")
+        inside, field = _place(table, found["name"])
+        value = _numbers(name, text)
+        if found["element"] is None:
+            inside[field] = value
+            continue
+        before = inside[field]
+        if not isinstance(before, (list, tuple)) or isinstance(value, list):
+            raise CommandError(f"'{name}' = {text} is not one number of three.")
+        i = int(found["element"]) - 1
+        inside[field] = [*before[:i], value, *before[i + 1 :]]
+    return _of_table(table, "the problem")
+
+
+def _place(table: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
+    """The table that has a value, and its name there."""
+    *first, field = name.split(".")
+    inside = table[_MACHINE] if first == [_MACHINE] else table
+    if first not in ([], [_MACHINE]) or field not in inside or (not first and field == _MACHINE):
+        names = [n for n in table if n != _MACHINE] + [f"{_MACHINE}.{n}" for n in table[_MACHINE]]
+        raise CommandError(f"there is no '{name}' in a problem{_near(name, names)}")
+    return inside, field
+
+
+def _numbers(name: str, text: str) -> Any:
+    try:
+        values = [float(x) for x in text.split(",")]
+    except ValueError as error:
+        raise CommandError(f"'{name}' = {text} is no number, and no three with commas.") from error
+    return values[0] if len(values) == 1 else values
+
+
+def _of_table(table: Mapping[str, Any], where: str) -> MotionProblem:
+    """A problem with the values of a table; what it does not name is the paper's."""
+    _check_names(table, MotionProblem, where)
+    values = {name: _value(value) for name, value in table.items() if name != _MACHINE}
+    try:
+        if _MACHINE in table:
+            values[_MACHINE] = _machine(table[_MACHINE], where)
+        return MotionProblem(**values)
+    except TrajectoryError as error:
+        raise CommandError(f"{where}: {error}") from error
+
+
+def _machine(given: object, where: str) -> HdrmParameters:
+    if isinstance(given, HdrmParameters):
+        return given
+    if not isinstance(given, Mapping):
+        raise CommandError(f"'{_MACHINE}' of {where} is {given!r}; it must be a table of lengths and masses.")
+    _check_names(given, HdrmParameters, f"'{_MACHINE}' of {where}")
+    values = {name: _value(value) for name, value in given.items()}
+    for name, value in values.items():
+        _check_form(f"'{_MACHINE}.{name}' of {where}", value, getattr(HdrmParameters(), name))
+    try:
+        return HdrmParameters(**values)
+    except ValueError as error:
+        raise CommandError(f"'{_MACHINE}' of {where}: {error}") from error
+
+
+def _check_form(label: str, value: Any, usual: Any) -> None:
+    """Raise CommandError unless a value is a number where there usually is one, else three."""
+    given = value if isinstance(value, tuple) else (value,)
+    three = isinstance(usual, tuple)
+    numbers = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in given)
+    if not numbers or isinstance(value, tuple) != three or (three and len(given) != len(usual)):
+        shown = list(value) if isinstance(value, tuple) else value
+        wanted = "three numbers: lift, tilt, telescope" if three else "a number"
+        raise CommandError(f"{label} is {shown!r}; it must be {wanted}.")
+
+
+def _value(value: Any) -> Any:
+    """Lists as tuples, and NumPy's numbers as numbers."""
+    plain = value.tolist() if hasattr(value, "tolist") else value
+    return tuple(plain) if isinstance(plain, list) else plain
+
+
+def _check_names(table: Mapping[str, Any], kind: type, where: str) -> None:
+    known = [f.name for f in fields(kind)]
+    for name in table:
+        if name not in known:
+            raise CommandError(f"there is no '{name}' in {where}{_near(str(name), known)}")
+
+
+def _near(name: str, known: list[str]) -> str:
+    near = [n for n in known if n.lower() == name.lower()] or difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean '{near[0]}'?" if near else f"; it has {', '.join(known)}."

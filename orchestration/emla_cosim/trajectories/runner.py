@@ -1,0 +1,143 @@
+"""The one way to find the motion of least cost."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hdrm_fmu.optimisation.assessment import Assessment, assessed
+from hdrm_fmu.optimisation.narrowing import narrowed
+from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
+from hdrm_fmu.optimisation.solving import (
+    MOST_ITERATIONS,
+    NoMotionError,
+    Solution,
+    detour,
+    solved,
+)
+from hdrm_fmu.optimisation.transcription import Discretisation
+from hdrm_fmu.spline_window import COEFFICIENTS
+
+from ..base.errors import CommandError, RunError, check_choice
+from ..base.progress import Progress
+from ..base.values import convert_value
+from .pictures import picture_places, save_pictures
+from .problem import load_problem
+from .result import TrajectoryResult
+
+_RANGES = {"degree": (3, 5), "knots": (2, 48), "points": (3, 50), "starts": (1, 100)}
+"""Least and largest of what may be chosen; the acceleration must have no jumps."""
+
+_LEAST_COEFFICIENTS = 6
+"""Two at either end for position and speed, and two between that can be chosen."""
+
+
+def trajectory(
+    problem: MotionProblem | Mapping[str, Any] | str | Path | None = None,
+    *,
+    end_speed: str = EndSpeed.CLIP.value,
+    tie_break: float = 1e-3,
+    degree: int = 5,
+    knots: int = 20,
+    points: int = 10,
+    starts: int = 1,
+    output: str | Path | None = None,
+    overwrite: bool = False,
+    plots: bool = True,
+    progress: Progress | None = None,
+) -> TrajectoryResult:
+    """Find the motion between two postures that costs least actuator power: (14) within the bounds of (15).
+
+    `problem` is the paper's (Table II) unless given: a `MotionProblem`, the path of a TOML file with its
+    fields, or a mapping with some of them, of which `machine` is a mapping with fields of HdrmParameters.
+    `end_speed` says how a v_E beyond its own bound is read: clip, exempt, decimal or rest. `tie_break` is
+    the weight of the joints' own powers beside the square of their sum; 0 is as printed. The motion is a
+    spline of a `degree` with so many different `knots`, and is looked at in `points` points between two of
+    them. Of several `starts` the first is a line, the others wander off; the best motion counts.
+
+    With `output` it is written to that file, and with `plots` pictures beside it. Files that emla did not
+    write are only replaced with `overwrite`.
+
+    Raises CommandError for whatever is wrong with the problem, before anything is solved; RunError where no
+    motion keeps all bounds, with those that are to blame.
+    """
+    told, reading = progress or Progress(), _parse_reading(end_speed)
+    given = load_problem(problem)
+    how = Discretisation(*_sizes(degree, knots, points), _weight(tie_break))
+    place = None if output is None else convert_value(output, Path, "the output file")
+    if place is not None:
+        picture_places(place, plots, problem, overwrite)
+    read = _resolve_contradictions(given, reading)
+    best, figures = _find_best(read, how, _size("starts", starts), told)
+    spline, contradictions = best.spline(how), given.contradictions()
+    result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
+    if place is not None:
+        result.save(place, overwrite)
+        if plots:
+            save_pictures(result, place, overwrite)
+    return result
+
+
+def _parse_reading(name: str) -> EndSpeed:
+    check_choice("reading of end speeds", name, [reading.value for reading in EndSpeed])
+    return EndSpeed(name)
+
+
+def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
+    sizes = _size("degree", degree), _size("knots", knots), _size("points", points)
+    if knots + degree - 1 > COEFFICIENTS:
+        raise CommandError(
+            f"{knots} knots and degree {degree} make {knots + degree - 1} coefficients; the block Trajectory "
+            f"has room for {COEFFICIENTS}."
+        )
+    if knots + degree - 1 < _LEAST_COEFFICIENTS:
+        raise CommandError(
+            f"{knots} knots and degree {degree} make {knots + degree - 1} coefficients; positions and speeds "
+            f"at both ends and a way between take {_LEAST_COEFFICIENTS}."
+        )
+    return sizes
+
+
+def _size(name: str, value: int) -> int:
+    least, most = _RANGES[name]
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+        raise CommandError(f"{name} is {value!r}; it must be a whole number of {least} to {most}.")
+    return value
+
+
+def _weight(tie_break: float) -> float:
+    found = convert_value(tie_break, float, "the tie-break weight")
+    if not 0.0 <= found <= 1e3:
+        raise CommandError(f"the tie-break weight {found:g} must be 0, which is as printed, to 1000.")
+    return found
+
+
+def _resolve_contradictions(given: MotionProblem, reading: EndSpeed) -> MotionProblem:
+    """The problem as it is read; CommandError where it still contradicts itself."""
+    read = given.read_as(reading)
+    left = read if reading != EndSpeed.EXEMPT else read.read_as(EndSpeed.CLIP)
+    if sentences := left.contradictions():
+        raise CommandError(f"the problem contradicts itself: {'; '.join(sentences)}.")
+    return read
+
+
+def _find_best(
+    problem: MotionProblem, how: Discretisation, starts: int, told: Progress
+) -> tuple[Solution, Assessment]:
+    """The best of the motions that several starts lead to, and its figures."""
+    found = list[Solution]()
+    for i in range(starts):
+        begin = None if i == 0 else detour(problem, how, i)
+        told.begin("optimising" if starts == 1 else f"start {i + 1}", MOST_ITERATIONS, "iterations")
+        try:
+            found.append(solved(problem, how, begin, lambda: told.advance(1)))
+        except NoMotionError as error:
+            if not found and i + 1 == starts:
+                raise RunError(str(error)) from error
+        told.finish()
+    best = min(found, key=lambda solution: solution.cost)
+    figures = assessed(best.spline(how), problem, how.tie_break)
+    if not figures.within_bounds:
+        told.begin("narrower bounds", MOST_ITERATIONS, "iterations")
+        best, figures = narrowed(best, problem, how, lambda: told.advance(1))
+        told.finish()
+    return best, figures

@@ -1,0 +1,158 @@
+"""A plan made ready: gains, cases, seeds and conditions resolved in a system whose FMUs are there."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..base.errors import CommandError
+from ..base.files import read_text
+from ..recorders.metrics import HELD
+from ..run.options import list_options
+from ..run.requirements import Requirement, parse_requirement
+from ..run.run_setup import run_times
+from ..run.scenarios.built_in import SCENARIOS, SYSTEMS, find_built_in
+from ..run.scenarios.scenario_file import ScenarioFile, parse_scenario
+from ..sweeps.factors import Factor, resolve_factors
+from ..sweeps.measures import Measures, MetricRequest, resolve_measures
+from ..sweeps.targets import merge_options
+from ..sweeps.worker import SimulationDescription
+from ..sweeps.worker_payload import Preparation
+from .expressions import Expression, parse_expression
+from .plan import Case, TuningPlan
+from .score import Objective
+from .space import Space, build_space, check_during_a_run
+from .tracking import TRACKING_ERROR
+
+
+@dataclass(frozen=True)
+class TuningTask:
+    """All that a tuning needs to know; `cases` has the options of each case."""
+
+    plan: TuningPlan
+    space: Space
+    objective: Objective
+    measures: Measures
+    cases: Sequence[Mapping[str, Any]]
+    seeds: Factor | None
+    units: Mapping[str, str]
+    identity: Mapping[str, Any]
+
+
+def prepare_task(plan: TuningPlan, preparation: Preparation, described: SimulationDescription) -> TuningTask:
+    """Resolve a plan; CommandError for names that are not there, and whatever does not go together."""
+    objective = parse_expression(plan.objective, f"'objective' of {plan.where}")
+    required = [_conditions(plan, case, objective, described) for case in plan.cases]
+    measures = _measures(plan, objective, required, described)
+    found = build_space(plan, preparation.system, preparation.interfaces)
+    times = run_times(preparation.options, plan.name)
+    return TuningTask(
+        plan,
+        found,
+        Objective(objective, plan.cases, required, times.start, times.stop, plan.margin),
+        measures,
+        [_options(case, plan, preparation) for case in plan.cases],
+        _seeds(plan, preparation),
+        {axis.name: axis.factor.unit for axis in found.axes if axis.factor is not None},
+        preparation.identity,
+    )
+
+
+def _conditions(
+    plan: TuningPlan, case: Case, objective: Expression, described: SimulationDescription
+) -> list[Requirement]:
+    """What a case requires, and that every joint of the objective is held: its figures mean nothing else."""
+    found = [parse_requirement(text) for text in (plan.require if case.require is None else case.require)]
+    named = {one.figure for one in found}
+    of_objective = dict.fromkeys(f"{name.rpartition('.')[0]}.{HELD}" for name in sorted(objective.names))
+    held = [name for name in of_objective if name in described.figures and name not in named]
+    return [*found, *(Requirement(name, "==", True) for name in held)]
+
+
+def _measures(
+    plan: TuningPlan,
+    objective: Expression,
+    required: Sequence[Sequence[Requirement]],
+    described: SimulationDescription,
+) -> Measures:
+    """The figures that objective and conditions need; CommandError for one that is not there."""
+    own = MetricRequest.of(plan.metrics, plan.where)
+    conditions = [r for case in required for r in case]
+    needed = dict.fromkeys([*sorted(objective.names), *(r.figure for r in conditions)])
+    figures = [name for name in needed if name not in own.expressions and name not in own.functions]
+    figures += [
+        name for name in described.figures if name.endswith(f".{TRACKING_ERROR}") and name not in figures
+    ]
+    asked = MetricRequest(figures, own.expressions, own.functions)
+    measures = resolve_measures(asked, described.figures, list(described.units), [], plan.where)
+    if inexact := [name for name in figures if name not in described.figures]:
+        raise CommandError(f"{plan.where} needs the figure '{inexact[0]}' by its name, not by a pattern.")
+    for one in conditions:
+        if (one.figure in measures.truths) != isinstance(one.value, bool):
+            right = "true or false" if one.figure in measures.truths else "a number"
+            raise CommandError(
+                f"the requirement '{one}' of {plan.where} does not fit: {one.figure} is {right}."
+            )
+    return measures
+
+
+def _options(case: Case, plan: TuningPlan, preparation: Preparation) -> dict[str, Any]:
+    """The options of a case, each thing with its one value."""
+    where = f"the case '{case.name}' of {plan.where}"
+    found = resolve_factors(case.set, preparation.system, preparation.interfaces, where)
+    check_during_a_run(found, where)
+    parts = list[dict[str, Any]]()
+    for factor in found:
+        levels = factor.distribution.levels
+        if levels is None or len(levels) != 1:
+            raise CommandError(f"'{factor.name}' of {where} has to be one value, such as 0.1 or \"110%\".")
+        parts.append(factor.options(factor.value(levels[0])))
+    return merge_options(parts)
+
+
+def _seeds(plan: TuningPlan, preparation: Preparation) -> Factor | None:
+    """The start values that begin random sequences; None for a system without any."""
+    if not plan.seeds:
+        return None
+    given = {"seeds": {"of": list(plan.seeds), "distribution": "values", "values": [1]}}
+    try:
+        (found,) = resolve_factors(given, preparation.system, preparation.interfaces, plan.where)
+    except CommandError:
+        if plan.seeds == TuningPlan.seeds:
+            return None
+        raise
+    return found
+
+
+def scenario_content(plan: TuningPlan) -> dict[str, Any] | None:
+    """What a scenario file says that runs the scenario of a plan; None where only Python has it."""
+    read = _scenario_file(plan)
+    if read is None:
+        return None
+    system = read.system if read.system in SYSTEMS else str((read.folder / read.system).resolve())
+    given = merge_options([read.options, plan.options])
+    options = {
+        n: x
+        for n, x in given.items()
+        if n in list_options() and list_options()[n].about.in_file and _is_plain(x)
+    }
+    return {"system": system, **options}
+
+
+def _scenario_file(plan: TuningPlan) -> ScenarioFile | None:
+    if not isinstance(plan.scenario, (str, Path)):
+        return None
+    name, path = str(plan.scenario), Path(plan.scenario)
+    if name in SCENARIOS:
+        return find_built_in(name)
+    if path.suffix.lower() == ".toml":
+        return parse_scenario(read_text(path, "the scenario"), name, path.parent)
+    return ScenarioFile("", name, {}, name, Path())
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, Mapping):
+        return all(map(_is_plain, value.values()))
+    if isinstance(value, (list, tuple)):
+        return all(map(_is_plain, value))
+    return isinstance(value, (str, int, float))

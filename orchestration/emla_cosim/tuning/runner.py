@@ -1,0 +1,279 @@
+"""The one way to tune: gains that a search proposes, tried on a farm of workers, and on other seeds."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import polars
+
+from ..base.errors import CommandError
+from ..base.progress import Progress
+from ..base.values import convert_value
+from ..run.options import select_repeatable
+from ..sandbox.interruption import catch_interrupts
+from ..sweeps.executor import Scheduler, open_executor
+from ..sweeps.folder import hash_plain_data
+from ..sweeps.measures import Metric
+from ..sweeps.plan import Source
+from ..sweeps.runner import check_cluster
+from ..sweeps.seeds import draw_seeds
+from ..sweeps.worker_payload import REGISTRIES, Preparation, WorkerPayload, check_portable
+from ..system.model import Value
+from .data import Tuned
+from .evaluation import Evaluation
+from .folder import TuneFolder
+from .plan import PLAIN, TuningPlan, load_tuning_plan
+from .preparation import TuningTask, prepare_task, scenario_content
+from .result import TuneResult
+from .score import Score
+from .search import Search
+from .tracking import record_tracking_error
+
+
+def tune(
+    source: Source | TuningPlan,
+    vary: Mapping[str, Any] | None = None,
+    *,
+    objective: str | None = None,
+    require: Sequence[str] | None = None,
+    derive: Mapping[str, str] | None = None,
+    metrics: Sequence[Metric] | None = None,
+    evaluations: int | None = None,
+    training: int | None = None,
+    validation: int | None = None,
+    seed: int | None = None,
+    tolerance: float | None = None,
+    scheduler: Scheduler = None,
+    workers: int | None = None,
+    output: str | Path | None = None,
+    overwrite: bool = False,
+    plots: bool = True,
+    progress: Progress | None = None,
+    **options: Any,
+) -> TuneResult:
+    """Look for the gains that make an objective small while conditions hold, and return what came out.
+
+    `source` is a plan (`TuningPlan`), its name or its file; or a scenario as `load` takes it, with `vary`
+    for the gains and their ranges, as `sweep` takes them ("200:4000" is searched by its logarithm).
+    `objective` is an expression over figures, `require` conditions as those of a run, `derive` further
+    start values as expressions over what varies, `metrics` figures beside the registered ones.
+    `evaluations` sets of gains are tried, each in all cases of the plan with `training` seeds; the best
+    and the first are then run with `validation` others. `seed` is that of whatever is drawn: the same
+    gives the same result, whatever the number of `workers`. `scheduler` and `workers` are as in `sweep`,
+    `options` those of `Options`, for all runs. Files go to the folder `output`, if one is given; without
+    `plots` no picture is among them. Files there that emla did not write are only replaced with `overwrite`.
+
+    Ctrl-C ends it early, and the result has the best so far. Raises CommandError for whatever is wrong
+    with the plan, before anything is run; RunError where the cluster is gone, nothing can be run, or files
+    cannot be written.
+    """
+    options |= {"overwrite": True} if overwrite else {}
+    given = {
+        "vary": vary,
+        "objective": objective,
+        "require": require,
+        "derive": derive,
+        "metrics": metrics,
+        "evaluations": evaluations,
+        "training": training,
+        "validation": validation,
+        "seed": seed,
+        "tolerance": tolerance,
+        "options": options,
+    }
+    plan = load_tuning_plan(source).updated(given)
+    check_cluster(scheduler, workers)
+    folder = (
+        None if output is None else TuneFolder(convert_value(output, Path, "the output folder"), overwrite)
+    )
+    if folder is not None and plots:
+        folder.check_files(folder.pictures)
+    told = progress or Progress()
+    with nullcontext() if folder is None else folder.alone():
+        scenario = plan.load_scenario()
+        for note in scenario.notes:
+            told.note(f"Note: {note}.")
+        preparation = Preparation.of(scenario, told)
+        with (
+            record_tracking_error(),
+            _open_evaluation(plan, preparation, (scheduler, workers), told) as (task, evaluation),
+        ):
+            return _Tuning(task, evaluation, folder, told, scenario.notes).run(plots)
+
+
+@contextmanager
+def _open_evaluation(
+    plan: TuningPlan, preparation: Preparation, cluster: tuple[Scheduler, int | None], told: Progress
+) -> Iterator[tuple[TuningTask, Evaluation]]:
+    """A farm that has what a tuning needs, and what is to be done on it."""
+    for kind, known in REGISTRIES.items():
+        check_portable(kind, known)
+    conditions = [*plan.require, *preparation.options.require]
+    free = replace(preparation, options=replace(preparation.options, require=[]))
+    shipment = WorkerPayload.of(f"emla-tune-{hash_plain_data((plan.where, time.time_ns()))}", [free])
+    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, told.note) as found:
+        task = prepare_task(replace(plan, require=conditions), free, found.describe(0))
+        yield (
+            task,
+            Evaluation(found, task.objective, task.measures, task.cases, task.seeds, interrupted),
+        )
+
+
+@dataclass
+class _Tuning:
+    """A tuning that goes on: the best so far, and everything that was tried."""
+
+    task: TuningTask
+    evaluation: Evaluation
+    folder: TuneFolder | None
+    told: Progress
+    notes: Sequence[str]
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    began: float = field(default_factory=time.monotonic)
+
+    def run(self, plots: bool) -> TuneResult:
+        """All of it."""
+        plan, space = self.task.plan, self.task.space
+        training, validation = self._seeds()
+        self.drawn = {"training": _known(training), "validation": _known(validation)}
+        self.told.begin("tuning", plan.evaluations, "gains")
+        first = self.evaluation.scores([{}], training)
+        if first is None:
+            raise CommandError("interrupted before anything was tried.")
+        self.start = self.best = Tuned(dict(space.start), {}, first[0])
+        self._note_tried(0, [(dict(space.start), first[0])])
+        whole = self._search(training)
+        if whole and validation:
+            whole = self._validate(validation)
+        result = self._save_progress(whole, plots)
+        if self.folder is not None:
+            self.folder.settle()
+        return result
+
+    def _search(self, seeds: Sequence[int | None]) -> bool:
+        """Try what the search asks for, as long as there are evaluations left; whether nobody ended it."""
+        plan, space = self.task.plan, self.task.space
+        search = Search(space.places(), plan.seed)
+        generation, left = 0, plan.evaluations - 1
+        while len(asked := search.ask()) <= left:
+            generation += 1
+            values = [space.values(point) for point in asked]
+            gains = [space.options(v) for v in values]
+            scores = self.evaluation.scores(gains, seeds)
+            if scores is None:
+                return False
+            search.tell([score.order for score in scores])
+            left -= len(asked)
+            self._note_tried(generation, list(zip(values, scores, strict=True)))
+            place = min(range(len(scores)), key=[_comparison_key(score) for score in scores].__getitem__)
+            if _comparison_key(scores[place]) < _comparison_key(self.best.training):
+                self.best = Tuned(values[place], gains[place]["set"], scores[place])
+            self._save_progress(False)
+        return True
+
+    def _validate(self, seeds: Sequence[int | None]) -> bool:
+        """Run start and best with other seeds; whether nobody ended it."""
+        scores = self.evaluation.scores([{}, {"set": self.best.set}], seeds)
+        if scores is None:
+            return False
+        self.start, self.best = (
+            replace(gains, validation=score)
+            for gains, score in zip((self.start, self.best), scores, strict=True)
+        )
+        return True
+
+    def _seeds(self) -> tuple[list[int | None], list[int | None]]:
+        """Seeds of training and of validation, none in both."""
+        plan = self.task.plan
+        if self.task.seeds is None:
+            return [None], []
+        drawn: list[int | None] = [*draw_seeds(plan.seed, plan.training + plan.validation)]
+        return drawn[: plan.training], drawn[plan.training :]
+
+    def _note_tried(self, generation: int, tried: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:
+        for values, score in tried:
+            before = self.rows[-1]["best"] if self.rows else float("inf")
+            known = score.objective if not score.violation else float("inf")
+            self.rows.append(
+                {
+                    "evaluation": len(self.rows),
+                    "generation": generation,
+                    **values,
+                    "objective": score.objective,
+                    "violation": score.violation,
+                    "lost": score.lost,
+                    "best": min(before, known),
+                }
+            )
+        self.told.advance(len(tried))
+
+    def _save_progress(self, whole: bool, draw: bool = False) -> TuneResult:
+        """What came out so far, also in the folder."""
+        plan = self.task.plan
+        history = polars.DataFrame(self.rows, infer_schema_length=None)
+        result = TuneResult(
+            plan.name,
+            plan.objective,
+            self.start,
+            self.best,
+            history.with_columns(polars.col("best").replace(float("inf"), None)),
+            self.task.units,
+            self.drawn,
+            plan.tolerance,
+            whole,
+            self.evaluation.runs,
+            time.monotonic() - self.began,
+            None if self.folder is None else self.folder.path,
+            self.notes,
+        )
+        if self.folder is not None:
+            self.folder.keep(result, _record(self.task, result), scenario_content(plan))
+            if draw:
+                self.folder.draw_result(result)
+        return result
+
+
+def _known(seeds: Sequence[int | None]) -> list[int]:
+    return [seed for seed in seeds if seed is not None]
+
+
+def _comparison_key(score: Score) -> tuple[bool, float]:
+    """The order of a score, with what has no number last."""
+    bad, value = score.order
+    return bad, value if value == value else float("inf")
+
+
+def _record(task: TuningTask, result: TuneResult) -> dict[str, Any]:
+    """What tune.json says: all that decides what comes out, and what did."""
+    plan = task.plan
+    asked = {
+        **{name: getattr(plan, name) for name in PLAIN},
+        "scenario": plan.scenario if isinstance(plan.scenario, str) else str(plan.name),
+        "vary": {name: str(given) for name, given in plan.vary.items()},
+        "cases": [asdict(case) for case in plan.cases],
+        "metrics": [str(metric) for metric in plan.metrics],
+        "options": {name: str(given) for name, given in select_repeatable(plan.options).items()},
+    }
+    return {
+        "name": plan.name,
+        "status": "completed" if result.complete else "unfinished",
+        "problem": result.problem(),
+        "notes": list(result.notes),
+        "plan": asked,
+        "seeds": result.seeds,
+        "start": _gains(result.start),
+        "best": _gains(result.best),
+        "units": result.units,
+        "runs": result.runs,
+        "wall_s": result.wall_s,
+        "system": task.identity,
+        "version": version("emla-cosim"),
+    }
+
+
+def _gains(gains: Tuned) -> dict[str, Any]:
+    return {**asdict(gains), "ratio": gains.ratio}

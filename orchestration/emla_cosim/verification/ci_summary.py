@@ -1,0 +1,72 @@
+"""A report in short, as Markdown, for the page that a CI system shows of a run.
+
+python -m emla_cosim.verification.ci_summary report.json >> "$GITHUB_STEP_SUMMARY"
+"""
+
+import html
+import json
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..views.pages.text import make_visible, shorten_text
+from .verdict import Verdict
+
+_MOST_ROWS = 200
+_MOST_FINDINGS = 100
+"""Of each verdict. GitHub takes no summary of more than 1 MiB."""
+
+_LONGEST = 500
+_SIGNS = {Verdict.FAILED: "❌", Verdict.WARNING: "⚠️", Verdict.PASSED: "✅", Verdict.SKIPPED: "⏭️"}
+
+
+def format_ci_summary(report: Mapping[str, Any]) -> str:
+    """A table of the FMUs and a list of what is wrong with them; `report` is as `Report.as_dict` gives it."""
+    verdict = Verdict.PASSED if report["passed"] else Verdict.FAILED
+    lines = [f"## {_SIGNS[verdict]} FMUs {verdict}", "", *_table(report["examined"]), ""]
+    for kind in (Verdict.FAILED, Verdict.WARNING):
+        found = [(one, f) for one in report["examined"] for f in one["findings"] if f["verdict"] == kind]
+        lines += [_item(kind, one, finding) for one, finding in found[:_MOST_FINDINGS]]
+        if len(found) > _MOST_FINDINGS:
+            lines.append(f"- {_SIGNS[kind]} and {len(found) - _MOST_FINDINGS} more")
+    return "\n".join([*lines, "", f"{_text(report['made_by'])}, {_text(report['started'])}", ""])
+
+
+def _table(examined: list[dict[str, Any]]) -> Iterator[str]:
+    yield "| | FMU | passed | warnings | failed | skipped | time / s |"
+    yield "|---|---|---:|---:|---:|---:|---:|"
+    for one in examined[:_MOST_ROWS]:
+        verdicts = [finding["verdict"] for finding in one["findings"]]
+        counts = " | ".join(str(verdicts.count(v) or "") for v in Verdict)
+        sign = _SIGNS[Verdict(one["verdict"])]
+        yield f"| {sign} | {_text(one['name'])} | {counts} | {one['seconds']:.1f} |"
+    if len(examined) > _MOST_ROWS:
+        yield f"| | and {len(examined) - _MOST_ROWS} more | | | | | |"
+
+
+def _item(kind: Verdict, one: dict[str, Any], finding: dict[str, Any]) -> str:
+    said = f"{_text(one['name'])}: **{_text(finding['check'])}** {_text(finding['sentence'])}"
+    if kind == Verdict.FAILED:
+        clause = finding["clause"]
+        said += f"<br>{_text(clause['document'])}, {_text(clause['section'])}: “{_text(clause['sentence'])}”"
+        said += f"<br>{_text(finding['hint'])}"
+    return f"- {_SIGNS[kind]} {said}"
+
+
+def _text(text: object) -> str:
+    """Text of others as it is, whatever Markdown or HTML would make of it."""
+    line = " ".join(shorten_text(make_visible(text), _LONGEST).split())
+    return re.sub(r"[\\`*_{}\[\]()#+!|~@:]", lambda found: f"&#{ord(found[0])};", html.escape(line))
+
+
+def main() -> None:
+    """Write the summary of the JSON report that the argument names to the standard output."""
+    report = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    sys.stdout.reconfigure(encoding="utf-8")  # pyright: ignore[reportAttributeAccessIssue]
+    sys.stdout.write(format_ci_summary(report))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,216 @@
+"""What a model description declares, read without judging it: wrong references stay as they are.
+
+fmpy resolves references while it reads, and stops at the first that leads nowhere; checks want to
+tell all of them.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
+
+_EXACT = ("exact",)
+_CALCULATED = ("calculated", "approx")
+_ANY = ("calculated", "exact", "approx")
+_INITIAL = {
+    ("parameter", "fixed"): _EXACT,
+    ("parameter", "tunable"): _EXACT,
+    ("calculatedParameter", "fixed"): _CALCULATED,
+    ("calculatedParameter", "tunable"): _CALCULATED,
+    ("input", "discrete"): (),
+    ("input", "continuous"): (),
+    ("output", "constant"): _EXACT,
+    ("output", "discrete"): _ANY,
+    ("output", "continuous"): _ANY,
+    ("local", "constant"): _EXACT,
+    ("local", "fixed"): _CALCULATED,
+    ("local", "tunable"): _CALCULATED,
+    ("local", "discrete"): _ANY,
+    ("local", "continuous"): _ANY,
+    ("independent", "continuous"): (),
+}
+"""Causality and variability that go together, and their `initial`, the default first (tables in 2.2.7)."""
+
+
+@dataclass(frozen=True)
+class DeclaredVariable:
+    """A ScalarVariable: `own` attributes of its type's element; `attributes` has its SimpleType's too."""
+
+    index: int
+    """From 1, as ModelStructure counts."""
+    name: str
+    reference: int
+    causality: str
+    variability: str
+    given_initial: str | None
+    type: str
+    own: Mapping[str, str]
+    attributes: Mapping[str, str]
+    multiple_sets: bool
+    """Whether it has the attribute canHandleMultipleSetPerTimeInstant."""
+
+    @property
+    def initials(self) -> tuple[str, ...] | None:
+        """What `initial` may be; None where causality and variability do not go together."""
+        return _INITIAL.get((self.causality, self.variability))
+
+    @property
+    def possible(self) -> bool:
+        """Whether causality, variability and initial go together."""
+        return self.initials is not None and self.given_initial in (None, *self.initials)
+
+    @property
+    def initial(self) -> str | None:
+        """How it is initialized, by default where nothing is said; None where that is not defined."""
+        return self.given_initial or (self.initials[0] if self.initials else None)
+
+    @property
+    def start(self) -> str | None:
+        """Its start value, as it is written."""
+        return self.own.get("start")
+
+    @property
+    def unit(self) -> str | None:
+        """The name of its unit."""
+        return self.attributes.get("unit")
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True)
+class DeclaredUnit:
+    """A Unit: attributes of its BaseUnit, None where it has none, and of its DisplayUnits."""
+
+    name: str
+    base: Mapping[str, str] | None
+    display: tuple[Mapping[str, str], ...]
+
+
+@dataclass(frozen=True)
+class DeclaredType:
+    """A SimpleType."""
+
+    name: str
+    type: str
+    attributes: Mapping[str, str]
+    items: tuple[Mapping[str, str], ...]
+
+
+@dataclass(frozen=True)
+class DeclaredUnknown:
+    """An element of ModelStructure; None for an attribute that it does not have."""
+
+    index: int
+    dependencies: tuple[int, ...] | None
+    kinds: tuple[str, ...] | None
+
+
+@dataclass(frozen=True)
+class Declarations:
+    """All that checks compare, in the order of the model description."""
+
+    variables: tuple[DeclaredVariable, ...]
+    units: tuple[DeclaredUnit, ...]
+    types: tuple[DeclaredType, ...]
+    outputs: tuple[DeclaredUnknown, ...]
+    derivatives: tuple[DeclaredUnknown, ...]
+    initial_unknowns: tuple[DeclaredUnknown, ...]
+
+    def variable(self, index: int) -> DeclaredVariable | None:
+        """The variable of an index of ModelStructure; None where there is none."""
+        return self.variables[index - 1] if 1 <= index <= len(self.variables) else None
+
+    def states(self) -> set[int]:
+        """Indices of continuous-time states, as far as references to them lead somewhere."""
+        found = set()
+        for unknown in self.derivatives:
+            derivative = self.variable(unknown.index)
+            if derivative and self.variable(state := int(derivative.own.get("derivative", 0))):
+                found.add(state)
+        return found
+
+    def unit_of(self, variable: DeclaredVariable) -> DeclaredUnit | None:
+        """The unit of a variable; None where it has none, or one that is not defined."""
+        return None if variable.unit is None else self.units_by_name.get(variable.unit)
+
+    @cached_property
+    def units_by_name(self) -> dict[str, DeclaredUnit]:
+        """Units by name, the first where several have one."""
+        return {u.name: u for u in reversed(self.units)}
+
+
+def read_declarations(root: Any) -> Declarations:
+    """Read the root element of a model description that is as the schema wants it."""
+    types = tuple(_type(e) for e in root.iterfind("TypeDefinitions/SimpleType"))
+    by_name = {t.name: t for t in reversed(types)}
+    variables = root.iterfind("ModelVariables/ScalarVariable")
+    return Declarations(
+        variables=tuple(_variable(i, e, by_name) for i, e in enumerate(variables, start=1)),
+        units=tuple(_unit(e) for e in root.iterfind("UnitDefinitions/Unit")),
+        types=types,
+        outputs=_unknowns(root, "Outputs"),
+        derivatives=_unknowns(root, "Derivatives"),
+        initial_unknowns=_unknowns(root, "InitialUnknowns"),
+    )
+
+
+def find_repeated(names: Iterable[str]) -> list[str]:
+    """Those that stand more than once, in the order of their first places."""
+    return [name for name, count in Counter(names).items() if count > 1]
+
+
+def _variable(index: int, element: Any, types: Mapping[str, DeclaredType]) -> DeclaredVariable:
+    value = _typed(element)
+    own = dict(value.attrib)
+    declared_type = types.get(own.get("declaredType", ""))
+    inherited = declared_type.attributes if declared_type else {}
+    return DeclaredVariable(
+        index=index,
+        name=element.get("name"),
+        reference=int(element.get("valueReference")),
+        causality=element.get("causality", "local"),
+        variability=element.get("variability", "continuous"),
+        given_initial=element.get("initial"),
+        type=value.tag,
+        own=own,
+        attributes={**inherited, **own},
+        multiple_sets="canHandleMultipleSetPerTimeInstant" in element.attrib,
+    )
+
+
+def _typed(element: Any) -> Any:
+    """The child that says the type of a variable or of a SimpleType."""
+    return next(child for child in element.iterchildren(*TYPES))
+
+
+def _unit(element: Any) -> DeclaredUnit:
+    base = element.find("BaseUnit")
+    display = tuple(dict(e.attrib) for e in element.iterfind("DisplayUnit"))
+    return DeclaredUnit(element.get("name"), None if base is None else dict(base.attrib), display)
+
+
+def _type(element: Any) -> DeclaredType:
+    value = _typed(element)
+    items = tuple(dict(e.attrib) for e in value.iterfind("Item"))
+    return DeclaredType(element.get("name"), value.tag, dict(value.attrib), items)
+
+
+def _unknowns(root: Any, name: str) -> tuple[DeclaredUnknown, ...]:
+    return tuple(
+        DeclaredUnknown(
+            int(e.get("index")), _indices(e.get("dependencies")), _words(e.get("dependenciesKind"))
+        )
+        for e in root.iterfind(f"ModelStructure/{name}/Unknown")
+    )
+
+
+def _indices(text: str | None) -> tuple[int, ...] | None:
+    return None if text is None else tuple(int(word) for word in text.split())
+
+
+def _words(text: str | None) -> tuple[str, ...] | None:
+    return None if text is None else tuple(text.split())

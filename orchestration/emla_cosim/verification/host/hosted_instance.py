@@ -1,0 +1,181 @@
+"""One instance of an FMU: every call is noted before it is made, and checked after it."""
+
+import time as clock
+from collections.abc import Iterable, Mapping, Sequence
+from ctypes import byref, c_int
+from typing import Any
+
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import fmi2DoStepStatus
+
+from ...fmu.instance import DISCARD, ERROR, FINE, PENDING, STATUS, WARNING, FmiInstance, load
+from ...fmu.log import LogLine
+from ..subject import Subject
+from ..subprocess_run import note
+from .integration import Integration
+from .log import LOG, format_message
+
+
+class CallError(Exception):
+    """A call that was refused, as a sentence: `fmi2DoStep at t = 1 s answered fmi2Error: ...`."""
+
+    def __init__(self, call: str, status: int, lines: Iterable[LogLine] = ()) -> None:
+        said = " ".join(line.text for line in list(lines)[-2:])
+        name = STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is no status"
+        super().__init__(f"{call} answered {name}{f': {format_message(said)}' if said else '.'}")
+        self.call, self.status = call, status
+
+    def __reduce__(self) -> Any:
+        """Its sentence goes with it to another process, not the lines that it was made of."""
+        return _rebuild_error, (str(self), self.call, self.status)
+
+
+def _rebuild_error(sentence: str, call: str, status: int) -> CallError:
+    error = CallError(call, status)
+    error.args = (sentence,)
+    return error
+
+
+class HostedInstance(FmiInstance):
+    """An instance, from its instantiation until `close`; it has to be the only user of its name.
+
+    `kind` is `CoSimulation` or `ModelExchange`, the first that the FMU has by default. `terminated`
+    tells that the FMU asked to end the run. `circumstance` is said with every call: ` with u = nan`.
+    """
+
+    circumstance = ""
+
+    def __init__(
+        self,
+        subject: Subject,
+        name: str = "examined",
+        kind: str | None = None,
+        logging: bool = False,
+        guid: str | None = None,
+    ) -> None:
+        """Load the library and instantiate; raises CallError where that fails."""
+        self.subject, self.name = subject, name
+        self.kind = kind or subject.kinds[0]
+        library = subject.library(self.kind)
+        note("loading its library")
+        try:
+            assert library is not None, "There is none for this machine."
+            self.fmu = load(
+                self.kind,
+                library,
+                subject.folder,
+                subject.find_kind_element(self.kind).modelIdentifier,
+                subject.description.guid if guid is None else guid,
+            )
+        except Exception as error:  # fmpy raises bare ones
+            raise _rebuild_error(
+                f"Its library cannot be loaded: {format_message(str(error))}", "dlopen", ERROR
+            ) from error
+        self.fmu.instance, self.fmu.instanceName = self, name
+        # one for all instances of this object: fmpy's solver keeps some of its memory when it goes
+        self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
+        self.instantiate(logging)
+
+    def instantiate(self, logging: bool = False) -> None:
+        """Instantiate anew, after `free`, with the library that is loaded."""
+        self.terminated = False
+        try:
+            self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
+        except Exception as error:  # fmpy raises a bare one for NULL
+            raise _null(LOG.of(self.name)) from error
+
+    def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
+        """Note what is called next."""
+        at = f" at t = {arguments[1]:.9g} s" if function == "fmi2DoStep" else ""
+        note(f"{function}{at}{self.circumstance}")
+
+    def error(self, call: str, status: int) -> CallError:
+        """The error of a call that returned this status."""
+        return CallError(call, status, LOG.of(self.name, WARNING))
+
+    def initialize(
+        self, values: Mapping[str, Any] | None = None, start: float = 0.0, stop: float | None = None
+    ) -> None:
+        """Set values by name, set up the experiment, and go through initialization mode."""
+        self.set(values or {})
+        self.enter_initialization(start, stop)
+        self.exit_initialization()
+
+    def exit_initialization(self) -> None:
+        """Leave initialization mode; a model is in event mode then, its first events done."""
+        super().exit_initialization()
+        if self._integration is not None:
+            with self.calling():
+                self._integration.begin()
+            self.terminated = self._integration.terminated
+
+    def set(self, values: Mapping[str, Any]) -> None:
+        """Set variables by name, those of one type in one call, in the order given."""
+        with self.calling():
+            self.set_typed([(self.subject.variables[name], value) for name, value in values.items()])
+
+    def get(self, names: Iterable[str]) -> list[Any]:
+        """Values of variables by name, those of one type in one call."""
+        with self.calling():
+            return self.get_typed([self.subject.variables[name] for name in names])
+
+    def step(self, time: float, length: float) -> None:
+        """Step from `time` by `length`, both in s; CallError also for a step that is discarded.
+
+        A model is integrated, and is in event mode afterwards as it was before.
+        """
+        with self.calling():
+            if self._integration is not None:
+                self._integrate(self._integration, time, length)
+                return
+            try:
+                self.fmu.doStep(time, length, noSetFMUStatePriorToCurrentPoint=0)
+            except FMICallException as error:
+                if error.status == PENDING and self.subject.has_capability("canRunAsynchronuously"):
+                    self._wait()
+                elif error.status == DISCARD and self.asks_to_end():
+                    self.terminated = True
+                else:
+                    raise self.error(f"fmi2DoStep at t = {time:.9g} s", error.status) from error
+
+    def _integrate(self, integration: Integration, time: float, length: float) -> None:
+        try:
+            integration.step(time, length)
+        except RuntimeError as error:  # of the solver
+            sentence = (
+                f"The model cannot be integrated from t = {time:.9g} s on: {format_message(str(error))}"
+            )
+            raise _rebuild_error(sentence, "the solver", ERROR) from error
+        self.terminated = integration.terminated
+
+    def _wait(self) -> None:
+        """Until a pending step is done."""
+        answer = c_int(PENDING)
+        while answer.value == PENDING:
+            clock.sleep(0.001)
+            self.fmu.fmi2GetStatus(self.fmu.component, fmi2DoStepStatus, byref(answer))
+        if answer.value not in FINE:
+            raise FMICallException("fmi2DoStep", answer.value)
+
+    def reset(self) -> None:
+        """Become as it was when it was new."""
+        super().reset()
+        self.terminated = False
+
+    def close(self) -> None:
+        """Terminate and free it; the library stays loaded."""
+        with self.calling():
+            self.fmu.terminate()
+        self.free()
+
+    def reference(self, name: str) -> int:
+        """Value reference of a variable."""
+        return self.subject.variables[name].valueReference
+
+
+def _null(lines: Iterable[LogLine]) -> CallError:
+    """That there is no instance, and what was said of it."""
+    said = " ".join(line.text for line in list(lines)[-2:])
+    error = CallError("fmi2Instantiate", ERROR)
+    error.args = (f"fmi2Instantiate answered NULL{f': {format_message(said)}' if said else '.'}",)
+    return error

@@ -1,0 +1,143 @@
+"""Reference files beside an FMU, in the form of the FMI cross-check.
+
+`<Model>_ref.csv` is the solution, `<Model>_in.csv` drives the inputs, if there are any, and
+`<Model>_ref.opt` holds times. What these cannot say stands in `<Model>_ref.toml`: start values (`set`), how
+wide tubes are (`tolerance`), and what made the reference (`made_by`).
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.files import read_text
+from ...base.values import convert_value
+from ...recorders.tubes.tolerance import Tolerance, parse_tolerances
+
+_OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
+"""Entries of `_ref.opt` that say how to run the FMU, all in s; a step of 0 leaves it to the solver."""
+
+_KEYS = ("made_by", "set", "tolerance")
+
+
+@dataclass(frozen=True)
+class ReferenceSolution:
+    """A solution, and what it belongs to: columns by name, `time` in s first; times of the run in s.
+
+    `interval` is the time between the solution's rows, where they are further apart than a `step`; a
+    solution says nothing between its rows. Both are None where nobody says.
+    """
+
+    folder: Path
+    solution: Mapping[str, Vector]
+    inputs: Mapping[str, Vector]
+    start: float
+    stop: float
+    step: float | None
+    interval: float | None = None
+    start_values: Mapping[str, Any] = field(default_factory=dict)
+    tolerance: Mapping[str, Tolerance] = field(default_factory=dict)
+    made_by: str = ""
+
+
+def reference_folder(fmu: Path, given: Path | None) -> Path | None:
+    """The folder with the references of an FMU file; None where there is none.
+
+    That is `given`, or a folder of the FMU's name in it; without one the FMU's own, or the one around it.
+    """
+    around = (fmu.parent, fmu.parent.parent) if given is None else (given, given / fmu.stem)
+    return next((f for f in around if solution_file(f, fmu.stem).is_file()), None)
+
+
+def solution_file(folder: Path, name: str) -> Path:
+    """The file of the solution."""
+    return folder / f"{name}_ref.csv"
+
+
+def read_reference(folder: Path, name: str) -> ReferenceSolution:
+    """Read the reference files of this name; CommandError for whatever is wrong with them."""
+    solution = read_columns(solution_file(folder, name), "the reference")
+    given = folder / f"{name}_in.csv"
+    options = _options(folder / f"{name}_ref.opt")
+    about = _about(folder / f"{name}_ref.toml")
+    time = solution["time"]
+    step = options.get("StepSize", 0.0) or options.get("OutputIntervalLength", 0.0)
+    return ReferenceSolution(
+        folder=folder,
+        solution=solution,
+        inputs=read_columns(given, "the inputs") if given.is_file() else {},
+        start=options.get("StartTime", float(time[0])),
+        stop=options.get("StopTime", float(time[-1])),
+        step=step if step > 0.0 else None,
+        interval=options.get("OutputIntervalLength"),
+        **about,
+    )
+
+
+def read_columns(path: Path, what: str) -> dict[str, Vector]:
+    """The columns of a CSV file by name, `time` first; CommandError says `what` it should have been.
+
+    Times must not go back; those of an event may be there twice.
+    """
+    from ...recorders.csv_file import (  # which loads polars; not every FMU has files
+        read_column_names,
+        read_csv,
+    )
+
+    try:
+        found = read_csv(path, read_column_names(path))
+    except OSError as error:
+        raise CommandError(f"{what} '{path}' cannot be read: {error.strerror or error}.") from error
+    except Exception as error:  # polars has many kinds
+        raise CommandError(f"{what} '{path}' is no table of numbers: {_line(error)}.") from error
+    if next(iter(found), None) != "time":
+        raise CommandError(f"{what} '{path}' must have 'time' as its first column.")
+    time = found["time"]
+    if not len(time) or not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
+        raise CommandError(f"{what} '{path}' must have rows, with times that do not go back.")
+    return found
+
+
+def _options(path: Path) -> dict[str, float]:
+    """The entries of a `_ref.opt` file; none where there is no such file."""
+    if not path.is_file():
+        return {}
+    found = {}
+    for line in read_text(path, "the options of the reference").splitlines():
+        name, _, value = (part.strip() for part in line.partition("//")[0].partition(","))
+        if name not in _OPTIONS:
+            continue  # RelTol is what the reference's solver was told, and no tolerance of comparisons
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise CommandError(f"'{path}' has '{line.strip()}'; write {name}, NUMBER.") from None
+        if not np.isfinite(found[name]):
+            raise CommandError(f"'{path}' has {name} = {value}; it must be a finite number.")
+    return found
+
+
+def _about(path: Path) -> dict[str, Any]:
+    """What the TOML file beside the reference says; nothing where there is none."""
+    if not path.is_file():
+        return {}
+    where = f"'{path}'"
+    try:
+        table = tomllib.loads(read_text(path, "what belongs to the reference"))
+    except tomllib.TOMLDecodeError as error:
+        raise CommandError(f"{where} is no TOML: {error}.") from error
+    if wrong := [key for key in table if key not in _KEYS]:
+        raise CommandError(f"{where} has '{wrong[0]}'; it may have {', '.join(_KEYS)}.")
+    return {
+        "start_values": convert_value(table.get("set", {}), Mapping[str, Any], f"'set' of {where}"),
+        "tolerance": parse_tolerances(table.get("tolerance", {}), where),
+        "made_by": str(table.get("made_by", "")),
+    }
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split(".")[0].split()) or type(error).__name__

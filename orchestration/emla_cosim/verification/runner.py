@@ -1,0 +1,193 @@
+"""The way to a report: files handed to examiners, as many at a time as there are cores."""
+
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from ..base.errors import CommandError
+from ..base.files import temporary_folder
+from ..base.progress import Progress
+from ..base.values import convert_value
+from ..recorders.tubes.tolerance import Tolerance
+from ..sandbox.processes import LOOK
+from ..sandbox.server import Server, ServerEndedError
+from ..ssp.reader.flat_document import read_ssp
+from .catalogue import CHECKS
+from .check_runner import make_finding
+from .examination import check_names, select_checks, select_needed_checks
+from .examiner import ExaminerJob
+from .findings import Examined
+from .references.recording import check_recording
+from .report import Report
+from .settings import Recording, Settings
+from .verdict import failed
+
+_SYSTEMS = (".ssp", ".ssd")
+_EXAMINER = f"{__package__}.examiner"
+
+
+def verify(
+    paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path],
+    *,
+    reference: str | Path | None = None,
+    only: Sequence[str] = (),
+    skip: Sequence[str] = (),
+    tolerance: float | Mapping[str, Tolerance | float] | None = None,
+    seconds: float = Settings.seconds,
+    memory: float = Settings.memory / 2**20,
+    record: Recording | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Verify FMUs, and systems of FMUs: are they as the standard says, and do they still do what they did?
+
+    `paths` are FMU files and SSPs, by what the report calls them if it is a mapping. Every FMU is asked
+    all checks, or those of `only` and none of `skip`, which are names, groups or patterns. `reference`
+    is a folder of reference files, by default that of each FMU; of a system, a folder of results.
+    `tolerance` says how far off signals may be, relative to their ranges: a number, or by name and
+    pattern. A check may take so many `seconds`, and so many MiB of `memory`. With `record`, reference
+    files are made of a run.
+
+    Raises CommandError for files that are not there, and for what cannot be meant. Everything else is a
+    finding of the report.
+    """
+    named = _name_paths(paths)
+    settings = _settings(reference, only, skip, tolerance, seconds, memory, record)
+    told = progress or Progress()
+    with ExitStack() as held:
+        jobs = [job for name, path in named.items() for job in _jobs(name, path, settings, held)]
+        if record is not None:
+            check_recording(record, [job.path for job in jobs])
+        count = sum(1 if job.system else len(select_needed_checks(job.settings)) for job in jobs)
+        told.begin("verifying", count, "checks")
+        folder = held.enter_context(temporary_folder("emla-verify-"))
+        found = _ExaminerPool(folder, lambda: told.advance(1)).examined(jobs)
+    return Report(found, version("emla-cosim"), datetime.now(UTC).isoformat(timespec="seconds"))
+
+
+def _name_paths(paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path]) -> dict[str, Path]:
+    """Paths by the names that reports give them; CommandError for one that is no file."""
+    if isinstance(paths, (str, Path)):
+        paths = [paths]
+    given = paths if isinstance(paths, Mapping) else {str(path): path for path in paths}
+    if not given:
+        raise CommandError("there is nothing to verify; name an FMU, or more.")
+    found = {name: convert_value(path, Path, "the FMU") for name, path in given.items()}
+    for path in found.values():
+        with suppress(OSError, ValueError):  # a name that no file can have
+            if path.is_file() or path.suffix.lower() in _SYSTEMS:
+                continue
+        raise CommandError(f"there is no FMU file '{path}'.", path=str(path))
+    return found
+
+
+def _settings(
+    reference: str | Path | None,
+    only: Sequence[str],
+    skip: Sequence[str],
+    tolerance: float | Mapping[str, Tolerance | float] | None,
+    seconds: float,
+    memory: float,
+    record: Recording | None,
+) -> Settings:
+    only = convert_value([only] if isinstance(only, str) else list(only), Sequence[str], "'only'")
+    skip = convert_value([skip] if isinstance(skip, str) else list(skip), Sequence[str], "'skip'")
+    check_names([*only, *skip])
+    for name, value in (("seconds", seconds), ("memory", memory)):
+        if not 0.0 < convert_value(value, float, f"'{name}'") < 1e9:
+            raise CommandError(f"'{name}' is {value:g}; it must be a positive number.")
+    folder = None if reference is None else convert_value(reference, Path, "the reference")
+    if folder is not None and not folder.exists():
+        raise CommandError(f"there is no folder '{folder}' with references.")
+    wide = {"*": tolerance} if isinstance(tolerance, (int, float)) else tolerance or {}
+    settings = Settings(
+        only=only,
+        skip=skip,
+        reference=folder.absolute() if folder is not None else None,
+        tolerance=convert_value(wide, Mapping[str, Tolerance], "the tolerance"),
+        seconds=float(seconds),
+        memory=round(memory * 2**20),
+        recording=record,
+    )
+    if not select_checks(settings):
+        raise CommandError("no check is left; `only` and `skip` leave none.")
+    return settings
+
+
+def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[ExaminerJob]:
+    """What is to be examined: an FMU, or every FMU of a system, each once, and the system."""
+    if path.suffix.lower() not in _SYSTEMS:
+        return [ExaminerJob(path.absolute(), settings, name, path)]
+    if settings.recording is not None:
+        raise CommandError(f"references are recorded of FMUs, one by one; '{path}' is a system.")
+    document = held.enter_context(read_ssp(path))
+    alone = replace(settings, reference=None)
+    files = dict.fromkeys(c.fmu for c in document.system.components if c.fmu is not None)
+    inside = [ExaminerJob(file, alone, f"{name}/{file.name}", path / file.name) for file in files]
+    return [*inside, ExaminerJob(path.absolute(), settings, name, path, system=True)]
+
+
+class _ExaminerPool:
+    """Processes that examine one job after the other, as many as there are cores; a lost one is replaced."""
+
+    def __init__(self, folder: Path, advance: Callable[[], None]) -> None:
+        """Processes put temporary files into `folder`; `advance` is called for each check that is done."""
+        self._folder, self._advance = folder, advance
+        self._own = threading.local()
+        self._servers: list[Server] = []
+        self._ended = False
+
+    def examined(self, jobs: Sequence[ExaminerJob]) -> tuple[Examined, ...]:
+        """What was found, in the order of the jobs; whatever ends it ends all processes."""
+        try:
+            with ThreadPoolExecutor(min(os.cpu_count() or 1, len(jobs))) as pool:
+                try:
+                    return tuple(pool.map(self._examined, jobs))
+                except BaseException:
+                    self._end()
+                    time.sleep(
+                        2.0 * LOOK
+                    )  # until checks have seen it, which may write where is tidied up next
+                    raise
+        finally:
+            self._end()
+            for server in self._servers:
+                server.close()  # its streams, now that no thread reads them
+
+    def _end(self) -> None:
+        """End all processes, and begin none any more."""
+        self._ended = True
+        for server in self._servers:
+            server.kill()
+
+    def _examined(self, job: ExaminerJob) -> Examined:
+        if self._ended:
+            return _examiner_lost_report(job, "interrupted")
+        server = self._server()
+        try:
+            server.send(job)
+            while isinstance(answer := server.receive(), str):
+                self._advance()
+        except ServerEndedError as error:
+            del self._own.server
+            return _examiner_lost_report(job, str(error))
+        return replace(answer, path=job.given, name=job.name)
+
+    def _server(self) -> Server:
+        """That of this thread."""
+        if not hasattr(self._own, "server"):
+            self._own.server = Server(_EXAMINER, str(self._folder))
+            self._servers.append(self._own.server)
+        return self._own.server
+
+
+def _examiner_lost_report(job: ExaminerJob, how: str) -> Examined:
+    """What is said where not even the examiner came to its end."""
+    found = make_finding(CHECKS[0], failed(f"Its examination ended ({how})."))
+    return Examined(job.given, {}, (found,), 0.0, job.name)

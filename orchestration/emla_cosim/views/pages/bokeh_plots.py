@@ -1,0 +1,81 @@
+"""Bokeh, as far as a page needs it: its library, and figures without data that scripts of the page fill."""
+
+import json
+import re
+from functools import cache
+from typing import Any
+
+from .plot_data import Shape
+
+
+@cache
+def library() -> str:
+    """The text of BokehJS with its licence, such that it may stand in a script element."""
+    from bokeh.resources import Resources
+
+    text = Resources(mode="inline", components=["bokeh"], minified=True).js_raw[0]
+    return re.sub("<(?=/script|!--)", r"\\x3c", text, flags=re.IGNORECASE)
+
+
+@cache
+def template(shape: Shape) -> str:
+    """A figure of this shape as JSON: its models have names, by which they are given data and colours."""
+    from bokeh.embed import json_item
+    from bokeh.models import BoxAnnotation, CrosshairTool, Span
+
+    figure = _figure()
+    for k in range(shape.limits):
+        for end in ("low", "high"):
+            beyond = BoxAnnotation(
+                name=f"limit-{k}-{end}", visible=False, line_dash="dashed", level="underlay"
+            )
+            figure.add_layout(beyond)
+    if shape.band:
+        source = _source("band", "x", "lower", "upper")
+        figure.varea("x", "lower", "upper", source=source, name="band")
+        for edge in ("lower", "upper"):
+            figure.line("x", edge, source=source, name=f"band-{edge}", line_width=0.75)
+    for k in reversed(range(shape.lines)):  # the first on top
+        figure.line("x", "y", source=_source(f"line-{k}", "x", "y"), name=f"line-{k}", line_width=1.5)
+    figure.scatter(
+        "x", "y", source=_source("mark", "x", "y"), name="mark", size=9, line_width=1.75, fill_color=None
+    )
+    figure.add_tools(CrosshairTool(dimensions="height", line_width=1, name="crosshair", visible=False))
+    figure.add_layout(Span(dimension="height", line_dash="dotted", name="since", visible=False))
+    return json.dumps(json_item(figure), separators=(",", ":"))
+
+
+def _figure() -> Any:
+    from bokeh.models import Range1d, WheelZoomTool
+    from bokeh.plotting import figure
+
+    made = figure(
+        height=250,
+        sizing_mode="stretch_width",
+        tools="pan,box_zoom,reset,save",
+        active_drag="box_zoom",
+        x_range=Range1d(start=0, end=1),
+        y_range=Range1d(start=0, end=1),
+        background_fill_color=None,
+        border_fill_color=None,
+        outline_line_color=None,
+        min_border=8,
+    )
+    wheel = WheelZoomTool(modifiers={"ctrl": True})  # alone it scrolls the page
+    made.add_tools(wheel)
+    made.toolbar.active_scroll = wheel
+    made.toolbar.logo, made.toolbar.group = None, False
+    made.toolbar.stylesheets = [".bk-divider { opacity: 0.25; }"]
+    made.xaxis.axis_label = "time / s"
+    for axis in made.axis:
+        axis.minor_tick_line_color = None
+        axis.axis_label_text_font_style = "normal"
+        axis.major_tick_in = 0
+    made.xgrid.grid_line_color = None
+    return made
+
+
+def _source(name: str, *columns: str) -> Any:
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource({column: [] for column in columns}, name=f"{name}-data")

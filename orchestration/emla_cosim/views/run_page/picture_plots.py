@@ -1,0 +1,78 @@
+"""The panels of a run's pictures as plots that can be zoomed into."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...run.result import Result
+from ..pages.page import Plots
+from ..panels import Plot
+from ..plots.by_unit import groups
+from ..plots.panel_drawing import has_changes
+from ..plots.pictures import FIGURES, Picture
+
+_POINTS = 110_000
+"""Points of all lines together, of about 11 bytes each."""
+
+_PANELS = 120
+"""Panels that a page has room for."""
+
+_COLUMNS = 3
+"""Panels side by side at most."""
+
+
+@dataclass(frozen=True)
+class PagePanel:
+    """What it is of, what it shows, and the id of its plot."""
+
+    column: str
+    label: str
+    plot: str
+
+
+@dataclass(frozen=True)
+class PagePicture:
+    """A picture: its title, how many columns it has, and its panels row by row."""
+
+    title: str
+    columns: int
+    panels: tuple[PagePanel, ...]
+
+
+def list_signals(result: Result) -> Iterable[str]:
+    """The signals that pictures show."""
+    known = [name for picture in _pictures() for name in picture.signals(result)]
+    return known or (name for group in groups(result) for name in group.signals)
+
+
+def build_pictures(result: Result, data: Mapping[str, Vector], plots: Plots) -> tuple[list[PagePicture], int]:
+    """The pictures that there are signals for, as far as there is room, and how many panels are left out.
+
+    Where there are none, signals are shown by part and unit.
+    """
+    if len(data["time"]) < 2:
+        return [], 0
+    pictures = [(p.title, p.resolved(result, data)) for p in _pictures()]
+    pictures = [(title, panels) for title, panels in pictures if has_changes(panels)]
+    pictures = pictures or [(group.title, group.panels(result, data)) for group in groups(result)]
+    resolved = [(title, panel) for title, panels in pictures for panel in panels if panel.lines]
+    found = resolved[:_PANELS]
+    most = int(np.clip(_POINTS / max(sum(len(panel.lines) for _, panel in found), 1), 100, 4000))
+    by_title: dict[str, list[Plot]] = {}
+    for title, panel in found:
+        by_title.setdefault(title, []).append(panel)
+    made = [_build_picture(title, panels, most, plots) for title, panels in by_title.items()]
+    return made, len(resolved) - len(found)
+
+
+def _pictures() -> list[Picture]:
+    return [picture for picture in FIGURES.values() if isinstance(picture, Picture)]
+
+
+def _build_picture(title: str, panels: Sequence[Plot], most: int, plots: Plots) -> PagePicture:
+    columns = len(dict.fromkeys(panel.column for panel in panels))
+    columns = 2 if columns == 1 < len(panels) else min(columns, _COLUMNS)
+    made = (PagePanel(p.column, p.label, plots.add(p, most)) for p in panels)
+    return PagePicture(title, columns, tuple(made))
