@@ -223,7 +223,7 @@ def test_several_files_drive_several_signals(fmu_folder: Path, measured: Path) -
         ({LOAD: "Farce"}, {}, "has no column 'Farce'; did you mean Force?"),
         ({LOAD: "x"}, {}, "drives lift.disturbance.F_L and has the units mm and N"),
         ({LOAD: "Force [N]"}, {}, "is declared to be in N; its header says otherwise"),
-        ({LOAD: "other [blub]"}, {}, "has the unit 'blub', which is none"),
+        ({LOAD: "other [blub]"}, {}, "has the unknown unit 'blub'"),
         ({LOAD: "der(Force)"}, {}, "needs the interpolation cubic"),
         ({LOAD: "der(der(der(Force)))"}, {"interpolation": "cubic"}, "it must be 0, 1 or 2"),
         ({"lift.plant.F": "Force"}, {}, "lift.plant has no variable 'F'"),

@@ -94,7 +94,7 @@ def test_arrays_have_brackets_and_patterns_in_them(lift: ec.Simulation) -> None:
         ({"*.plant.motor.R_s": 1e308 * 10}, "out of range"),
         ({"*.load.level[1]": "30 kV"}, "= 30 kV has the units kV and N"),
         ({"lift.disturbance.load.level[1]": "30 kV"}, "= 30 kV has the units kV and N"),
-        ({"lift.disturbance.load.level[1]": "30 qN"}, "has the unit 'qN', which is none"),
+        ({"lift.disturbance.load.level[1]": "30 qN"}, "has the unknown unit 'qN'"),
         ({"lift.disturbance.load.level[1]": "1e999 kN"}, "out of range"),
         ({"lift.observer.rate": "30 kN"}, "has no variable"),
     ],

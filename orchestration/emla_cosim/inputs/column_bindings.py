@@ -168,7 +168,8 @@ def _bind_column(
         transformation = find_conversion(given, unit) if given is not None else IDENTITY
     except ValueError as error:
         raise CommandError(
-            f"{label} drives {signal} and has {error}, of which one cannot become the other.", signal=signal
+            f"{label} drives {signal} and has {error}, which cannot be converted into each other.",
+            signal=signal,
         ) from error
     return ColumnBinding(signal, *end, output, position, column.derivative, transformation, unit)
 
