@@ -88,8 +88,8 @@ def test_arrays_have_brackets_and_patterns_in_them(lift: ec.Simulation) -> None:
     ("values", "said"),
     [
         ({"*.alhpa_1": 1.0}, "is called '*.alhpa_1'; did you mean"),
-        ({"*.qqqqqqqqqqqq": 1.0}, "* stands for anything"),
-        ({"*.plant.tau_m": 1.0}, "'*.plant.tau_m' means lift.plant.tau_m; none can be set"),
+        ({"*.qqqqqqqqqqqq": 1.0}, "* matches any text"),
+        ({"*.plant.tau_m": 1.0}, "'*.plant.tau_m' matches lift.plant.tau_m, which cannot be set"),
         ({"*.plant.motor.R_s": "many"}, "lift.plant.motor.R_s = many is not a number"),
         ({"*.plant.motor.R_s": 1e308 * 10}, "out of range"),
         ({"*.load.level[1]": "30 kV"}, "= 30 kV has the units kV and N"),

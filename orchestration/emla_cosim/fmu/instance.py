@@ -56,7 +56,7 @@ class FmiInstance(ABC):
             raise self.error(call or str(error.function), int(error.status)) from error
 
     def status(self, name: str, *arguments: Any) -> int:
-        """Call an FMI function with the component and these arguments; return its status, including errors."""
+        """Call an FMI function with the component and these arguments; return its status, errors included."""
         try:
             answer = getattr(self.fmu, name)(self.fmu.component, *arguments)
         except FMICallException as error:
