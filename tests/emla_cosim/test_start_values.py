@@ -87,7 +87,7 @@ def test_arrays_have_brackets_and_patterns_in_them(lift: ec.Simulation) -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"*.alhpa_1": 1.0}, "is called '*.alhpa_1'; did you mean"),
+        ({"*.alhpa_1": 1.0}, "matches '*.alhpa_1'; did you mean"),
         ({"*.qqqqqqqqqqqq": 1.0}, "* matches any text"),
         ({"*.plant.tau_m": 1.0}, "'*.plant.tau_m' matches lift.plant.tau_m, which cannot be set"),
         ({"*.plant.motor.R_s": "many"}, "lift.plant.motor.R_s = many is not a number"),
