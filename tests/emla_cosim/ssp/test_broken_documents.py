@@ -215,7 +215,7 @@ def test_what_is_wrong_inside(refused: Refused, tmp_path: Path, fmu: Path) -> No
     for bound, words in (
         (binding(ssv(k=1.0).replace("<ssv:Real", "<ssv:Reel")), ["line", "Reel"]),
         (binding(ssv(k=1.0), ssm("<ssm:Entry/>")), ["line", "Entry"]),
-        ("<ssd:ParameterBinding/>", ["line", "ParameterBinding has neither a source nor a content"]),
+        ("<ssd:ParameterBinding/>", ["line", "ParameterBinding has neither a source nor content"]),
     ):
         root = system("root", component("a", "a.fmu", bindings=bound))
         check(refused(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu)), "SystemStructure.ssd", *words)
