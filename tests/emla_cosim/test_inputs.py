@@ -269,7 +269,7 @@ def test_many_runs_do_not_overwrite_their_data(
     measured.rename(table)
     measured.symlink_to(table)
     output = ("--stop-time", "0.01", "--output", str(table.parent))
-    for more, words in (((), "was not written by emla"), (("--overwrite",), "is the input")):
+    for more, words in (((), "was not written by emla"), (("--overwrite",), "is also the input")):
         told = emla(*command, *output, "--input", f"{measured}:{LOAD}=Force", *more)
         assert told.exit_code == 2 and words in told.stderr
         assert measured.is_symlink() and table.read_bytes() == before
