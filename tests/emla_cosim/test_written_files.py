@@ -115,7 +115,7 @@ def test_a_file_is_not_used_for_two_things(emla: Emla, tmp_path: Path) -> None:
             ("run", "x.ssp", "--checkpoint", "link.ssp"),
             "the checkpoint 'link.ssp' cannot be written: it is a",
         ),
-        (("run", "lift", "--replace", "lift.plant=x.ssp", "--checkpoint", "x.ssp"), "is the FMU too"),
+        (("run", "lift", "--replace", "lift.plant=x.ssp", "--checkpoint", "x.ssp"), "is also the FMU"),
         (("export", "x.ssp", "x.ssp"), "the package 'x.ssp' is also the scenario"),
         (("export", "x.ssp", "link.ssp"), "the package 'link.ssp' cannot be written: it is a symbolic"),
     ):
