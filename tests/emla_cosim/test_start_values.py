@@ -153,7 +153,11 @@ def test_times_may_have_units(emla: Emla, tmp_path: Path) -> None:
     assert settings["step_size_s"] == 1e-4 and settings["stop_time_s"] == 2e-3
     assert settings["output_interval_s"] == 5e-4
     assert Options().updated({"stop_time": "2 min"}).stop_time == 120.0
-    for text, said in (("2 m", "has the units m and s"), ("soon", "must be a number"), ("2 x", "unknown unit")):
+    for text, said in (
+        ("2 m", "has the units m and s"),
+        ("soon", "must be a number"),
+        ("2 x", "unknown unit"),
+    ):
         assert said in sentence(emla("run", "lift", "--stop-time", text), 2)
     for text in ("nan", "inf", "1e999", "-1", "1e-400 s", ""):
         sentence(emla("run", "lift", f"--stop-time={text}"), 2)
