@@ -128,9 +128,9 @@ def test_a_run_is_never_written_over_what_it_is_compared_with(emla: Emla, tmp_pa
     before = (tmp_path / "a" / "results.csv").read_bytes()
     for reference in ("a", "a/results.csv"):
         said = sentence(emla("run", "lift", *SHORT, "--output", "a", "--reference", reference), 2)
-        assert "the run to compare with" in said and "write it to another file" in said
+        assert "the run to compare with" in said and "Choose another file" in said
     (tmp_path / "b").symlink_to(tmp_path / "a")
-    assert "too; write it" in sentence(emla("run", "lift", *SHORT, "--output", "b", "--reference", "a"), 2)
+    assert "is also" in sentence(emla("run", "lift", *SHORT, "--output", "b", "--reference", "a"), 2)
     assert (tmp_path / "a" / "results.csv").read_bytes() == before
 
 

@@ -56,8 +56,8 @@ def test_a_library_that_is_cut_off_is_not_loaded(missing: int, faulty_fmu: Path,
         open_fmu(cut, tmp_path / "unpacked" / "0")
     said = "1 byte is" if missing == 1 else f"{missing} bytes are"
     assert str(refused.value) == (
-        f"the library '{fmpy.platform}/Faulty.so' of the FMU '{cut}' is cut off: its last {said} missing; "
-        "get the FMU anew."
+        f"the library '{fmpy.platform}/Faulty.so' of the FMU '{cut}' is truncated: its last {said} missing. "
+        "Download or build the FMU again."
     )
 
 
@@ -100,4 +100,4 @@ def test_a_full_folder_for_temporary_files_is_told_as_such(faulty_fmu: Path, tmp
     with files_of_at_most(1000), pytest.raises(CommandError) as refused:
         open_fmu(faulty_fmu, folder)
     full = f"cannot be unpacked to '{tmp_path / 'temporary'}': {os.strerror(errno.EFBIG)}"
-    assert str(refused.value) == f"the FMU '{faulty_fmu}' {full}; TMPDIR can name another folder."
+    assert str(refused.value) == f"the FMU '{faulty_fmu}' {full}. Set TMPDIR to another folder."

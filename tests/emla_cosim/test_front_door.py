@@ -378,7 +378,7 @@ def test_what_is_of_another_type_is_one_sentence(lift: ec.Simulation) -> None:
 
     result = lift.run()
     for use, words in (
-        (lambda: ec.System.of({"a": 3}), "a is 3; it must be an FMU file, a class of block or"),  # type: ignore
+        (lambda: ec.System.of({"a": 3}), "a is 3; it must be an FMU file, a block class or"),  # type: ignore
         (lambda: ec.System.of({"a": "Reference"}, [3]), "'3' is not a connection"),  # type: ignore
         (lambda: lift.run(recorders=[Unheard()]), "is no Recorder"),  # type: ignore
         (lambda: lift.advance("soon"), "the time to advance to is 'soon'; it must be a number"),  # type: ignore

@@ -118,7 +118,7 @@ def test_an_fmu_that_allows_one_instance_per_process_gets_one(faulty_fmu: Path, 
     )
     write_archive(tmp_path / "Faulty.fmu", {**content, "modelDescription.xml": single})
     system = five(tmp_path / "Faulty.fmu")
-    with pytest.raises(CommandError, match=r"of j\.f1 cannot be started: .* one instance of it"):
+    with pytest.raises(CommandError, match=r"of j\.f1 cannot be started: .* one instance per process"):
         open_system(system).__enter__()
     paths = {c.name: c.fmu for c in system.components if c.fmu}
     with Assembly(system, paths, ["j.f1", "j.f2", "j.f3", "j.f4"]) as assembly:

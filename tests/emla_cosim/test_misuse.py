@@ -282,7 +282,7 @@ def test_a_working_folder_that_is_gone_is_said(tmp_path: Path, monkeypatch: pyte
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    with pytest.raises(ec.CommandError, match="the present folder was removed"):
+    with pytest.raises(ec.CommandError, match="the current folder was removed"):
         ec.load("lift", stop_time=0.01).prepare()
 
 

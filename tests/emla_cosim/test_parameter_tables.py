@@ -166,7 +166,7 @@ def test_one_element_whole_numbers_and_later_files(fmu_folder: Path, tmp_path: P
         (f"{LEVEL}\n1\ninf\n", "must be a finite number"),
         (f"{LEVEL} [kN]\n1\n1e308\n", "row 2: lift.disturbance.load.level[2] = inf N is out of range"),
         (f"{LEVEL} [kV]\n1\n", "of the parameter table 'FILE' has the units kV and N"),
-        (f"{LEVEL} [qN]\n1\n", "has the unit 'qN', which is none"),
+        (f"{LEVEL} [qN]\n1\n", "has the unknown unit 'qN'"),
         ("lift.disturbance.d_2.seed [kN]\n1\n", "has the units kN and 1"),
         ("lift.disturbance.d_2.seed\n1.5\n", "lift.disturbance.d_2.seed = 1.5 is not a whole number"),
         ("lift.disturbance.load.levle\n1\n", "no variable 'load.levle'; did you mean load.level"),

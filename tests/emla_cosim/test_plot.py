@@ -181,7 +181,7 @@ def test_what_is_wrong_is_said_in_one_sentence(arguments: list[str], said: str, 
 def test_a_table_that_is_called_as_a_picture_is_not_written_over(emla: Emla) -> None:
     Path("b.png").write_text("time,x\n1,2\n")
     text = sentence(emla("plot", "b.png", "--output", "./b.png"), 2)
-    assert "the picture 'b.png' is read too; write it to another file." in text
+    assert "the picture 'b.png' is also read. Choose another file." in text
     assert emla("plot", "b.png").exit_code == 0 and Path("plot.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -343,7 +343,11 @@ def test_an_input_that_nothing_drives_is_shown(emla: Emla, foreign: tuple[str, .
         ('source="u_q"', 'source="uq"', "names 'uq', which EmlaPlant does not have"),
         ('target="Motor.Uq_V"', 'target="Motor.U"', "names 'Motor.U', which ForeignPlant does not have"),
         ('source="u_d"', 'source="u_q"', "maps 'u_q' twice"),
-        ('target="Motor.Ud_V"', 'target="Motor.Uq_V"', "maps 'u_d' to 'Motor.Uq_V', as it does 'u_q'"),
+        (
+            'target="Motor.Ud_V"',
+            'target="Motor.Uq_V"',
+            "maps 'u_d' to 'Motor.Uq_V', which is already the target of 'u_q'",
+        ),
         ('target="Load.Force_kN"', 'target="Screw.Mass_kg"', "maps 'screw.M_BS' to 'Screw.Mass_kg', as"),
         ("<ssc:LinearTransformation offset", "<ssc:Linear offset", "is not valid SSP"),
         ("</ssm:ParameterMapping>", "", "is not well-formed XML"),

@@ -88,7 +88,7 @@ def test_options_win_over_those_of_the_record_and_tables_are_merged(emla: Emla, 
 def test_the_original_is_replaced_only_where_that_is_asked_for(emla: Emla, fmu_folder: Path) -> None:
     assert emla("run", "lift", *SHORT).exit_code == 0
     said = sentence(emla("run", "out/run.json", "--output", "out"), 2)
-    assert "is the scenario 'out/run.json' too" in said
+    assert "is also the scenario 'out/run.json'" in said
     result = rerun(emla, fmu_folder, "--output", "out")
     assert result.exit_code == 0 and "to the last bit" in result.stdout
     assert not Path("out-again").exists()

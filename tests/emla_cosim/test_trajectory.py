@@ -182,7 +182,7 @@ def test_readings_are_chosen_by_name(emla: Emla) -> None:
         (("--output", "there/x.json"), "the trajectory 'there/x.json' cannot be written: there is no folder"),
         (("--output", "folder"), "the trajectory 'folder' cannot be written: it is a folder"),
         (("--output", "x.png"), "the trajectory 'x.png' must not end in .png"),
-        (("good.toml", "--output", "good.toml"), "the trajectory 'good.toml' is the problem too"),
+        (("good.toml", "--output", "good.toml"), "the trajectory 'good.toml' is also the problem"),
     ],
 )
 def test_what_is_wrong_is_one_sentence_and_nothing_is_solved(

@@ -108,15 +108,15 @@ def test_a_file_is_not_used_for_two_things(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "link.ssp").symlink_to("x.ssp")
     before = (tmp_path / "x.ssp").read_bytes()
     for arguments, words in (
-        (("run", "lift", "--output", "o", "--checkpoint", "o/results.csv"), "is a file of the results too"),
+        (("run", "lift", "--output", "o", "--checkpoint", "o/results.csv"), "is also a file of the results"),
         (("run", "lift", "--output", "o", "--checkpoint", "o/../o/run.json"), "is a file of the results"),
-        (("run", "my.toml", "--checkpoint", "my.toml"), "the checkpoint 'my.toml' is the scenario too"),
+        (("run", "my.toml", "--checkpoint", "my.toml"), "the checkpoint 'my.toml' is also the scenario"),
         (
             ("run", "x.ssp", "--checkpoint", "link.ssp"),
             "the checkpoint 'link.ssp' cannot be written: it is a",
         ),
-        (("run", "lift", "--replace", "lift.plant=x.ssp", "--checkpoint", "x.ssp"), "is the FMU too"),
-        (("export", "x.ssp", "x.ssp"), "the package 'x.ssp' is the scenario too"),
+        (("run", "lift", "--replace", "lift.plant=x.ssp", "--checkpoint", "x.ssp"), "is also the FMU"),
+        (("export", "x.ssp", "x.ssp"), "the package 'x.ssp' is also the scenario"),
         (("export", "x.ssp", "link.ssp"), "the package 'link.ssp' cannot be written: it is a symbolic"),
     ):
         more = SHORT if arguments[0] == "run" else ()

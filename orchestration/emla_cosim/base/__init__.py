@@ -1,1 +1,1 @@
-"""What every other room builds on: errors, values, units, quantities, files, options as a mechanism."""
+"""Modules that every other package builds on: errors, values, units, quantities, files and options."""

@@ -1,18 +1,23 @@
-"""How an FMU fits in the place of a component, as data: made where one is replaced, shown to people."""
+"""The report on how well an FMU replaces a component: created by the replacement, shown to the user."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 FITS = "fits"
-"""The verdict on a variable that has another name, and the same unit."""
+"""The verdict on a variable that differs in its name only."""
 
 
 @dataclass(frozen=True)
 class VariableMatch:
-    """A variable of the component and its counterpart; `verdict` says how they fit.
+    """A variable of the component and its counterpart in the FMU.
 
-    `fatal` is true where the system cannot run like this.
+    Attributes:
+        kind: The kind of variable, such as input or output.
+        ours: The name in the component.
+        theirs: The name in the FMU.
+        verdict: How they fit.
+        fatal: Whether the system cannot run with this match.
     """
 
     kind: str
@@ -28,7 +33,14 @@ class VariableMatch:
 
 @dataclass(frozen=True)
 class CompatibilityReport:
-    """How an FMU fits in the place of a component: matches worth a line, and how many need none."""
+    """The result of comparing an FMU with the component that it replaces.
+
+    Attributes:
+        component: The name of the component.
+        fmu: The FMU that replaces it.
+        matches: The matches that are worth a line in a report.
+        same: The number of other matches, which need no line.
+    """
 
     component: str
     fmu: Path
@@ -37,10 +49,10 @@ class CompatibilityReport:
 
     @property
     def is_noteworthy(self) -> bool:
-        """Whether anything is not just as it was, perhaps under another name."""
+        """Return whether anything differs by more than its name."""
         return any(m.fatal or m.verdict != FITS for m in self.matches)
 
     @property
     def problems(self) -> list[VariableMatch]:
-        """What keeps the system from running."""
+        """Return the matches that keep the system from running."""
         return [m for m in self.matches if m.fatal]

@@ -1,4 +1,4 @@
-"""Errors as the user meets them: one sentence, fields for programs, and an exit code."""
+"""Errors for the user: one message, fields for programs, and an exit code."""
 
 import contextlib
 import difflib
@@ -10,9 +10,9 @@ from typing import Any
 
 
 class CosimError(Exception):
-    """A sentence for the user: what was wrong, where, and what would be right.
+    """An error message for the user: what is wrong, where, and what to do.
 
-    `fields` has the parts of the sentence that a program may want, by name.
+    `fields` has the parts of the message that a program may need, by name.
     """
 
     exit_code = 1
@@ -22,18 +22,18 @@ class CosimError(Exception):
         self.fields = fields
 
     def __reduce__(self) -> Any:
-        """As it goes from one process to another, whatever a subclass is made of."""
+        """Support pickling, whatever arguments the constructor of a subclass takes."""
         return _rebuild_error, (type(self), str(self), self.fields)
 
 
 class CommandError(CosimError):
-    """The command, or a file it names, was wrong; nothing was run."""
+    """The command, or a file that it names, is wrong; nothing was run."""
 
     exit_code = 2
 
 
 class RunError(CosimError):
-    """The run failed; what was computed before is kept."""
+    """The run failed; results computed before the failure are kept."""
 
 
 def _rebuild_error(kind: type[CosimError], sentence: str, fields: Mapping[str, Any]) -> CosimError:
@@ -44,7 +44,7 @@ def _rebuild_error(kind: type[CosimError], sentence: str, fields: Mapping[str, A
 
 @contextlib.contextmanager
 def show_paths_relative_to(folder: Path | None) -> Iterator[None]:
-    """In sentences, call files as seen from a temporary folder: those of a package PACKAGE.ssp/FILE."""
+    """Remove a temporary folder from error messages: a file of a package becomes `PACKAGE.ssp/FILE`."""
     try:
         yield
     except CosimError as error:
@@ -54,7 +54,16 @@ def show_paths_relative_to(folder: Path | None) -> Iterator[None]:
 
 
 def check_choice(kind: str, name: object, choices: Iterable[str]) -> None:
-    """Raise CommandError unless `name` is one of the choices."""
+    """Check that `name` is one of the choices.
+
+    Args:
+        kind: What the error message calls it, such as `model`.
+        name: The value to check.
+        choices: The allowed names.
+
+    Raises:
+        CommandError: If it is not.
+    """
     names = list(choices)
     if name not in names:
         raise CommandError(
@@ -63,13 +72,19 @@ def check_choice(kind: str, name: object, choices: Iterable[str]) -> None:
 
 
 def join_names(names: Iterable[str]) -> str:
-    """Names as a phrase: a, b and c."""
+    """Join names to a phrase: `a, b and c`."""
     *front, last = names
     return f"{', '.join(front)} and {last}" if front else last
 
 
 def suggest_names(name: str, names: Collection[str], most: int = 12) -> str:
-    """What to say of a name that is none of these: those it may have meant, or the first that there are."""
+    """Return the end of an error message on an unknown name: similar names, or a list of all.
+
+    Args:
+        name: The unknown name.
+        names: The known names.
+        most: How many names to list; the message counts the others.
+    """
     if near := difflib.get_close_matches(name, names, n=3, cutoff=0.5):
         return f"did you mean {' or '.join(near)}?"
     more = len(names) - most

@@ -1,4 +1,4 @@
-"""Files: read with one sentence for whatever is wrong with them, written whole and where nothing else is."""
+"""File access: clear messages if reading fails, atomic writing, and protection of existing files."""
 
 import atexit
 import hashlib
@@ -39,25 +39,31 @@ __all__ = [
 ]
 
 HERE = Path()
-"""The present working folder, whichever it is when a path is used."""
+"""The working folder at the time when a path is used."""
 
 
 @contextmanager
 def temporary_folder(prefix: str) -> Iterator[Path]:
-    """A folder, by its real name, that is removed at the end of the block or of the process that made it.
+    """Create a folder that is removed at the end of the block, or when the process that made it ends.
 
-    A process that divides from that one leaves it alone. Raises CommandError where there can be none.
+    A forked child process does not remove it.
+
+    Yields:
+        The folder, with symbolic links resolved.
+
+    Raises:
+        CommandError: If no folder can be created.
     """
     try:
         folder, owner = Path(tempfile.mkdtemp(prefix=prefix)).resolve(), os.getpid()
     except OSError as error:
         raise CommandError(
-            f"there is no place for temporary files: {error.strerror}; TMPDIR can name a folder."
+            f"temporary files cannot be written: {error.strerror}. Set TMPDIR to a writable folder."
         ) from error
 
     def remove() -> None:
         if os.getpid() == owner:
-            with suppress(OSError):  # of who listens, which ignore_errors does not cover
+            with suppress(OSError):  # from audit hooks, which ignore_errors does not cover
                 shutil.rmtree(folder, ignore_errors=True)
 
     atexit.register(remove)
@@ -69,21 +75,28 @@ def temporary_folder(prefix: str) -> Iterator[Path]:
 
 
 _going = threading.RLock()
-"""Held by who goes to another folder for a while, and by who wants to know where this one is."""
+"""Held while a thread changes the working folder, and while another one asks for it."""
 
 
 def get_working_folder() -> Path:
-    """The present working folder; CommandError where it was removed."""
+    """Return the current working folder.
+
+    Raises:
+        CommandError: If it was removed.
+    """
     try:
         with _going:
             return Path.cwd()
     except OSError as error:
-        raise CommandError("the present folder was removed; go to another one.") from error
+        raise CommandError("the current folder was removed; change to another one.") from error
 
 
 @contextmanager
 def restore_working_folder() -> Iterator[None]:
-    """In the end the working folder, which all threads share, is the one of before; one at a time."""
+    """Restore the working folder at the end of the block.
+
+    All threads of a process share it, so only one thread can be in such a block.
+    """
     with _going:
         before = get_working_folder()
         try:
@@ -93,22 +106,38 @@ def restore_working_folder() -> Iterator[None]:
 
 
 def read_file(path: Path, what: str) -> bytes:
-    """The content of a file; CommandError that says `what` it should have been where it cannot be read."""
+    """Return the content of a file.
+
+    Args:
+        path: The file.
+        what: What the error message calls it, such as `the input`.
+
+    Raises:
+        CommandError: If it cannot be read.
+    """
     try:
         kind = stat.S_IFMT(path.stat().st_mode)
         if kind in (stat.S_IFCHR, stat.S_IFBLK):
             raise CommandError(f"{what} '{path}' cannot be read: it is a device.")
-        if kind == stat.S_IFIFO:  # whose other end may never come
+        if kind == stat.S_IFIFO:  # reading it could block
             raise CommandError(f"{what} '{path}' cannot be read: it is a pipe.")
         return path.read_bytes()
     except OSError as error:
         raise CommandError(f"{what} '{path}' cannot be read: {error.strerror}.") from error
-    except ValueError as error:  # a name that no file can have
+    except ValueError as error:  # an invalid file name
         raise CommandError(f"{what} {str(path)!r} cannot be read: {error}.") from error
 
 
 def read_text(path: Path, what: str) -> str:
-    """The text of a file in UTF-8, with a byte-order mark or without; CommandError as in `read_file`."""
+    """Return the text of a UTF-8 file, with or without a byte-order mark.
+
+    Args:
+        path: The file.
+        what: What the error message calls it.
+
+    Raises:
+        CommandError: If it cannot be read, or is not UTF-8.
+    """
     try:
         return read_file(path, what).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -116,13 +145,17 @@ def read_text(path: Path, what: str) -> str:
 
 
 def hash_file(path: Path) -> str:
-    """The hash of a file's content; raises OSError where it cannot be read."""
+    """Return the SHA-256 hash of a file.
+
+    Raises:
+        OSError: If it cannot be read.
+    """
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def hash_if_readable(path: Path) -> str | None:
-    """The hash of a file's content; None where there is no file that can be read."""
+    """Return the SHA-256 hash of a file, or None if it cannot be read."""
     try:
         return hash_file(path) if path.is_file() else None
     except (OSError, ValueError):
@@ -130,9 +163,15 @@ def hash_if_readable(path: Path) -> str | None:
 
 
 def resolve_output_path(path: Path, what: str, folder: Path = HERE) -> Path:
-    """Where a file that is to be written lies, its path relative to `folder`.
+    """Return the real path of a file to be written; see `real_place`.
 
-    Raises CommandError where it cannot be written, see `real_place`.
+    Args:
+        path: The file, relative to `folder`.
+        what: What the error message calls it.
+        folder: The folder of a relative path.
+
+    Raises:
+        CommandError: If it cannot be written.
     """
     try:
         place = real_place(folder / path)
@@ -147,7 +186,7 @@ _UNFINISHED = re.compile(rf"{re.escape(UNFINISHED)}[a-z0-9_]{{8}}")
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Remove files that were not complete when a process was killed that wrote to this folder."""
+    """Remove incomplete files that a killed process left in this folder."""
     with suppress(OSError):
         for path in folder.iterdir():
             if _UNFINISHED.fullmatch(path.name) and path.is_file() and not path.is_symlink():
@@ -156,7 +195,7 @@ def remove_unfinished(folder: Path) -> None:
 
 @contextmanager
 def report_write_errors(folder: Path) -> Iterator[None]:
-    """Turn an OSError of what is written to an output folder into a RunError that names it."""
+    """Convert an OSError from writing to an output folder to a RunError that names the folder."""
     try:
         yield
     except OSError as error:
@@ -165,9 +204,14 @@ def report_write_errors(folder: Path) -> Iterator[None]:
 
 
 def check_output_files(written: Mapping[Path, str], used: Mapping[Path, str]) -> None:
-    """Raise CommandError where a file cannot be written, or is used for something else.
+    """Check that files can be written and are not used otherwise.
 
-    Both say by path what the files are.
+    Args:
+        written: What each file to be written is, by path.
+        used: What each other file of the command is, by path.
+
+    Raises:
+        CommandError: If a file cannot be written, or is in `used` too.
     """
     others = {os.path.realpath(path): (path, role) for path, role in used.items()}
     for path, what in written.items():
@@ -175,4 +219,4 @@ def check_output_files(written: Mapping[Path, str], used: Mapping[Path, str]) ->
         if str(place) in others:
             other, role = others[str(place)]
             named = "" if other == path else f" '{other}'"
-            raise CommandError(f"{what} '{path}' is {role}{named} too; write it to another file.")
+            raise CommandError(f"{what} '{path}' is also {role}{named}. Choose another file.")

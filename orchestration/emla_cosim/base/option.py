@@ -1,4 +1,4 @@
-"""One option of a run: a field of a dataclass that says all there is to know of it, once."""
+"""The definition of an option: a dataclass field that holds all information on it."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -10,36 +10,47 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from .errors import CommandError, check_choice
 
 SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
-"""What options are about; the command line's help shows them in these groups."""
+"""The groups of options in the help of the command line."""
 
 RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
 BUILD, PLOT, TRAJECTORY, VERIFY = "build", "plot", "trajectory", "verify"
-"""Commands that take options."""
+"""The commands that take options."""
 
 BUILDING, PREPARING, LOADING, RUNNING, SHOWING = "building", "preparing", "loading", "running", "showing"
-"""What uses an option: to build our own FMUs, prepare a system, load its FMUs, run it, show what came out."""
+"""What uses an option: building our own FMUs, preparing a system, loading FMUs, running, showing results."""
 
 VARIES, SAME, LEFT_OUT = "varies", "same", "left out"
-"""What a sweep does with an option: it can vary it, keeps it the same in all variants, or leaves it out."""
+"""How a sweep treats an option: it can vary it, keeps it the same in all variants, or ignores it."""
 
 
 @dataclass(frozen=True)
 class OptionInfo:
-    """What there is to know of an option beside its name, type and default.
+    """Information on an option beside its name, type and default.
 
-    `group` is one of the groups above. `flag` is the option of the command line, by default its
-    name; `metavar` what stands for its value there. `choices` gives the names that it may have,
-    `above` and `below` bound a number, ends excluded. `identity` is what messages call the option
-    where a checkpoint can only be continued with the same value; empty where it may change. `record`
-    is its name in run.json, by default its name and unit; `in_file` says whether a scenario file may
-    hold it. `commands` are those that take it. `parse` makes its value of the text of the command
-    line, or of all its texts where it may be repeated. In Python an object of the type `takes` is a
-    value too, and taken as it is, also as an entry of a table. `alone` is the value of a flag of the command
-    line that nothing follows. `writes` is "file" or "folder" where the value names what is written. An
-    option that is not `repeated` holds for one command: those that repeat a run leave it out. With `arrays`
-    a list in a table is that of the elements `name[1]`, `name[2]`. `stage` says what uses the option,
-    `in_sweep` what a sweep does with it. `makes` is the part of a built-in system that the option decides;
-    other systems have their own and refuse the option.
+    Attributes:
+        help: The help text.
+        group: One of the groups above.
+        flag: The flag of the command line; default: derived from the name.
+        metavar: The placeholder of the value in the help.
+        choices: Returns the allowed names.
+        above: The lower bound of a number, excluded.
+        below: The upper bound of a number, excluded.
+        unit: The unit of the value.
+        identity: The name in error messages if a checkpoint requires the same value; empty if the value may
+            change.
+        record: The name in run.json; default: name and unit.
+        recorded: Whether run.json has the option.
+        in_file: Whether a scenario file can set it.
+        commands: The commands that take it.
+        parse: Converts the text of the command line, or the list of texts if the option can be repeated.
+        takes: A type whose objects Python code can pass unchanged, also as entries of a table.
+        alone: The value of a flag without a value on the command line.
+        writes: `file` or `folder` if the value names an output.
+        repeated: Whether commands that repeat a run keep the option.
+        arrays: Whether a list in a table sets the elements `name[1]`, `name[2]`.
+        stage: What uses the option.
+        in_sweep: How a sweep treats it.
+        makes: The part of a built-in system that the option decides; other systems refuse the option.
     """
 
     help: str
@@ -67,22 +78,28 @@ class OptionInfo:
 
 
 class FileOrObject:
-    """Base of what Python can give in the place of the file that it can be read from."""
+    """Base class of objects that can replace the file from which they can be read."""
 
     file: Path | None = None
-    """Where it was read; None for what was made in Python."""
+    """The file from which it was read; None if it was made in Python."""
 
     def record(self) -> dict[str, Any]:
-        """All of it as run.json has it."""
+        """Return the content for run.json."""
         raise NotImplementedError
 
     def repeatable(self) -> Any:
-        """What an option may have in its place, as JSON; None where that has to be made in Python again."""
+        """Return the value of an option that reads it again, as JSON; None if only Python can make it."""
         return None if self.file is None else str(self.file)
 
 
 def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
-    """A field of a dataclass that is an option; see `OptionInfo` for what can be said of it."""
+    """Return a dataclass field that is an option.
+
+    Args:
+        default: The default value.
+        help: The help text.
+        **about: The other fields of `OptionInfo`.
+    """
     described = {"about": OptionInfo(help, **about)}
     if isinstance(default, (list, dict)):
         return field(default_factory=default.copy, metadata=described)
@@ -91,7 +108,7 @@ def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
 
 @dataclass(frozen=True)
 class Option:
-    """An option with its name, its type and its default."""
+    """An option with its name, type and default."""
 
     name: str
     type: Any
@@ -100,27 +117,27 @@ class Option:
 
     @property
     def flag(self) -> str:
-        """What the command line calls it."""
+        """Return the flag of the command line."""
         return self.about.flag or f"--{self.name.replace('_', '-')}"
 
     @property
     def record(self) -> str:
-        """What run.json calls it."""
+        """Return the name in run.json."""
         return self.about.record or self.name + (f"_{self.about.unit}" if self.about.unit else "")
 
     @property
     def is_prepared(self) -> bool:
-        """Whether a run of a prepared simulation cannot change it."""
+        """Return whether its value is fixed once a simulation is prepared."""
         return self.about.stage in (BUILDING, PREPARING, LOADING)
 
     @property
     def can_vary(self) -> bool:
-        """Whether a sweep can vary it."""
+        """Return whether a sweep can vary it."""
         return self.about.in_sweep == VARIES and self.about.in_file
 
     @property
     def plain_type(self) -> Any:
-        """Its type but for `takes`."""
+        """Return the type without the type `takes`."""
         if get_origin(self.type) is Mapping:
             name, of = get_args(self.type)
             return Mapping[name, self._without_objects(of)]
@@ -134,11 +151,15 @@ class Option:
 
     @property
     def noun(self) -> str:
-        """What sentences call it."""
+        """Return the name for error messages."""
         return self.name.replace("_", " ")
 
     def check(self, value: Any) -> None:
-        """Raise CommandError for a value that is none of the choices, or out of range."""
+        """Check a value.
+
+        Raises:
+            CommandError: If it is not one of the choices, or out of range.
+        """
         about = self.about
         if value is None:
             return
@@ -157,7 +178,7 @@ class Option:
 
 @cache
 def options_of(kind: type) -> list[Option]:
-    """The options among the fields of a class; none of one that is no dataclass."""
+    """Return the options among the fields of a class, none if it is not a dataclass."""
     if not is_dataclass(kind):
         return []
     described = [f for f in fields(kind) if "about" in f.metadata]

@@ -1,13 +1,13 @@
-"""Which files emla may replace: new ones, its own, and with --overwrite any regular file.
+"""Rules for replacing files: new files, files of emla, and with --overwrite any regular file.
 
-A single file is recognized by what it contains. An output folder has a manifest, `.emla.json`: the files
-that commands wrote there, with a fingerprint of each as its command left it. Folders of versions without a
-manifest are recognized by their record, such as run.json. Links, folders, devices and pipes are never
+emla recognizes a single file by its content. An output folder has a manifest, `.emla.json`: the files that
+commands wrote there, each with a fingerprint of its final state. Versions without a manifest left a record,
+such as run.json, by which emla recognizes their folders. Links, folders, devices and pipes are never
 replaced.
 
-A command checks what it will write before it computes anything (`check`), lists it in the manifest before
-the first file is written (`claim`), and adds the fingerprints when all files are complete (`settle`). A
-file that a killed command left is listed without a fingerprint: it may be replaced as it is.
+A command checks its output files before it computes anything (`check`). It lists them in the manifest before
+it writes the first one (`claim`), and adds the fingerprints when all files are complete (`settle`). A file
+that a killed command left has no fingerprint and may be replaced.
 """
 
 import hashlib
@@ -27,29 +27,32 @@ FORMAT = "emla-output"
 _VERSION = 1
 
 _HEAD = 4096
-"""Bytes at the beginning of a file in which a mark has to be."""
+"""Bytes at the beginning of a file in which a mark must be."""
 
 _PART = 2**20
-"""Bytes at either end of a file that its fingerprint depends on."""
+"""Bytes at each end of a file that its fingerprint depends on."""
 
 IsOurs = Callable[[Path], bool]
-"""Whether emla wrote the regular file at this path."""
+"""Return whether emla wrote the regular file at this path."""
 
 
 def check_replaceable(
     path: Path, what: str, is_ours: IsOurs, overwrite: bool = False, folder: Path = HERE
 ) -> Path:
-    """Return where a file may be written; see the module for which files may be replaced.
+    """Check that a file may be replaced; the module describes the rules.
 
     Args:
         path: The file, relative to `folder`.
         what: What error messages call it.
-        is_ours: Recognizes a file that emla wrote; it is called for regular files only.
-        overwrite: Replace a regular file of somebody else, too.
+        is_ours: Returns whether emla wrote a file; called for regular files only.
+        overwrite: Also replace regular files that emla did not write.
         folder: The folder of a relative path.
 
+    Returns:
+        The real path of the file.
+
     Raises:
-        CommandError: The file cannot be written, or somebody else wrote it.
+        CommandError: If the file cannot be written, or emla did not write it.
     """
     place = resolve_output_path(path, what, folder)
     if not (overwrite or is_new(place) or is_ours(place)):
@@ -61,7 +64,7 @@ def check_replaceable(
 
 
 def is_new(path: Path) -> bool:
-    """Return whether nothing is lost with a file: it does not exist, or is empty."""
+    """Return whether a file does not exist or is empty."""
     try:
         return path.stat().st_size == 0
     except FileNotFoundError:
@@ -69,7 +72,7 @@ def is_new(path: Path) -> bool:
 
 
 def has_mark(*marks: bytes) -> IsOurs:
-    """Return what recognizes files that have one of these marks near their beginning."""
+    """Return a function that recognizes files with one of these marks near their beginning."""
 
     def is_ours(path: Path) -> bool:
         head = _read_head(path)
@@ -79,18 +82,18 @@ def has_mark(*marks: bytes) -> IsOurs:
 
 
 def has_format(name: str) -> IsOurs:
-    """Return what recognizes JSON files whose first entry is a `format` that begins with this name."""
+    """Return a function that recognizes JSON files that begin with a `format` entry of this name."""
     pattern = re.compile(rb'\s*\{\s*"format":\s*"' + re.escape(name).encode() + rb'[" ]')
     return lambda path: pattern.match(_read_head(path)) is not None
 
 
 def has_entries(*names: str) -> IsOurs:
-    """Return what recognizes JSON files with all these entries."""
+    """Return a function that recognizes JSON files with all these entries."""
     return lambda path: set(names) <= set(_read_json(path))
 
 
 class OutputFiles:
-    """The files of one output folder, and which of them emla wrote."""
+    """The files of an output folder, and which of them emla wrote."""
 
     def __init__(
         self,
@@ -101,22 +104,30 @@ class OutputFiles:
         known: Collection[str],
         overwrite: bool = False,
     ) -> None:
-        """Look after a folder.
+        """Open a folder.
 
         Args:
             place: The real folder.
             shown: The folder as error messages call it.
-            marker: The file by which a folder of a version without a manifest is recognized.
-            is_record: Recognizes that file.
+            marker: The file that marks a folder of a version without a manifest.
+            is_record: Returns whether a file is such a marker.
             known: The names that this kind of command gives its files.
-            overwrite: Replace regular files of somebody else, too.
+            overwrite: Also replace regular files that emla did not write.
         """
         self.overwrite = overwrite
         self._place, self._shown = place, shown
         self._marker, self._is_record, self._known = marker, is_record, known
 
     def check(self, names: Iterable[str], what: str) -> None:
-        """Raise CommandError where one of these files cannot be written, or somebody else wrote it."""
+        """Check that files can be written.
+
+        Args:
+            names: The names of the files.
+            what: What error messages call them.
+
+        Raises:
+            CommandError: If one cannot be written, or emla did not write it.
+        """
         entries = self._entries()
         for name in (MANIFEST, *names):
             path = self._place / name
@@ -136,9 +147,12 @@ class OutputFiles:
                 )
 
     def claim(self, names: Iterable[str]) -> None:
-        """List files that are about to be written. Raises OSError.
+        """List files that are about to be written.
 
-        Files that a version without a manifest left are listed, too: its record is about to be replaced.
+        The list includes files of a version without a manifest, because its record is about to be replaced.
+
+        Raises:
+            OSError: If the manifest cannot be written.
         """
         entries = self._entries()
         earlier = (
@@ -149,7 +163,11 @@ class OutputFiles:
             self._write(wanted)
 
     def settle(self) -> None:
-        """Add fingerprints of the files that are complete now. Raises OSError."""
+        """Add the fingerprints of the files that are complete now.
+
+        Raises:
+            OSError: If the manifest cannot be written.
+        """
         entries = self._entries()
         found = {
             name: _fingerprint(self._place / name) if known is None else known
@@ -160,18 +178,23 @@ class OutputFiles:
             self._write(found)
 
     def remove(self, names: Iterable[str], to_be_written: Collection[str] = ()) -> None:
-        """Remove files that emla wrote; with --overwrite also others `to_be_written`. May raise OSError.
+        """Remove files that emla wrote. Links, and everything else that is not a regular file, stay.
 
-        Links, and whatever else is no regular file, stay.
+        Args:
+            names: The names of the files.
+            to_be_written: Files that --overwrite removes even if emla did not write them.
+
+        Raises:
+            OSError: If a file cannot be removed.
         """
         entries, replaced = self._entries(), set(to_be_written) if self.overwrite else set()
         there = [name for name in names if _is_regular(self._place / name)]
-        # all are looked at before the record is removed, by which they may be recognized
+        # check all files first: removing the record makes the others unrecognizable
         for name in [n for n in there if n in replaced or self._owns(n, entries)]:
             (self._place / name).unlink()
 
     def owns(self, name: str) -> bool:
-        """Return whether emla wrote this file, and nobody changed it since."""
+        """Return whether emla wrote this file and it is unchanged."""
         return _is_regular(self._place / name) and self._owns(name, self._entries())
 
     def _may_replace(self, name: str, entries: Mapping[str, str | None]) -> bool:
@@ -192,7 +215,7 @@ class OutputFiles:
         return self._marker not in entries and _is_regular(record) and self._is_record(record)
 
     def _entries(self) -> dict[str, str | None]:
-        """Return the fingerprints of the manifest by name, None of files that may be incomplete."""
+        """Return the fingerprints of the manifest by name; None for files that may be incomplete."""
         path = self._place / MANIFEST
         found = _read_json(path) if _is_regular(path) else {}
         files = found.get("files") if found.get("format") == FORMAT else None
@@ -216,14 +239,14 @@ def _is_regular(path: Path) -> bool:
 
 
 def _read_head(path: Path) -> bytes:
-    """Return how a file begins; nothing where it cannot be read."""
+    """Return the beginning of a file, empty if it cannot be read."""
     with suppress(OSError), path.open("rb") as stream:
         return stream.read(_HEAD)
     return b""
 
 
 def _read_json(path: Path) -> dict[str, object]:
-    """Return the entries of a JSON file; none where it is something else."""
+    """Return the entries of a JSON file, none if it is something else."""
     try:
         found = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -232,7 +255,7 @@ def _read_json(path: Path) -> dict[str, object]:
 
 
 def _fingerprint(path: Path) -> str | None:
-    """Return what tells a file's content from another; None where it cannot be read."""
+    """Return size and partial hash of a file; None if it cannot be read."""
     try:
         with path.open("rb") as stream:
             size = os.fstat(stream.fileno()).st_size

@@ -1,22 +1,28 @@
-"""What a command tells while it goes on."""
+"""The interface through which a command reports its progress."""
 
 from .compatibility import CompatibilityReport
 
 
 class Progress:
-    """Hears how a command goes on; this one keeps quiet."""
+    """Receives the progress of a command; this class ignores it."""
 
     def begin(self, task: str, total: int, unit: str = "") -> None:
-        """A task of `total` units begins; `unit` is what they are called where their rate matters."""
+        """Begin a task.
+
+        Args:
+            task: What the command does.
+            total: The number of units.
+            unit: The name of a unit, if their rate is of interest.
+        """
 
     def advance(self, count: int) -> None:
-        """So many units more are done."""
+        """Report `count` more units as done."""
 
     def finish(self) -> None:
-        """The task is done, if with fewer units than expected."""
+        """End the task, possibly with fewer units than expected."""
 
     def note(self, sentence: str) -> None:
-        """Something worth knowing while it goes on."""
+        """Report a message during the task."""
 
     def report_replacement(self, fit: CompatibilityReport) -> None:
-        """A component is replaced; this is how the other FMU fits."""
+        """Report how well an FMU replaces a component."""

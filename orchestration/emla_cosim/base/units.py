@@ -1,7 +1,4 @@
-"""Units, which come from `fmublock.units`, and linear transformations of values.
-
-A value is transformed from one unit to another, or as prescribed.
-"""
+"""Units, which come from `fmublock.units`, and linear transformations of values."""
 
 from dataclasses import dataclass
 
@@ -19,18 +16,18 @@ __all__ = [
 ]
 
 COLUMN_UNITS = "units"
-"""The entry of a Parquet file's metadata that has the units of its columns, as a JSON object."""
+"""The metadata entry of a Parquet file with the units of its columns, as a JSON object."""
 
 
 @dataclass(frozen=True)
 class LinearTransformation:
-    """target = factor source + offset."""
+    """The transformation `target = factor * source + offset`."""
 
     factor: float = 1.0
     offset: float = 0.0
 
     def __call__(self, value: float) -> float:
-        """The target of a source."""
+        """Return the target of a source."""
         return self.factor * value + self.offset
 
     def __str__(self) -> str:
@@ -38,11 +35,15 @@ class LinearTransformation:
         return f"x {self.factor:.9g}{offset}"
 
     def after(self, first: "LinearTransformation") -> "LinearTransformation":
-        """Both in one, `first` first."""
+        """Return the transformation that applies `first`, then this one."""
         return LinearTransformation(self.factor * first.factor, self.factor * first.offset + self.offset)
 
     def inverse(self) -> "LinearTransformation":
-        """The way back; ZeroDivisionError where there is none."""
+        """Return the inverse transformation.
+
+        Raises:
+            ZeroDivisionError: If the factor is zero.
+        """
         return LinearTransformation(1.0 / self.factor, -self.offset / self.factor)
 
 
@@ -50,17 +51,20 @@ IDENTITY = LinearTransformation()
 
 
 def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTransformation:
-    """From one unit to another; none where one of them is not known.
+    """Return the conversion from one unit to another; the identity if one of them is None.
 
-    Raises ValueError for units that measure different things, or of which nobody says what they
-    measure. The radian is not looked at: a torque in N.m is one in N.m/rad.
+    The radian is ignored: a torque in N.m is one in N.m/rad.
+
+    Raises:
+        ValueError: If the units measure different things, or one of them has no definition. The message is a
+            phrase such as `the units m and s`.
     """
     if source is None or target is None or source == target:
         return IDENTITY
     if source.exponents is None or target.exponents is None:
         if source.name == target.name:
             return IDENTITY
-        raise ValueError(f"the units {source} and {target}, of which one is not defined")
+        raise ValueError(f"the units {source} and {target}, one of which is not defined")
     if source.exponents[:-1] != target.exponents[:-1]:
         raise ValueError(f"the units {source} and {target}")
     return LinearTransformation(

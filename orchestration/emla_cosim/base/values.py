@@ -1,4 +1,4 @@
-"""Values from outside, read as the type that they must have."""
+"""Conversion of values from outside to the types that they must have."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,9 +23,16 @@ def as_float(value: float) -> float:
 
 
 def convert_value(value: Any, type_: Any, label: str, folder: Path | None = None) -> Any:
-    """A value as a type: a number, a text, a path, a list or a table of these, or a dataclass.
+    """Convert a value to a type.
 
-    Paths are relative to `folder`. Raises CommandError, with `label` for the value, for any other.
+    Args:
+        value: The value.
+        type_: A number, a text, a path, a list or a table of these, or a dataclass.
+        label: What error messages call the value.
+        folder: The folder of relative paths.
+
+    Raises:
+        CommandError: If the value does not fit the type.
     """
     origin, inner = get_origin(type_), get_args(type_)
     if origin in (Union, UnionType) and NoneType in inner:
@@ -46,9 +53,9 @@ def convert_value(value: Any, type_: Any, label: str, folder: Path | None = None
 
 
 def _convert_plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
-    """A value that is no table and no list."""
+    """Convert a value that is neither a table nor a list."""
     if hasattr(value, "dtype") and hasattr(value, "item"):
-        value = value.item() if value.size == 1 else value.tolist()  # a number of NumPy, or many
+        value = value.item() if value.size == 1 else value.tolist()  # a NumPy scalar or array
     wanted = str if type_ is Path else type_
     if type_ is Path and isinstance(value, Path):
         value = str(value)
@@ -63,7 +70,7 @@ def _convert_plain(value: Any, type_: Any, label: str, folder: Path | None) -> A
 
 
 def _convert_record(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
-    """A dataclass of a table with its fields, or of its first field alone."""
+    """Make a dataclass from a table of its fields, or from the value of its first field."""
     if isinstance(value, type_):
         return value
     first, *more = fields(type_)

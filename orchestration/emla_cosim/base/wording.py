@@ -1,18 +1,22 @@
-"""Counts in words, and numbers in digits."""
+"""Formatting of counts and numbers."""
 
 from decimal import Decimal
 
 
 def format_count(count: int, one: str, many: str = "", form: str = "") -> str:
-    """A count and what is counted: "1 step", "2 steps"; `many` where more than an s makes the difference.
+    """Return a count with its noun: "1 step", "2 steps".
 
-    Both may go on: `format_count(n, "step is late", "steps are late")`. `form` is that of the number.
+    Args:
+        count: The count.
+        one: The singular, possibly with more words: "step is late".
+        many: The plural; default: the singular and an s.
+        form: The format of the number.
     """
     return f"{count:{form}} {one if count == 1 else many or f'{one}s'}"
 
 
 def format_number(value: float, digits: int = 6) -> str:
-    """A number in so many digits; a whole one, which may be an identity such as a seed, in all of its own."""
+    """Return a number with `digits` digits, but a whole number with all of them: it may be a seed."""
     if abs(value) < _LARGE and value == int(value):
         return f"{value:.0f}"
     try:
@@ -22,4 +26,4 @@ def format_number(value: float, digits: int = 6) -> str:
 
 
 _LARGE = 1e15
-"""Below it every whole number is a number of its own in floating point."""
+"""Below it, floats represent every whole number exactly."""

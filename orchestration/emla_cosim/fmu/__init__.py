@@ -1,1 +1,1 @@
-"""FMUs as files: opened, checked, and their variables and units."""
+"""FMU files: opening, checking and building them, their variables and units."""

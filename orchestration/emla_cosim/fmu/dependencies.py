@@ -1,4 +1,4 @@
-"""Which unknowns of an FMU depend on which knowns, as its model description says."""
+"""Dependencies of an FMU's unknowns on its knowns, from the model description."""
 
 from collections.abc import Sequence, Set
 
@@ -6,7 +6,7 @@ from fmpy.model_description import Unknown
 
 
 class Dependencies:
-    """The dependencies of one list of unknowns, by the names of variables."""
+    """The dependencies of one list of unknowns, by names of variables."""
 
     def __init__(self, unknowns: Sequence[Unknown]) -> None:
         self._silent = not unknowns
@@ -22,9 +22,14 @@ class Dependencies:
                 self._on.setdefault(str(known.name), set()).add(name)
 
     def among(self, outputs: Set[str], known: str) -> Set[str]:
-        """Those of some outputs that depend on a known; what is not declared is taken to depend.
+        """Return the outputs that depend on a known.
 
-        An output without an entry has a value of its own, unless the model description says nothing at all.
+        Without a list of unknowns, all outputs depend on it. In a list, an output without an entry depends on
+        nothing, and an output without declared dependencies depends on everything.
+
+        Args:
+            outputs: The names of the outputs to select from.
+            known: The name of the known.
         """
         if self._silent:
             return outputs

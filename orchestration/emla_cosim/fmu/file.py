@@ -1,4 +1,4 @@
-"""FMU files: opened, checked and unpacked once, however many instances a system has."""
+"""FMU files: opened, checked and unpacked once for all instances in a system."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,15 @@ from .unpack import UnsafeArchiveError, unpack
 
 @dataclass(frozen=True)
 class FmuFile:
-    """An unpacked FMI 2.0 co-simulation FMU."""
+    """An unpacked FMI 2.0 co-simulation FMU.
+
+    Attributes:
+        path: The FMU file.
+        folder: The folder with its content.
+        interface: Its model description.
+        library: The shared library for this machine.
+        sha256: The hash of the file.
+    """
 
     path: Path
     folder: Path
@@ -26,28 +34,33 @@ class FmuFile:
 
     @property
     def description(self) -> ModelDescription:
-        """The model description."""
+        """Return the model description."""
         return self.interface.description
 
     @property
     def model_identifier(self) -> str:
-        """The name of the library, without its ending."""
+        """Return the name of the library, without its extension."""
         return self.interface.model_identifier
 
     @property
     def variables(self) -> dict[str, ModelVariable]:
-        """Variables by name."""
+        """Return the variables by name."""
         return self.interface.variables
 
     def has_capability(self, capability: str) -> bool:
-        """Whether the FMU has a capability flag of the standard set, such as `canGetAndSetFMUstate`."""
+        """Return whether the FMU has a capability flag of the standard, such as `canGetAndSetFMUstate`."""
         return bool(getattr(self.description.coSimulation, capability))
 
 
 def open_fmu(path: Path, folder: Path) -> FmuFile:
-    """Check an FMU file and unpack it to `folder`.
+    """Check an FMU file and unpack it to a folder.
 
-    Raises CommandError where the file is missing, is not an FMU, or cannot run here.
+    Args:
+        path: The FMU file.
+        folder: The folder to create.
+
+    Raises:
+        CommandError: If the file does not exist, is not an FMU, or cannot run on this machine.
     """
     interface = read_interface(path)
     try:
@@ -57,9 +70,9 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
     except OSError as error:
         place, reason = folder.parent.parent, error.strerror or error
         raise CommandError(
-            f"the FMU '{path}' cannot be unpacked to '{place}': {reason}; TMPDIR can name another folder."
+            f"the FMU '{path}' cannot be unpacked to '{place}': {reason}. Set TMPDIR to another folder."
         ) from error
-    except Exception as error:  # whatever zip readers raise
+    except Exception as error:  # zipfile raises many types
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     return FmuFile(
         path=path,
@@ -71,7 +84,7 @@ def open_fmu(path: Path, folder: Path) -> FmuFile:
 
 
 def _library(path: Path, folder: Path, identifier: str) -> Path:
-    """The FMU's library for this machine."""
+    """Return the FMU's library for this machine."""
     if (library := find_library(folder, identifier)) is not None:
         return library
     binaries = folder / "binaries"
@@ -82,10 +95,10 @@ def _library(path: Path, folder: Path, identifier: str) -> Path:
 
 
 def _check_complete(path: Path, library: Path) -> Path:
-    """The library, unless it is cut off."""
+    """Return the library; raise CommandError if it is truncated."""
     if missing := missing_bytes(library):
         raise CommandError(
-            f"the library '{library.parent.name}/{library.name}' of the FMU '{path}' is cut off: its last "
-            f"{format_count(missing, 'byte is', 'bytes are')} missing; get the FMU anew."
+            f"the library '{library.parent.name}/{library.name}' of the FMU '{path}' is truncated: its last "
+            f"{format_count(missing, 'byte is', 'bytes are')} missing. Download or build the FMU again."
         )
     return library

@@ -1,4 +1,4 @@
-"""One instance of an FMI 2.0 FMU in this process, called through fmpy."""
+"""An instance of an FMI 2.0 FMU in this process, called through fmpy."""
 
 import contextlib
 from abc import ABC, abstractmethod
@@ -22,10 +22,10 @@ _WITHOUT_STATUS = ("fmi2GetTypesPlatform", "fmi2GetVersion", "fmi2Instantiate", 
 
 
 class FmiInstance(ABC):
-    """An instance of an FMU; a class derived from it says what it does with calls and refusals.
+    """An instance of an FMU; subclasses define how to handle calls and errors.
 
-    `fmu` is fmpy's object, for calls that have no method here: `with instance.calling(): ...` turns
-    what it raises into the error of the instance.
+    `fmu` is fmpy's object, for calls that have no method here: `with instance.calling(): ...` converts fmpy's
+    exceptions to the error of the instance.
     """
 
     name: str
@@ -33,25 +33,30 @@ class FmiInstance(ABC):
 
     @abstractmethod
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
-        """Take note of what is called next."""
+        """Record the next call.
 
-    def returned(self) -> None:  # noqa: B027 - needed only where the last call is not to be remembered
-        """Take note that the call has returned."""
+        Args:
+            function: The name of the FMI function.
+            arguments: Its arguments.
+        """
+
+    def returned(self) -> None:  # noqa: B027 - only some subclasses need it
+        """Record that the call has returned."""
 
     @abstractmethod
     def error(self, call: str, status: int) -> Exception:
-        """Return the error of a call that returned this status."""
+        """Return the exception for a call that returned this status."""
 
     @contextlib.contextmanager
     def calling(self, call: str | None = None) -> Iterator[None]:
-        """Turn what fmpy raises for a status worse than a warning into the error of this call."""
+        """Convert fmpy's exception for a status worse than a warning to the error of this call."""
         try:
             yield
         except FMICallException as error:
             raise self.error(call or str(error.function), int(error.status)) from error
 
     def status(self, name: str, *arguments: Any) -> int:
-        """Call a function of the FMI by its name, component first; return its status, whatever it is."""
+        """Call an FMI function with the component and these arguments; return its status, errors included."""
         try:
             answer = getattr(self.fmu, name)(self.fmu.component, *arguments)
         except FMICallException as error:
@@ -59,7 +64,7 @@ class FmiInstance(ABC):
         return int(answer or 0)
 
     def enter_initialization(self, start_time: float, stop_time: float | None = None) -> None:
-        """Set up the experiment, and enter initialization mode; times in s."""
+        """Set up the experiment and enter initialization mode; times in s."""
         with self.calling():
             self.fmu.setupExperiment(startTime=start_time, stopTime=stop_time)
             self.fmu.enterInitializationMode()
@@ -70,13 +75,13 @@ class FmiInstance(ABC):
             self.fmu.exitInitializationMode()
 
     def set_typed(self, values: Sequence[TypedValue]) -> None:
-        """Set variables, those of one type in one call, in the order given; raises what fmpy does."""
+        """Set variables in this order, with one call per type; raises fmpy's exceptions."""
         for kind, positions in by_type([variable for variable, _ in values]):
             references = [values[i][0].valueReference for i in positions]
             getattr(self.fmu, f"set{kind}")(references, [values[i][1] for i in positions])
 
     def get_typed(self, variables: Sequence[ModelVariable]) -> list[Any]:
-        """Return values of variables, those of one type got in one call; raises what fmpy does."""
+        """Return values of variables, with one call per type; raises fmpy's exceptions."""
         found: list[Any] = [None] * len(variables)
         for kind, positions in by_type(variables):
             got = getattr(self.fmu, f"get{kind}")([variables[i].valueReference for i in positions])
@@ -85,23 +90,23 @@ class FmiInstance(ABC):
         return found
 
     def asks_to_end(self) -> bool:
-        """Whether the FMU discarded a step because it wants the run to end."""
+        """Return whether the FMU discarded a step because it wants the run to end."""
         answer = c_int(0)
         asked = self.status("fmi2GetBooleanStatus", fmi2Terminated, byref(answer))
         return asked == OK and bool(answer.value)
 
     def reset(self) -> None:
-        """Become as it was when it was new."""
+        """Reset the instance to its state after instantiation."""
         with self.calling():
             self.fmu.reset()
 
     def free(self) -> None:
-        """Free it without terminating it; the library stays loaded."""
+        """Free the instance without terminating it; the library stays loaded."""
         self.fmu.fmi2FreeInstance(self.fmu.component)
 
 
 class _Announced:
-    """Announces each call, and takes no answer for fine that is no status."""
+    """Announces each call, and treats any other result than a fine status as an error."""
 
     instance: FmiInstance
 
@@ -117,33 +122,40 @@ class _Announced:
 
 
 class FMU2AnnouncedSlave(_Announced, FMU2Slave):
-    """fmpy's slave; the beginning of its name tells fmpy which functions to load."""
+    """fmpy's class for co-simulation; fmpy decides by the beginning of its name which functions to load."""
 
 
 class FMU2AnnouncedModel(_Announced, FMU2Model):
-    """fmpy's model for Model Exchange."""
+    """fmpy's class for Model Exchange."""
 
 
 def load(kind: str, library: Path, folder: Path, identifier: str, guid: str | None) -> Any:
-    """Load the library of an FMU, and return fmpy's object for an instance, of which nothing is called yet.
+    """Load the library of an FMU and return fmpy's object for an instance, without calling the FMU.
 
-    `kind` is `CoSimulation` or `ModelExchange`. Whoever makes an instance with the object sets its
-    `instance` and `instanceName`. Raises what fmpy raises where the library cannot be loaded.
+    The caller sets `instance` and `instanceName` of the object. Raises fmpy's exceptions if the library
+    cannot be loaded.
+
+    Args:
+        kind: `CoSimulation` or `ModelExchange`.
+        library: The shared library.
+        folder: The unpacked FMU.
+        identifier: The model identifier.
+        guid: The GUID of the model description.
     """
     made = FMU2AnnouncedSlave if kind == "CoSimulation" else FMU2AnnouncedModel
-    with restore_working_folder():  # fmpy goes to the library's folder
+    with restore_working_folder():  # fmpy changes to the library's folder
         return made(
             guid=guid, unzipDirectory=str(folder), modelIdentifier=identifier, libraryPath=str(library)
         )
 
 
 def kind_of(variable: ModelVariable) -> str:
-    """Return the type of a variable as the names of the FMI functions have it."""
+    """Return the type of a variable as in the names of FMI functions."""
     return "Integer" if variable.type == "Enumeration" else str(variable.type)
 
 
 def by_type(variables: Sequence[ModelVariable]) -> Iterator[tuple[str, list[int]]]:
-    """Yield types, as the names of the FMI functions have them, with the positions of their variables."""
+    """Yield the types, as in the names of FMI functions, each with the positions of its variables."""
     kinds = [kind_of(v) for v in variables]
     for kind in dict.fromkeys(kinds):
         yield kind, [i for i, k in enumerate(kinds) if k == kind]

@@ -1,4 +1,4 @@
-"""What an FMU shows of itself: its variables and their units."""
+"""The model description of an FMU: its variables and their units."""
 
 import math
 import zipfile
@@ -17,7 +17,7 @@ from .dependencies import Dependencies
 
 _DESCRIPTION = "modelDescription.xml"
 _LARGEST = 2**28
-"""Bytes that a model description may have when unpacked."""
+"""The largest size of an unpacked model description in bytes."""
 
 
 @dataclass(frozen=True)
@@ -28,40 +28,40 @@ class Interface:
 
     @property
     def model_identifier(self) -> str:
-        """The name of the FMU's library, without its ending."""
+        """Return the name of the FMU's library, without its extension."""
         means = self.description.coSimulation
         return str(means.modelIdentifier) if means is not None else ""
 
     @cached_property
     def variables(self) -> dict[str, ModelVariable]:
-        """Variables by name."""
+        """Return the variables by name."""
         return {str(v.name): v for v in self.description.modelVariables}
 
     @cached_property
     def units(self) -> dict[str, SiUnit]:
-        """Units that the FMU defines, by name."""
+        """Return the units that the FMU defines, by name."""
         return {str(u.name): _unit(u) for u in self.description.unitDefinitions}
 
     @cached_property
     def direct(self) -> Dependencies:
-        """What outputs depend on within one instant."""
+        """Return the dependencies of outputs at one instant."""
         return Dependencies(self.description.outputs)
 
     @cached_property
     def initial(self) -> Dependencies:
-        """What unknowns depend on in initialization mode."""
+        """Return the dependencies of unknowns in initialization mode."""
         return Dependencies(self.description.initialUnknowns)
 
     def is_settable(self, name: str) -> bool:
-        """Whether a variable may get a start value."""
+        """Return whether a variable accepts a start value."""
         variable = self.variables[name]
         free = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
         return free and variable.variability != "constant"
 
     def unit(self, name: str) -> SiUnit | None:
-        """The unit of a variable; None where it has none.
+        """Return the unit of a variable, None if it has none.
 
-        The unit of a difference, as of two temperatures, has no offset.
+        The unit of a difference, such as of two temperatures, has no offset.
         """
         variable = self.variables[name]
         declared = variable.declaredType
@@ -74,7 +74,11 @@ class Interface:
 
 
 def read_interface(path: Path) -> Interface:
-    """Read it from an FMU file; CommandError where that is missing, or nothing this master can run."""
+    """Read the model description of an FMU file.
+
+    Raises:
+        CommandError: If the file does not exist, or this master cannot run it.
+    """
     try:
         interface = read_description(path)
     except ValidationError as error:
@@ -90,14 +94,19 @@ def read_interface(path: Path) -> Interface:
 
 
 def read_description(path: Path, validate: bool = True) -> Interface:
-    """What any FMU says of itself, of whatever version and kind.
+    """Read the model description of an FMU of any version and kind.
 
-    Raises CommandError for what is missing or unreadable, and, with `validate`, fmpy's ValidationError for
-    what the standard does not allow.
+    Args:
+        path: The FMU file.
+        validate: Whether to check it against the standard.
+
+    Raises:
+        CommandError: If the file does not exist or cannot be read.
+        ValidationError: If `validate` finds a violation of the standard.
     """
     try:
         present = path.is_file()
-    except (OSError, ValueError):  # too long a name, or one that no file can have
+    except (OSError, ValueError):  # an invalid or too long file name
         present = False
     if not present:
         raise CommandError(f"there is no FMU file '{path}'.")
@@ -107,13 +116,13 @@ def read_description(path: Path, validate: bool = True) -> Interface:
         _mark_differences(description, path)
     except (CommandError, ValidationError, ImportError, MemoryError):
         raise
-    except Exception as error:  # fmpy raises whatever zip and XML readers raise
+    except Exception as error:  # zip and XML readers raise many types
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     return Interface(description)
 
 
 def explain_unsupported(interface: Interface) -> str | None:
-    """Why this master cannot run an FMU, as the end of a sentence; None where its kind is right."""
+    """Return why this master cannot run an FMU, as the end of a message; None if it supports the kind."""
     description = interface.description
     if description.fmiVersion != "2.0":
         return f"is an FMI {description.fmiVersion} FMU; this master runs FMI 2.0"
@@ -123,13 +132,20 @@ def explain_unsupported(interface: Interface) -> str | None:
 
 
 def read_interfaces(fmus: Mapping[str, Path]) -> dict[str, Interface]:
-    """Those of several components, each file read once; CommandError as `read_interface`."""
+    """Return the model descriptions of several components, by component; each file is read once.
+
+    Args:
+        fmus: The FMU files by component.
+
+    Raises:
+        CommandError: As for `read_interface`.
+    """
     read = {file: read_interface(file) for file in dict.fromkeys(fmus.values())}
     return {name: read[file] for name, file in fmus.items()}
 
 
 def _check_size(path: Path) -> None:
-    """Raise CommandError for a model description that is missing, or too large to be one."""
+    """Raise CommandError if the model description is missing or too large."""
     with zipfile.ZipFile(path) as archive:
         sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
     if _DESCRIPTION not in sizes:
@@ -139,8 +155,8 @@ def _check_size(path: Path) -> None:
 
 
 def _mark_differences(description: ModelDescription, path: Path) -> None:
-    """Note which variables are differences; fmpy (0.3.32) overlooks that but for types."""
-    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to load, and not always needed
+    """Mark variables that are differences; fmpy (0.3.32) reads that attribute for types only."""
+    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
 
     with zipfile.ZipFile(path) as archive:
         root = etree.fromstring(archive.read(_DESCRIPTION), etree.XMLParser(resolve_entities=False))
@@ -151,7 +167,7 @@ def _mark_differences(description: ModelDescription, path: Path) -> None:
 
 
 def first_problem(error: ValidationError) -> str:
-    """The first of several problems, in one line and without a full stop."""
+    """Return the first validation problem in one line, without a full stop."""
     problems = error.problems
     return " ".join(problems[0].split()).rstrip(".") if problems else "it has problems"
 

@@ -1,4 +1,4 @@
-"""Libraries of FMUs: loaded and bound once per unpacked file, however many instances there are of it."""
+"""Libraries of FMUs, loaded and bound once per unpacked file for all its instances."""
 
 import copy
 import ctypes
@@ -25,15 +25,16 @@ _PROTOTYPES = {
     "setFMUstate": (_POINTER, _POINTER),
 }
 DERIVATIVE = "getDirectionalDerivative"
-"""A function that a library may lack."""
+"""A function that a library can lack."""
 _DERIVATIVE_TYPES = (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER, _POINTER)
 
 
 class LoadedLibrary:
-    """The library of an FMU for all of its instances in this process; who entered it leaves it once.
+    """The library of an FMU for all its instances in this process.
 
-    `functions` are those of a step by name, with prototypes of their own, because fmpy's checks would
-    cost as much as the call; `addresses` are theirs.
+    Each call of `entered` needs one call of `leave`. `functions` are the functions of a step, by name. They
+    have their own prototypes because fmpy's checks take as long as the call. `addresses` are the addresses of
+    the functions.
     """
 
     _loaded: ClassVar[dict[Path, "LoadedLibrary"]] = {}
@@ -53,30 +54,32 @@ class LoadedLibrary:
 
     @classmethod
     def entered(cls, file: FmuFile) -> "LoadedLibrary":
-        """That of an unpacked FMU, loaded if none of its instances did so.
+        """Return the library of an unpacked FMU, and load it for the first instance.
 
-        Raises CommandError where another instance is not allowed, and what fmpy raises where the library
-        cannot be loaded.
+        Raises fmpy's exceptions if the library cannot be loaded.
+
+        Raises:
+            CommandError: If the FMU does not allow another instance.
         """
         library = cls._loaded.get(file.library)
         if library is None:
             library = cls._loaded[file.library] = cls(file)
         elif file.has_capability("canBeInstantiatedOnlyOncePerProcess"):
             raise CommandError(
-                "it says that a process can have one instance of it, which this one has; "
-                "`isolate` gives a component a process of its own."
+                "it allows one instance per process, and this process already has one. "
+                "Use `isolate` to run a component in a process of its own."
             )
         library._inside += 1
         return library
 
     def calls_of(self, instance: FmiInstance) -> Any:
         """Return fmpy's object for an instance; nothing is called yet."""
-        made = copy.copy(self._bound)  # what differs between instances is their name, callbacks and address
+        made = copy.copy(self._bound)  # instances differ in name, callbacks and address
         made.instance, made.instanceName = instance, instance.name
         return made
 
     def leave(self) -> None:
-        """An instance is freed, or was never made; after the last one the library is unloaded."""
+        """Release the library for one instance; the last release unloads it."""
         self._inside -= 1
         if not self._inside:
             del self._loaded[self._path]
@@ -89,7 +92,7 @@ class LoadedLibrary:
 
 
 def plain_name(function: str) -> str:
-    """Return the name of an FMI function as sentences have it: doStep."""
+    """Return the name of an FMI function for messages, such as doStep."""
     stem = function.removeprefix("fmi2")
     return f"{stem[0].lower()}{stem[1:]}"
 

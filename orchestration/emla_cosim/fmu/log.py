@@ -1,4 +1,4 @@
-"""What FMUs say through the FMI logger, kept per instance."""
+"""Messages of FMUs from the FMI logger, by instance."""
 
 import ctypes
 from collections import defaultdict, deque
@@ -9,11 +9,11 @@ from fmpy import fmi2
 from fmpy.logging import addLoggerProxy
 
 LINES = 5
-"""How many of its last lines are kept of each instance."""
+"""The number of messages kept per instance."""
 
 
 class LogLine(NamedTuple):
-    """One message: of which instance, with which status, in which category."""
+    """One message with its instance, status and category."""
 
     instance: str
     status: int
@@ -22,10 +22,10 @@ class LogLine(NamedTuple):
 
 
 class FmuLog:
-    """The last warnings and errors of every instance, by its name.
+    """The last warnings and errors of each instance, by its name.
 
-    One log serves all instances of a process: fmpy's proxy, which formats the messages, knows a
-    single logger. The log made last is the one that hears them.
+    One log serves all instances of a process, because fmpy's proxy that formats the messages knows one logger
+    only. The newest log receives the messages.
     """
 
     _listening: "FmuLog | None" = None
@@ -33,22 +33,22 @@ class FmuLog:
     def __init__(self) -> None:
         self._last: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=LINES))
         self.callbacks = _CALLBACKS
-        self.callbacks.logger = _LOGGER  # the proxy puts itself in here and calls what was here before
+        self.callbacks.logger = _LOGGER  # the proxy replaces the logger and calls this one
         addLoggerProxy(ctypes.byref(self.callbacks))
         FmuLog._listening = self
 
     def last(self, instance: str) -> list[str]:
-        """The last warnings and errors of an instance, oldest first."""
+        """Return the last warnings and errors of an instance, oldest first."""
         return list(self._last[instance])
 
     def take(self, line: LogLine) -> None:
-        """Take a message."""
+        """Store a message if it is a warning or an error."""
         if line.status >= fmi2.fmi2Warning and line.text:
             self._last[line.instance].append(line.text)
 
     @classmethod
     def hear(cls, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
-        """Hand a message to the log that listens; called through the FMI."""
+        """Pass a message to the newest log; called by FMUs."""
         if cls._listening is not None:
             name, kind, text = (
                 (x or b"").decode(errors="replace").strip() for x in (instance, category, message)
@@ -56,7 +56,7 @@ class FmuLog:
             cls._listening.take(LogLine(name, status, kind, text))
 
 
-# kept for ever: fmpy's proxy does not let go of what it was given last, whoever logs next
+# never freed: fmpy's proxy keeps its last callbacks, even after another log is created
 _LOGGER = fmi2.fmi2CallbackLoggerTYPE(FmuLog.hear)
 _CALLBACKS = fmi2.fmi2CallbackFunctions()
 _CALLBACKS.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)

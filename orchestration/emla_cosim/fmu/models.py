@@ -1,6 +1,6 @@
-"""Our own models: which there are, where their FMUs lie, and how they are built.
+"""Our own models: their names, the places of their FMUs, and how to build them.
 
-Whether an FMU is up to date is known from a key, before anything that builds one is imported.
+A key shows whether an FMU is up to date, without importing the modules that build one.
 """
 
 import hashlib
@@ -28,17 +28,21 @@ __all__ = ["FLAVOURS", "FMU_FOLDER", "MODELS", "PLATFORMS", "build", "find_block
 MODELS: dict[str, type[Block]] = {
     b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS, *hdrm_fmu.BLOCKS)
 }
-"""Blocks by the name of their model."""
+"""The blocks by the name of their model."""
 
 PLATFORMS = tuple(TARGETS)
-"""FMI platforms that native FMUs are built for, from any machine."""
+"""FMI platforms for which native FMUs can be built on any machine."""
 
 FMU_FOLDER = Path("fmus")
-"""Where `emla build` builds to, and whose FMUs come before those of the user's cache."""
+"""The folder in which `emla build` puts FMUs; these take precedence over those of the user's cache."""
 
 
 def find_block(name: str) -> type[Block]:
-    """The block that a name means: one of our models, or FILE.py:BLOCK. Raises CommandError."""
+    """Return one of our models by its name, or a block of a file by `FILE.py:BLOCK`.
+
+    Raises:
+        CommandError: If it does not exist or cannot be loaded.
+    """
     if ".py:" not in name:
         check_choice("model", name, MODELS)
         return MODELS[name]
@@ -51,7 +55,7 @@ def find_block(name: str) -> type[Block]:
 
 
 def fmu_path(model: str, flavour: str, folder: Path) -> Path:
-    """Where the FMU of a model lies: <folder>/<Model>/<Model>.fmu, PythonFMU's in python/ below."""
+    """Return the path of a model's FMU: `MODEL/MODEL.fmu`, for PythonFMU `MODEL/python/MODEL.fmu`."""
     inside = folder / model if flavour == "native" else folder / model / "python"
     return inside / f"{model}.fmu"
 
@@ -64,16 +68,25 @@ def build(
     advance: Callable[[], None] = lambda: None,
     overwrite: bool = False,
 ) -> Path:
-    """Build the FMU of a model, unless the very same is there already; returns its file.
+    """Build the FMU of a model, unless the same one already exists.
 
-    `model` is the name of one of ours, or anybody's block. `platforms` are FMI platforms for native
-    FMUs; none is this machine's and those that the file has already. The FMU lies in `folder`;
-    without one in fmus/ of the current folder if it has one of this model, and else in the user's
-    cache, by what it is made of. Processes that want the same FMU build it once. `advance` is called
-    for each binary as it is compiled. A file that is no FMU of ours is only replaced with `overwrite`.
+    Processes that need the same FMU build it once.
 
-    Raises CommandError for an unknown name, and for a file that may not be replaced; RunError where
-    building or writing fails.
+    Args:
+        model: The name of one of our models, or any block.
+        flavour: One of `FLAVOURS`.
+        platforms: FMI platforms of native FMUs. Default: that of this machine, and those of an existing file.
+        folder: The folder of the FMU. Default: `fmus/` in the working folder if it has an FMU of this model,
+            otherwise the user's cache.
+        advance: Called for each compiled binary.
+        overwrite: Whether to replace a file that is not an FMU of ours.
+
+    Returns:
+        The path of the FMU.
+
+    Raises:
+        CommandError: If a name is unknown, or the file must not be replaced.
+        RunError: If building or writing fails.
     """
     if isinstance(model, str):
         check_choice("model", model, MODELS)
@@ -92,17 +105,20 @@ def build(
 def check_build_path(
     model: str | type[Block], flavour: str, folder: Path | None = None, overwrite: bool = False
 ) -> None:
-    """Raise CommandError where building an FMU would replace what is no FMU of ours; see `build`.
+    """Check that building an FMU replaces no file that is not an FMU of ours; see `build`.
 
-    Nothing is built, so all FMUs of a command can be checked before the first one is.
+    This builds nothing, so that a command can check all its FMUs first.
+
+    Raises:
+        CommandError: If it does.
     """
     name = model if isinstance(model, str) else model.__name__
     path = fmu_path(name, flavour, FMU_FOLDER if folder is None else folder)
     there = next((p for p in path.parents if os.path.lexists(p)), FMU_FOLDER)
     if folder is not None and not os.path.isdir(there):  # noqa: PTH112 (it raises nothing)
-        raise CommandError(f"the FMU '{path}' cannot be written: '{there}' is no folder.")
+        raise CommandError(f"the FMU '{path}' cannot be written: '{there}' is not a folder.")
     if os.path.islink(path) and _is_ours(path):  # noqa: PTH114 (it raises nothing)
-        return  # it need not be written, if it is up to date
+        return  # an up-to-date FMU is not written
     is_there = os.path.isfile if folder is None else os.path.lexists
     if is_there(path):
         check_replaceable(path, "the FMU", _is_ours, overwrite)
@@ -120,7 +136,7 @@ def _build(
     overwrite: bool,
 ) -> Path:
     key, draft = recipe.key(), None
-    if key is None:  # its content has to tell
+    if key is None:  # the key follows from the content
         from fmublock.building import draft_of
 
         draft = draft_of(recipe)
@@ -173,8 +189,8 @@ def _recipe(model: str | type[Block], flavour: str) -> Recipe:
 
 
 def producer(license_name: str | None = None) -> Producer:
-    """Who makes our FMUs, and under which licence."""
-    from importlib.metadata import version  # takes a while
+    """Return the generator name, version and license that our FMUs contain."""
+    from importlib.metadata import version  # slow to import
 
     return Producer("EMLA-Cosim fmublock", version("emla-cosim"), license_name)
 
@@ -185,11 +201,11 @@ def _documents(model: str) -> Documents:
 
 
 def license_text() -> str:
-    """The licence of our programs."""
+    """Return the license of our programs."""
     return (documents_root() / "LICENSE").read_text(encoding="utf-8")
 
 
 def documents_root() -> Path:
-    """Where LICENSE and fmus/ lie: inside the installed package, or the top of the source tree."""
+    """Return the folder with LICENSE and fmus/: in the installed package, or the root of the source tree."""
     packaged = Path(str(files("emla_cosim"))) / "documents"
     return packaged if packaged.is_dir() else Path(__file__).parents[3]

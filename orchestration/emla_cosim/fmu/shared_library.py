@@ -1,22 +1,22 @@
-"""Shared libraries, found, and looked at before they are loaded: a cut-off one would end the process."""
+"""Shared libraries: finding them, and detecting truncated ones, which end the process when loaded."""
 
 import struct
 from pathlib import Path
 
 import fmpy
 
-_ELF = b"\x7fELF\x02\x01"  # of 64 bits, little-endian
+_ELF = b"\x7fELF\x02\x01"  # 64 bits, little-endian
 _HEADER = struct.Struct("<32xQ14xHH6x")
-"""Of the file: where its table of segments is, the size of an entry, and how many there are."""
+"""The fields of the file header: the offset of the segment table, the size of an entry, and their number."""
 _SEGMENT = struct.Struct("<I4xQ16xQ16x")
-"""Of a segment: its type, where it is in the file, and its bytes there."""
+"""The fields of a segment: its type, its offset in the file, and its size there."""
 _LOADED = 1
 
 
 def find_library(folder: Path, identifier: str) -> Path | None:
-    """Return the library of an unpacked FMU for this machine; None where there is none.
+    """Return the library of an unpacked FMU for this machine, or None.
 
-    It lies in the folder of the platform's tuple, or of its FMI 2.0 name.
+    It is in the folder of the platform tuple, or of the FMI 2.0 platform name.
     """
     for platform in (fmpy.platform_tuple, fmpy.platform):
         path = folder / "binaries" / platform / f"{identifier}{fmpy.sharedLibraryExtension}"
@@ -26,11 +26,13 @@ def find_library(folder: Path, identifier: str) -> Path | None:
 
 
 def missing_bytes(path: Path) -> int:
-    """How many bytes of a library's ELF segments lie beyond the end of its file.
+    """Return how many bytes of a library's ELF segments are beyond the end of its file.
 
-    The loader of Linux maps them all the same, and the first access ends the process. It notices
-    headers that are cut off, and other systems look at everything, so nothing is missing there.
-    Raises OSError.
+    Linux maps such segments without an error, and the first access ends the process. Truncated headers, and
+    files of other systems, give 0, because their loaders detect the fault.
+
+    Raises:
+        OSError: If the file cannot be read.
     """
     with path.open("rb") as stream:
         head = stream.read(_HEADER.size)

@@ -1,4 +1,4 @@
-"""Zip files of strangers, unpacked without harm."""
+"""Safe unpacking of zip files from any source."""
 
 import zipfile
 from pathlib import Path, PurePosixPath
@@ -6,20 +6,24 @@ from stat import S_ISLNK
 from typing import IO
 
 LARGEST = 4 * 2**30
-"""Bytes that a file may have when unpacked, all its entries together."""
+"""The largest total size of unpacked files in bytes."""
 
 _BLOCK = 2**20
 
 
 class UnsafeArchiveError(Exception):
-    """What is wrong with an archive, as the end of a sentence that begins with its name."""
+    """An archive is unsafe; the message is the end of one that begins with the archive's name."""
 
 
 def unpack(path: Path, folder: Path) -> None:
-    """Unpack a zip file to a folder, and nothing outside of it.
+    """Unpack a zip file to a folder; nothing is written outside of it.
 
-    Raises UnsafeArchiveError, for names, links and sizes before anything is written; OSError, and what
-    else zipfile raises for files that it cannot read.
+    Raises zipfile's exceptions if it cannot read the file.
+
+    Raises:
+        UnsafeArchiveError: If a name, link or size is unsafe; nothing is written if that is in the archive's
+            directory.
+        OSError: If writing fails.
     """
     with zipfile.ZipFile(path) as archive:
         entries = archive.infolist()
@@ -43,13 +47,13 @@ def _check_name(entry: zipfile.ZipInfo) -> None:
     name = entry.filename
     outside = name.startswith("/") or ":" in name or ".." in PurePosixPath(name).parts
     if outside or "\\" in entry.orig_filename:
-        raise UnsafeArchiveError(f"has the entry '{entry.orig_filename}', which is no path inside it")
+        raise UnsafeArchiveError(f"has the entry '{entry.orig_filename}', which is not a path inside it")
     if S_ISLNK(entry.external_attr >> 16):
-        raise UnsafeArchiveError(f"has the entry '{name}', which is a link")
+        raise UnsafeArchiveError(f"has the entry '{name}', which is a symbolic link")
 
 
 def _copy(source: IO[bytes], target: IO[bytes], entry: zipfile.ZipInfo) -> None:
-    """Copy as much as the entry says it has; its directory may lie."""
+    """Copy an entry; raise UnsafeArchiveError if its size differs from that in the directory."""
     left = entry.file_size
     while block := source.read(_BLOCK):
         left -= len(block)

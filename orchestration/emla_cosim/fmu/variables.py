@@ -1,4 +1,4 @@
-"""Start values: a variable found by name, and a value checked against its type and range."""
+"""Start values: finding variables by name, and checking values against types and ranges."""
 
 import difflib
 from collections.abc import Mapping
@@ -16,7 +16,16 @@ TypedValue = tuple[ModelVariable, Any]
 
 
 def convert_start_values(component: str, interface: Interface, values: Mapping[str, Any]) -> list[TypedValue]:
-    """Start values by name as those of their variables; CommandError for what cannot be set to them."""
+    """Convert start values by name to the types of their variables.
+
+    Args:
+        component: The name of the component, for error messages.
+        interface: Its model description.
+        values: The start values by variable name.
+
+    Raises:
+        CommandError: If a variable does not exist, or does not accept the value.
+    """
     found = []
     for name, value in values.items():
         variable = find_variable(component, interface.variables, name)
@@ -25,7 +34,16 @@ def convert_start_values(component: str, interface: Interface, values: Mapping[s
 
 
 def find_variable(component: str, variables: Mapping[str, ModelVariable], name: str) -> ModelVariable:
-    """The variable of this name; CommandError suggests what may have been meant."""
+    """Return a variable by its name.
+
+    Args:
+        component: The name of the component, for error messages.
+        variables: Its variables by name.
+        name: The name to find.
+
+    Raises:
+        CommandError: If it does not exist; the message suggests similar names.
+    """
     if name in variables:
         return variables[name]
     near = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
@@ -36,7 +54,17 @@ def find_variable(component: str, variables: Mapping[str, ModelVariable], name: 
 
 
 def convert_start_value(component: str, interface: Interface, variable: ModelVariable, value: Any) -> Any:
-    """A value as the variable's type, within its range; CommandError otherwise."""
+    """Convert a value to the type of a variable, and check its range.
+
+    Args:
+        component: The name of the component, for error messages.
+        interface: Its model description.
+        variable: The variable.
+        value: The value.
+
+    Raises:
+        CommandError: If the variable does not accept the value.
+    """
     name = f"{component}.{variable.name}"
     if not interface.is_settable(variable.name):
         near = [
@@ -77,7 +105,7 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
 
 
 def _convert_integer(value: Any) -> int:
-    """A whole number, which may be written as a float; ValueError for any other."""
+    """Return a whole number, possibly written as a float; raise ValueError for any other value."""
     if isinstance(value, float) and not value.is_integer():
         raise ValueError(value)
     return int(value)

@@ -1,1 +1,1 @@
-"""Data that drive signals: read from files or frames, and put into a system as FMUs made of them."""
+"""Data that drive signals: read from files or frames, and inserted into a system as FMUs."""

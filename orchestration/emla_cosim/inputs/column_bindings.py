@@ -1,4 +1,4 @@
-"""Which column drives which signal, and what its values are multiplied by."""
+"""Assignment of data columns to signals, with the conversion of their units."""
 
 import dataclasses
 import difflib
@@ -18,9 +18,17 @@ from .input import Column, Input
 
 @dataclass(frozen=True)
 class ColumnBinding:
-    """A signal, by component and variable of its FMU, and the column that drives it.
+    """A signal and the column that drives it.
 
-    The signal is `transformation` of the column's derivative of this order, in the unit of the signal.
+    Attributes:
+        signal: The full name of the signal.
+        component: Its component.
+        variable: The variable of the component's FMU.
+        output: Whether the variable is an output.
+        column: The position of the column.
+        order: The order of the derivative that drives the signal.
+        transformation: Converts the derivative to the unit of the signal.
+        unit: The unit of the signal.
     """
 
     signal: str
@@ -36,10 +44,17 @@ class ColumnBinding:
 def bind_columns(
     source: Input, data: DataTable, time: int, system: System, interfaces: Mapping[str, Interface]
 ) -> tuple[list[ColumnBinding], list[str]]:
-    """What a table drives, and the names of its columns that drive nothing; `time` has the times.
+    """Return the bindings of a table, and the names of its columns that drive nothing.
 
-    Raises CommandError for signals and columns that are not there, for units that do not fit, and where
-    nothing would be driven.
+    Args:
+        source: The input.
+        data: Its table.
+        time: The position of the column of times.
+        system: The system.
+        interfaces: The model descriptions by component.
+
+    Raises:
+        CommandError: If a signal or column does not exist, units do not fit, or there are no bindings.
     """
     chosen = {signal: _column(source, data, column) for signal, column in source.signals.items()}
     idle = []
@@ -47,13 +62,13 @@ def bind_columns(
         if header.name in chosen:
             continue
         if _is_driven(header.name, system, interfaces):
-            data.find(header.text)  # there is one of it
+            data.find(header.text)  # raises CommandError if it is not unique
             chosen[header.name] = position, Column(header.text, header.unit)
         else:
             idle.append(header.name)
     if not chosen and source.columns:
         raise CommandError(
-            f"{source.label} drives no signal: {join_names(idle[:8])} is none that somebody reads."
+            f"{source.label} drives no signal: no connected signal is called {join_names(idle[:8])}."
         )
     if not chosen:
         raise CommandError(_unmatched_error(source, data, time, system, interfaces))
@@ -65,9 +80,9 @@ def bind_columns(
 
 
 def _match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int, Header]]:
-    """The columns that drive the signals that they are called after, if there are these.
+    """Return the columns that drive signals of the same name, if there are such signals.
 
-    These are all where nobody says which. Raises CommandError for a pattern that finds none.
+    Without explicit columns and signals these are all. Raises CommandError for a pattern without a match.
     """
     others = [(i, h) for i, h in enumerate(data.headers) if i != time]
     if not source.columns:
@@ -81,7 +96,7 @@ def _match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int,
 
 
 def _column(source: Input, data: DataTable, asked: Column) -> tuple[int, Column]:
-    """The position of a column that is asked for, with its unit and order told apart from its name."""
+    """Return the position of a column, and its unit and order separate from its name."""
     text, order, unit = asked.column.strip(), asked.derivative, asked.unit
     position = data.find(text)
     while position is None and text.startswith("der(") and text.endswith(")"):
@@ -103,13 +118,14 @@ def _column(source: Input, data: DataTable, asked: Column) -> tuple[int, Column]
         )
     if order > 0 and source.interpolation != "cubic":
         raise CommandError(
-            f"{data.label} is asked for a derivative of '{named.name}'; that needs the interpolation cubic."
+            f"a derivative of '{named.name}' of {data.label} needs cubic interpolation; "
+            'set interpolation = "cubic".'
         )
     return position, dataclasses.replace(asked, unit=unit or there, derivative=order)
 
 
 def _is_driven(name: str, system: System, interfaces: Mapping[str, Interface]) -> bool:
-    """Whether a column of this name means a signal that data can drive."""
+    """Return whether a name is that of a signal that data can drive."""
     try:
         component, variable = system.split(name)
     except CommandError:
@@ -134,9 +150,13 @@ def _unmatched_error(
         if v.causality in ("input", "output")
     ]
     near = [s for name in names[:20] for s in difflib.get_close_matches(name, signals, n=1, cutoff=0.6)]
-    meant = f"did you mean {join_names(near[:3])}?" if near else "say which column drives which signal."
-    columns = f"are called {join_names(names[:8])}" if names else "are none but the times"
-    return f"{source.label} drives no signal: its columns {columns}; {meant}"
+    meant = (
+        f"did you mean {join_names(near[:3])}?"
+        if near
+        else "set `signals` to the columns that drive signals."
+    )
+    columns = f"its columns are called {join_names(names[:8])}" if names else "it has only a column of times"
+    return f"{source.label} drives no signal: {columns}; {meant}"
 
 
 def _bind_column(
@@ -153,14 +173,14 @@ def _bind_column(
     variable = find_variable(component.name, interface.variables, component.alias(name).variable)
     if variable.causality not in ("input", "output"):
         raise CommandError(
-            f"{signal} is a {variable.causality}; data can drive an input, or what an output drives.",
+            f"{signal} is a {variable.causality}; data can drive an input or replace an output.",
             signal=signal,
         )
     if variable.type != "Real":
         raise CommandError(f"{signal} is of the type {variable.type}; data can drive a Real.", signal=signal)
     end, output = (component.name, str(variable.name)), variable.causality == "output"
     if output and not any(x.ends[0] == end for x in system.out_of(component.name)):
-        raise CommandError(f"nobody reads {signal}, so that data for it would change nothing.", signal=signal)
+        raise CommandError(f"{signal} is not connected, so data for it would have no effect.", signal=signal)
     unit = interface.unit(end[1])
     label = f"the column '{data.headers[position].text}' of {data.label}"
     given = rate_of(parse_data_unit(column.unit, label), column.derivative)
@@ -168,13 +188,18 @@ def _bind_column(
         transformation = find_conversion(given, unit) if given is not None else IDENTITY
     except ValueError as error:
         raise CommandError(
-            f"{label} drives {signal} and has {error}, of which one cannot become the other.", signal=signal
+            f"{label} drives {signal} and has {error}, which cannot be converted into each other.",
+            signal=signal,
         ) from error
     return ColumnBinding(signal, *end, output, position, column.derivative, transformation, unit)
 
 
 def check_single_binding(found: Sequence[ColumnBinding]) -> None:
-    """Raise CommandError where two columns drive one signal."""
+    """Check that each signal has one binding.
+
+    Raises:
+        CommandError: If two columns drive the same signal.
+    """
     seen: set[tuple[str, str]] = set()
     for one in found:
         if (one.component, one.variable) in seen:

@@ -1,16 +1,20 @@
-"""What components of data are called, and where their signals are found."""
+"""Names of components that provide data, and of their signals."""
 
 import re
 from collections.abc import Iterable
 
 NAME = "input"
-"""What the component of a table is called; a second one is input_2."""
+"""The name of a table's component; a second one is input_2."""
 
 _OWN_NAME = re.compile(rf"{NAME}(?:_\d+)?")
 
 
 def find_data_names(names: Iterable[str]) -> dict[str, str]:
-    """The names, among these, under which data are read, by the signal in whose place they are."""
+    """Return the names of data signals by the signal that they replace.
+
+    Args:
+        names: The names to search.
+    """
     found: dict[str, str] = {}
     for name in names:
         if name.startswith(NAME):

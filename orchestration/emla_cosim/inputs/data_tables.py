@@ -1,4 +1,4 @@
-"""Tables of numbers over time, as files and programs have them."""
+"""Tables of numbers over time, from files and from Python."""
 
 import csv
 import io
@@ -21,29 +21,34 @@ from .headers import Header, read_metadata_units
 from .input import Input
 
 _LATEST = 1e100
-"""Times in s; differences of greater ones may be no numbers any more."""
+"""The largest time in s; differences of greater ones can overflow."""
 
 _PARQUET = b"PAR1"
 _NUMBER = re.compile(r"\s*[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?\s*")
 _DECIMAL_COMMA = r"^([-+]?[0-9]*),([0-9]*(?:[eE][-+]?[0-9]+)?)$", "${1}.${2}"
-"""What numbers with a decimal comma look like, and what they are without it."""
+"""A number with a decimal comma, and its replacement."""
 
 
 class DataTable:
-    """Columns of a table; `headers` are what they are called, `label` what sentences call the table."""
+    """Columns of a table. `headers` are the headers of its columns, `label` is its name in error messages."""
 
     def __init__(self, label: str, names: Sequence[str], units: Mapping[str, str] | None = None) -> None:
         self.label = label
         self.headers = [Header.of(name, (units or {}).get(name)) for name in names]
 
     def texts(self, position: int) -> polars.Series:
-        """A column as it stands in the source; of numbers, or of texts that should be some."""
+        """Return a column as in the source, with numbers or texts of numbers."""
         raise NotImplementedError
 
     def numbers(self, position: int, padded: bool = False) -> Vector:
-        """A column as finite numbers, where it is `padded` without the empty cells at its end.
+        """Return a column as finite numbers.
 
-        Raises CommandError that names row and column of whatever is none.
+        Args:
+            position: The position of the column.
+            padded: Whether to drop empty cells at its end.
+
+        Raises:
+            CommandError: If a cell is not a finite number; the message names row and column.
         """
         found = self.texts(position)
         if padded:
@@ -60,7 +65,14 @@ class DataTable:
         return numbers.to_numpy()
 
     def times(self, column: str | None) -> tuple[int, Vector]:
-        """The position of the column of times, and these in s; CommandError where they do not grow."""
+        """Return the position of the column of times, and the times in s.
+
+        Args:
+            column: The name of the column; default: `time` or `t`.
+
+        Raises:
+            CommandError: If there is no such column, or the times do not increase.
+        """
         position = self._time_column(column)
         header = self.headers[position]
         times = header.in_seconds(self.numbers(position), column, self.label)
@@ -72,15 +84,16 @@ class DataTable:
             row = int(still[0]) + 1
             raise CommandError(
                 f"{self.label} has the time {times[row]:.9g} s in row {row + 1}, after "
-                f"{times[row - 1]:.9g} s; times must grow.",
+                f"{times[row - 1]:.9g} s; times must increase.",
                 row=row + 1,
             )
         return position, times
 
     def find(self, name: str) -> int | None:
-        """The position of the column of this whole header, or else of this name; None where there is none.
+        """Return the position of a column by its whole header or by its name, None if there is none.
 
-        Raises CommandError where several have it.
+        Raises:
+            CommandError: If several columns have the name.
         """
         for called in ([h.text for h in self.headers], [h.name for h in self.headers]):
             found = [i for i, text in enumerate(called) if text == name]
@@ -103,7 +116,7 @@ class DataTable:
         if len(found) != 1:
             raise CommandError(
                 f"{self.label} has {'no column' if not found else 'several columns'} called time or t, but "
-                f'{_join_few(self.headers)}; say which has the times, as in time = "seconds".'
+                f'{_join_few(self.headers)}; name the column of times, as in time = "seconds".'
             )
         return found[0]
 
@@ -111,7 +124,7 @@ class DataTable:
         what = "nothing" if value is None or str(value).strip() == "" else f"'{str(value)[:40]}'"
         hint = ""
         if row == 0 and isinstance(value, str) and not _NUMBER.fullmatch(value):
-            hint = " (a unit belongs into the header, as in 'Force [kN]')"
+            hint = " (write units in the header, as in 'Force [kN]')"
         return CommandError(
             f"{self.label} has {what} in row {row + 1} of the column '{self.headers[position].text}'; "
             f"it must be a finite number{hint}.",
@@ -124,7 +137,7 @@ class DataTable:
 
 
 def _count_filled(column: polars.Series) -> int:
-    """How many cells there are up to the last one that is not empty."""
+    """Return the number of cells up to the last one that is not empty."""
     empty = column.is_null()
     if column.dtype == polars.String:
         empty |= column.str.strip_chars() == ""
@@ -152,7 +165,7 @@ class CsvTable(DataTable):
         except UnicodeDecodeError as error:
             raise CommandError(f"{label} is not a text in UTF-8; save it as such.") from error
         if b"\0" in content:
-            raise CommandError(f"{label} is no text; it must be CSV or Parquet.")
+            raise CommandError(f"{label} is not a text file; it must be CSV or Parquet.")
         self._content = (
             content.removeprefix(b"\xef\xbb\xbf").rstrip().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         )
@@ -168,7 +181,11 @@ class CsvTable(DataTable):
         super().__init__(label, names)
 
     def texts(self, position: int) -> polars.Series:
-        """A column of texts; CommandError where a row has more fields than the header."""
+        """Return a column of texts.
+
+        Raises:
+            CommandError: If a row has more fields than the header.
+        """
         if not self._frame.width:
             return polars.Series(dtype=polars.String)
         found = self._frame[:, position].str.strip_chars()
@@ -191,7 +208,7 @@ class CsvTable(DataTable):
             raise CommandError(f"{self.label} {self._reason()}.") from error
 
     def _reason(self) -> str:
-        """Why it cannot be read as a table."""
+        """Return why it cannot be read as a table."""
         width = len(self.headers)
         for number, row in enumerate(csv.reader(self._rows(), delimiter=self._delimiter)):
             if len(row) != width:
@@ -199,7 +216,7 @@ class CsvTable(DataTable):
         return "cannot be read as a table"
 
     def _header(self) -> str:
-        """The first line that is neither blank nor a comment; `_begin` is what follows it."""
+        """Return the first line that is neither blank nor a comment, and set `_begin` to the next line."""
         self._begin, end = 0, 0
         while end < len(self._content):
             self._begin = end
@@ -217,28 +234,32 @@ class CsvTable(DataTable):
 
 
 class ParquetTable(DataTable):
-    """A Parquet file; its metadata may have the units of its columns, as results.parquet has."""
+    """A Parquet file; its metadata can have the units of its columns, as in results.parquet."""
 
     def __init__(self, label: str, content: bytes) -> None:
         self._content = content
         try:
             names = list(polars.read_parquet_schema(io.BytesIO(content)))
             metadata = polars.read_parquet_metadata(io.BytesIO(content))
-        except Exception as error:  # polars has many kinds
+        except Exception as error:  # polars raises many types
             raise CommandError(f"{label} is not a Parquet file that can be read.") from error
         super().__init__(label, names, read_metadata_units(metadata))
         self._names = names
 
     def texts(self, position: int) -> polars.Series:
-        """A column; CommandError where the file is damaged there."""
+        """Return a column.
+
+        Raises:
+            CommandError: If it is damaged.
+        """
         try:
             return polars.read_parquet(io.BytesIO(self._content), columns=[position]).to_series()
-        except Exception as error:  # polars has many kinds
+        except Exception as error:  # polars raises many types
             raise self._wrong(position, "cannot be read") from error
 
 
 class RegisteredData(DataTable):
-    """A file in a format of `TABLES` that is neither CSV nor Parquet."""
+    """A file in a registered format of `TABLES` other than CSV and Parquet."""
 
     def __init__(self, label: str, table: Table) -> None:
         self._table = table
@@ -246,13 +267,17 @@ class RegisteredData(DataTable):
         super().__init__(label, table.names)
 
     def texts(self, position: int) -> polars.Series:
-        """A column; CommandError where the file is damaged there."""
+        """Return a column.
+
+        Raises:
+            CommandError: If it is damaged.
+        """
         name = self.headers[position].text
         return polars.Series(readable(self.label, lambda: self._table.read([name])[name]))
 
 
 class FrameTable(DataTable):
-    """Columns that a program has: a frame of polars or pandas, or a mapping of names to arrays."""
+    """Columns from Python: a frame of polars or pandas, or a mapping of names to arrays."""
 
     def __init__(self, label: str, frame: Any) -> None:
         names = list(frame) if isinstance(frame, Mapping) else list(frame.columns)
@@ -262,7 +287,11 @@ class FrameTable(DataTable):
         self._frame, self._names = frame, names
 
     def texts(self, position: int) -> polars.Series:
-        """A column; CommandError for what is no list of numbers."""
+        """Return a column.
+
+        Raises:
+            CommandError: If it is not a list of numbers.
+        """
         try:
             values = np.asarray(self._frame[self._names[position]], dtype=np.float64)
         except (TypeError, ValueError) as error:
@@ -273,16 +302,25 @@ class FrameTable(DataTable):
 
 
 def read_data(source: Input) -> DataTable:
-    """The table of an input; CommandError, one sentence, for whatever is wrong with its file."""
+    """Return the table of an input.
+
+    Raises:
+        CommandError: If its file cannot be read as a table.
+    """
     if source.file is None:
         return FrameTable(source.label, source.data)
     return read_table(source.file, "the input")
 
 
 def read_table(file: Path, what: str) -> DataTable:
-    """Return the table of a file, which messages call `what`; CommandError as in `read_data`.
+    """Return the table of a CSV or Parquet file, or of a file in a registered format.
 
-    Its format is CSV, Parquet, or another one that is registered.
+    Args:
+        file: The file.
+        what: What error messages call it.
+
+    Raises:
+        CommandError: If it cannot be read as a table.
     """
     label = f"{what} '{file}'"
     content = read_file(file, what)

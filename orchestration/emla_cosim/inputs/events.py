@@ -1,4 +1,4 @@
-"""Times at which inputs jump or bend, and how often they change: known before a run begins."""
+"""Times at which inputs jump or bend, and the distance between their rows, both known before a run."""
 
 import contextlib
 import math
@@ -14,23 +14,19 @@ from .input import Input
 from .schedules import SCHEDULES
 
 MOST = 100_000
-"""Where inputs jump more often than this, steps no longer end at every jump."""
+"""The largest number of jumps of an input at which steps end."""
 
 
 def input_events(
     sources: Sequence[Input], faults: Sequence[Fault], parameters: Mapping[str, float], stop: float
 ) -> list[float]:
-    """Return the times at which inputs jump or bend.
+    """Return the times at which inputs jump or bend, in s and in no order.
 
     Args:
-        sources: Data that drive signals; those with held values jump where a row differs from the one before.
-        faults: Faults of signals, which begin and end.
+        sources: The inputs. Held values jump at rows that differ from the row before.
+        faults: The faults, which begin and end.
         parameters: All parameters by full name, for `SCHEDULES`.
-        stop: Stop time in s.
-
-    Returns:
-        Times in s, in no order.
-
+        stop: The stop time in s.
     """
     found = [t for schedule in SCHEDULES for t in schedule(parameters)]
     for fault in faults:
@@ -44,7 +40,7 @@ def input_events(
 
 
 def row_distance(sources: Sequence[Input]) -> float:
-    """Return the shortest of the data's median distances between rows in s; infinite without data."""
+    """Return the smallest median distance of rows among the inputs in s; infinity without data."""
     distances = [np.diff(_times(source)) for source in sources if source.interpolation != "held"]
     return min((float(np.median(d)) for d in distances if d.size), default=math.inf)
 
@@ -54,20 +50,20 @@ def _times(source: Input) -> Vector:
 
 
 def _jumps(source: Input) -> Vector:
-    """Times of the rows that differ from the row before in any column of numbers."""
+    """Return the times of rows that differ from the row before in a column of numbers."""
     data = read_data(source)
     position, times = data.times(source.time)
     differs = np.zeros(len(times), dtype=bool)
     for other in range(len(data.headers)):
         if other != position:
-            with contextlib.suppress(CommandError):  # a column of texts, which drives nothing
+            with contextlib.suppress(CommandError):  # a column of texts drives nothing
                 values = data.numbers(other)
                 differs[1:] |= values[1:] != values[:-1]
     return times[differs]
 
 
 def _repeat_jumps(source: Input, jumps: Vector, stop: float) -> list[float]:
-    """The jumps, and those of all repetitions up to the stop time; none where they are too many."""
+    """Return the jumps and their repetitions up to the stop time, none if there are too many."""
     times = _times(source)
     period = float(times[-1] - times[0]) if len(times) > 1 else 0.0
     rounds = 0

@@ -1,4 +1,4 @@
-"""Headers of columns: a name, and maybe a unit behind it."""
+"""Column headers: a name with an optional unit."""
 
 import json
 import re
@@ -18,14 +18,14 @@ _HEADER = re.compile(
     re.DOTALL,
 )
 _ONE = ("-", "–", "none", "")
-"""What people write for the unit of a number without one."""
+"""Units of numbers without a unit, as users write them."""
 
 _SECONDS = SiUnit("s", (0, 0, 1, 0, 0, 0, 0, 0))
 
 
 @dataclass(frozen=True)
 class Header:
-    """A header as it is written, the name in it, and the name of the unit; None where there is none."""
+    """A header, the name in it, and the name of its unit; None without a unit."""
 
     text: str
     name: str
@@ -33,16 +33,22 @@ class Header:
 
     @classmethod
     def of(cls, text: str, unit: str | None = None) -> "Header":
-        """Force [kN], Force (kN) or Force / kN; or a name alone whose unit is known from elsewhere."""
+        """Parse `Force [kN]`, `Force (kN)` or `Force / kN`; with `unit`, the text is only a name."""
         found = _HEADER.fullmatch(text.strip()) if unit is None else None
         if found is None:
             return cls(text, text.strip(), unit)
         return cls(text, found["name"].strip(), str(found[found.lastgroup or "name"]).strip())
 
     def in_seconds(self, numbers: Vector, asked: str | None, label: str) -> Vector:
-        """Times in s; CommandError where they have a unit that measures something else.
+        """Convert the column to times in s.
 
-        `asked` is what somebody called the column, who may have named its unit.
+        Args:
+            numbers: The values.
+            asked: The user's name for the column, possibly with a unit.
+            label: What error messages call the table.
+
+        Raises:
+            CommandError: If the unit is not one of time.
         """
         declared = Header.of(asked).unit if asked is not None and asked != self.text else None
         unit = parse_data_unit(declared or self.unit, f"the time of {label}")
@@ -56,20 +62,28 @@ class Header:
 
 
 def parse_data_unit(name: str | None, label: str) -> SiUnit | None:
-    """The unit of this name, None without one; CommandError, with `label`, for a name that is none."""
+    """Return a unit by its name, None without one.
+
+    Args:
+        name: The name of the unit.
+        label: What error messages call the place of the name.
+
+    Raises:
+        CommandError: If the name is not that of a unit.
+    """
     if name is None:
         return None
     return parse_unit_name("1" if name.strip() in _ONE else name, label)
 
 
 def is_same_unit(one: str, other: str) -> bool:
-    """Whether two names mean the same unit."""
+    """Return whether two names mean the same unit."""
     units = find_unit(one), find_unit(other)
     return one == other or (units[0] is not None and units[1] is not None and units[0].measures_as(units[1]))
 
 
 def rate_of(unit: SiUnit | None, order: int) -> SiUnit | None:
-    """The unit of a time derivative: a difference, so that an offset is lost."""
+    """Return the unit of a time derivative; it has no offset, because a derivative is a difference."""
     if unit is None or order == 0 or unit.exponents is None:
         return unit
     exponents = list(unit.exponents)
@@ -78,7 +92,7 @@ def rate_of(unit: SiUnit | None, order: int) -> SiUnit | None:
 
 
 def read_metadata_units(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Units by column, as the metadata of results.parquet has them; none where it says nothing of them."""
+    """Return the units by column from metadata such as those of results.parquet, none without an entry."""
     try:
         found = json.loads(metadata.get(COLUMN_UNITS, "{}"))
     except (ValueError, RecursionError):

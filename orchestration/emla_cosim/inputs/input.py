@@ -1,4 +1,4 @@
-"""What drives signals from data, as people write it."""
+"""Inputs as users write them: data, the signals that they drive, and settings."""
 
 import dataclasses
 import re
@@ -15,29 +15,31 @@ from ..base.option import FileOrObject
 from ..recorders.registry import TABLES
 
 _TEXTS = (".tsv", ".txt", ".dat")
-"""How the names of files end that are read as CSV, beside those of `TABLES`."""
+"""File extensions read as CSV, beside those of `TABLES`."""
 
 _USUAL = {"time": None, "interpolation": "linear", "end": "hold"}
 _SETTINGS = tuple(_USUAL)
 
 
 def table_endings() -> tuple[str, ...]:
-    """Return how the names of files end that are tables."""
+    """Return the file extensions of tables."""
     return (*(f".{name.lower()}" for name in TABLES), *_TEXTS)
 
 
 def _parts(text: str) -> re.Match[str] | None:
-    """Match the file of an input, and what follows it."""
+    """Match the file of an input and the text after it."""
     endings = "|".join(map(re.escape, table_endings()))
     return re.fullmatch(rf"(?P<file>.+?(?:{endings}))(?::(?P<rest>.*))?", text, re.IGNORECASE | re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column by its name, with the unit that is declared for it, and the order of its derivative.
+    """A column, by its name.
 
-    The name may have the unit behind it, "Force [kN]", and be that of a derivative, "der(x [mm])". Without
-    a unit in either place the values are in that of the signal.
+    Attributes:
+        column: The name, possibly with a unit, "Force [kN]", or as a derivative, "der(x [mm])".
+        unit: The unit of the values; default: that in the name, otherwise that of the signal.
+        derivative: The order of the derivative that drives the signal.
     """
 
     column: str
@@ -47,13 +49,13 @@ class Column:
     def __post_init__(self) -> None:
         if self.derivative not in (0, 1, 2):
             raise CommandError(
-                f"the column '{self.column}' is asked for its derivative of order {self.derivative}; "
+                f"the derivative of the column '{self.column}' has the order {self.derivative}; "
                 "it must be 0, 1 or 2."
             )
 
     @classmethod
     def of_text(cls, text: str) -> "Column":
-        """A column by its name alone."""
+        """Return a column by its name."""
         return cls(text)
 
     def __str__(self) -> str:
@@ -63,15 +65,17 @@ class Column:
 
 @dataclass(frozen=True)
 class Input(FileOrObject):
-    """Data over time that drive signals.
+    """Data over time that drive signals. Before the first row its values hold.
 
-    The data are a `file` (CSV, Parquet, or a format of `TABLES`), or in Python `data`: a frame of polars or
-    pandas, or a mapping of names to arrays. `signals` says by full name which column drives what; without
-    it, and for what `columns` has patterns of, columns drive the signals that they are called after. `time`
-    is the column of times, without it the one called time or t; in s unless it says otherwise.
-    `interpolation` is what is between rows: held (the value of the row before), linear, or cubic (a spline).
-    `end` is what follows the last row: hold its values, repeat from the first row, or stop the run. Before
-    the first row its values hold.
+    Attributes:
+        file: A file in CSV, Parquet or a format of `TABLES`.
+        signals: The column that drives each signal, by full name of the signal.
+        columns: Patterns of columns that drive the signals of the same name. Default: all, unless there are
+            `signals`.
+        time: The column of times, in s unless it has another unit; default: `time` or `t`.
+        interpolation: The values between rows: held (that of the row before), linear, or cubic (a spline).
+        end: What follows the last row: hold its values, repeat from the first row, or stop the run.
+        data: In Python, instead of a file: a frame of polars or pandas, or a mapping of names to arrays.
     """
 
     file: Path | None = None
@@ -83,11 +87,15 @@ class Input(FileOrObject):
     data: Any = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        """Raise CommandError for what makes no sense."""
+        """Check the fields.
+
+        Raises:
+            CommandError: If a field is invalid.
+        """
         if self.file is not None:
             object.__setattr__(self, "file", Path(self.file))
         if (self.file is None) == (self.data is None):
-            raise CommandError("an input needs a file, or in Python data; it can have one of them.")
+            raise CommandError("an input needs either a file or, in Python, data.")
         if self.data is not None and not (isinstance(self.data, Mapping) or hasattr(self.data, "columns")):
             raise CommandError("the data of an input must be a frame, or a mapping of names to arrays.")
         signals = {s: c if isinstance(c, Column) else Column(str(c)) for s, c in self.signals.items()}
@@ -97,7 +105,11 @@ class Input(FileOrObject):
 
     @classmethod
     def of_text(cls, text: str) -> "Input":
-        """FILE, or FILE:SIGNAL=COLUMN,...,end=repeat as the command line has it. Raises CommandError."""
+        """Parse `FILE` or `FILE:SIGNAL=COLUMN,...,end=repeat`.
+
+        Raises:
+            CommandError: If the text has another form.
+        """
         found = _parts(text.strip())
         if found is None or not found["rest"]:
             return cls(Path(found["file"] if found is not None else text.strip()))
@@ -112,7 +124,7 @@ class Input(FileOrObject):
                     "measured.csv:lift.disturbance.F_L=Force."
                 )
             if equals and name in (settings.keys() | signals.keys()):
-                raise CommandError(f"the input '{text}' says twice what '{name}' is.")
+                raise CommandError(f"the input '{text}' sets '{name}' twice; remove one.")
             if not equals:
                 columns.append(name)
             elif name in _SETTINGS:
@@ -122,17 +134,17 @@ class Input(FileOrObject):
         return cls(Path(found["file"]), signals, columns, **settings)
 
     def within(self, folder: Path) -> "Input":
-        """With a path that is relative to a folder."""
+        """Return the input with its path relative to a folder."""
         return self if self.file is None else dataclasses.replace(self, file=folder / self.file)
 
     @property
     def label(self) -> str:
-        """What sentences call it."""
+        """Return its name in error messages."""
         return f"the input '{self.file}'" if self.file is not None else "the input of data"
 
     @property
     def is_text(self) -> bool:
-        """Whether the command line can say it too; `str` is how."""
+        """Return whether the command line can express it; if so, `str` returns the text."""
         if self.file is None:
             return False
         read = Input.of_text(str(self))
@@ -145,16 +157,16 @@ class Input(FileOrObject):
         return f"{self.file}:{','.join(parts)}" if parts else str(self.file)
 
     def record(self) -> dict[str, Any]:
-        """What run.json says of it, with the hash of the file; None in its place where it cannot be read."""
+        """Return its entry in run.json, with the hash of the file or None if the file cannot be read."""
         if self.file is None:
             return {"data": "given in Python", **self._settings_text()}
         return {"file": str(self.file), "sha256": hash_if_readable(self.file), **self._settings_text()}
 
     def repeatable(self) -> dict[str, Any] | None:
-        """Its file, and all that is said of it."""
+        """Return its file and settings."""
         return None if self.file is None else {"file": str(self.file), **self._settings_text()}
 
     def _settings_text(self) -> dict[str, Any]:
-        """What is said of the data beside where they are."""
+        """Return its settings, without the data."""
         told = {"signals": {s: str(c) for s, c in self.signals.items()}, "columns": list(self.columns)}
         return told | {name: getattr(self, name) for name in _SETTINGS}

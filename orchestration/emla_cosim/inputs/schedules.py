@@ -1,8 +1,9 @@
-"""What knows of schedules that components follow by themselves."""
+"""Registered schedules of components that change their behavior at known times."""
 
 from collections.abc import Callable, Iterable, Mapping
 
 Schedule = Callable[[Mapping[str, float]], Iterable[float]]
-"""From the parameters by full name to times in s at which something in a component begins or ends."""
+"""Returns the times in s at which a component begins or ends something, from the parameters by full name."""
 
 SCHEDULES: list[Schedule] = []
+"""The registered schedules."""

@@ -1,4 +1,4 @@
-"""Tables put into a system: their FMUs, and the connections from them."""
+"""Tables in a system: their FMUs and connections."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
@@ -24,12 +24,19 @@ from .data_tables import DataTable, read_data
 from .input import Input
 
 _LARGEST = 1e100
-"""Values of signals; differences and slopes of greater ones may be no numbers any more."""
+"""The largest value of a signal; differences and slopes of greater ones can overflow."""
 
 
 @dataclass(frozen=True)
 class LoadedInput:
-    """An input whose data were read."""
+    """An input with its data.
+
+    Attributes:
+        source: The input.
+        data: Its table.
+        time: The position of the column of times.
+        times: The times in s.
+    """
 
     source: Input
     data: DataTable
@@ -38,14 +45,24 @@ class LoadedInput:
 
     @classmethod
     def of(cls, source: Input) -> "LoadedInput":
-        """Read the data of an input; CommandError for whatever is wrong with it."""
+        """Read the data of an input.
+
+        Raises:
+            CommandError: If they cannot be read.
+        """
         data = read_data(source)
         return cls(source, data, *data.times(source.time))
 
 
 @dataclass(frozen=True)
 class WiredInputs:
-    """A system in which tables drive signals, their FMUs by component, and sentences worth knowing."""
+    """A system in which tables drive signals.
+
+    Attributes:
+        system: The system.
+        fmus: The FMUs of the tables by component.
+        notes: Messages for the user.
+    """
 
     system: System
     fmus: Mapping[str, Path]
@@ -58,11 +75,20 @@ def wire_inputs(
     interfaces: Mapping[str, Interface],
     platforms: Sequence[str],
 ) -> WiredInputs:
-    """The system with tables in it.
+    """Return the system with tables in it.
 
-    What drove an input before goes. Who reads an output that a table drives reads the table; where it
-    drives every output of a component that somebody reads, it takes the place of the component. Raises
-    CommandError for what does not fit, RunError where an FMU cannot be built.
+    A table replaces what drove an input before. Receivers of an output that a table replaces are connected to
+    the table. If it replaces all connected outputs of a component, it replaces the component.
+
+    Args:
+        system: The system.
+        tables: The inputs.
+        interfaces: The model descriptions by component.
+        platforms: The platforms of the tables' FMUs.
+
+    Raises:
+        CommandError: If a table does not fit the system.
+        RunError: If an FMU cannot be built.
     """
     found = [bind_columns(t.source, t.data, t.time, system, interfaces) for t in tables]
     check_single_binding([one for driven, _ in found for one in driven])
@@ -90,7 +116,7 @@ def wire_inputs(
 def _places(
     system: System, driven: Sequence[ColumnBinding]
 ) -> tuple[dict[str, list[ColumnBinding]], list[ColumnBinding]]:
-    """What takes the place of whole components, by their names, and the rest."""
+    """Return the bindings that replace whole components, by component, and the others."""
     outputs: dict[str, list[ColumnBinding]] = {}
     for one in driven:
         if one.output:
@@ -104,14 +130,14 @@ def _places(
 
 
 def _replace_component(system: System, name: str, fmu: Path) -> System:
-    """A table instead of a component: nothing drives it, and it has no start values."""
+    """Replace a component by a table, without connections to its inputs and without start values."""
     changed = replace(system.component(name), model="", fmu=fmu, parameters={}, aliases={})
     kept = tuple(x for x in system.connections if x.target != name)
     return replace(system.with_component(changed), connections=kept)
 
 
 def _add_component(system: System, name: str, fmu: Path, driven: Sequence[ColumnBinding]) -> System:
-    """A table as a component of its own."""
+    """Add a table as a component of its own."""
     outputs = {(one.component, one.variable): one.signal for one in driven if one.output}
     inputs = {(one.component, one.variable): one.signal for one in driven if not one.output}
     connections = [
@@ -129,17 +155,17 @@ def _add_component(system: System, name: str, fmu: Path, driven: Sequence[Column
 
 
 def _drop_driven_values(component: Component, driven: Iterable[str]) -> Component:
-    """A component without start values of inputs that are driven now."""
+    """Return a component without start values of inputs that are connected now."""
     gone = set(driven)
     kept = {n: v for n, v in component.parameters.items() if component.alias(n).variable not in gone}
     return replace(component, parameters=kept)
 
 
 def _describe_partly_replaced(name: str, driven: Sequence[ColumnBinding]) -> list[str]:
-    """Who goes on computing what nobody reads any more."""
+    """Return messages on outputs that are still computed but not used."""
     return [
-        f"{one.component} goes on computing {one.signal}, but nobody reads it: {name}.{one.signal} has the "
-        "data that are read instead."
+        f"{one.component} still computes {one.signal}, but it is not used: {name}.{one.signal} provides "
+        "the data instead."
         for one in driven
         if one.output
     ]
@@ -157,8 +183,14 @@ def _free_name(system: System) -> str:
 def _build_table_fmu(
     table: LoadedInput, driven: Sequence[tuple[ColumnBinding, str]], platforms: Sequence[str]
 ) -> Path:
-    """The FMU of what is driven, each with the name of its output."""
-    from fmublock.table import build_table  # imports much, for few runs
+    """Return the FMU of a table, which is built if necessary.
+
+    Args:
+        table: The input.
+        driven: The bindings, each with the name of its output.
+        platforms: The platforms of the FMU.
+    """
+    from fmublock.table import build_table  # slow to import, and few runs need it
 
     positions = list(dict.fromkeys(one.column for one, _ in driven))
     columns = [TableColumn(table.data.numbers(p), table.source.interpolation) for p in positions]
@@ -190,7 +222,7 @@ def _build_table_fmu(
 
 
 def _check_size(data: DataTable, one: ColumnBinding, values: Vector) -> None:
-    """Raise CommandError for values between which numbers overflow."""
+    """Raise CommandError for values so large that arithmetic could overflow."""
     unit = one.transformation
     with np.errstate(over="ignore"):
         beyond = ~(np.abs(unit.factor * values + unit.offset) <= _LARGEST)
@@ -209,11 +241,11 @@ _fmu_folders = ExitStack()
 
 @cache
 def _folder() -> Path:
-    """Where the FMUs of tables lie as long as this process lives."""
+    """Return the folder of the tables' FMUs, which is removed when this process ends."""
     return _fmu_folders.enter_context(temporary_folder("emla-tables-"))
 
 
 def find_data_end(sources: Sequence[Input]) -> float | None:
-    """When the first of the data ends that ask to stop the run, in s; None where none do."""
+    """Return the earliest end in s of inputs that stop the run, None if there are none."""
     ends = [float(LoadedInput.of(s).times[-1]) for s in sources if s.end == "stop"]
     return min(ends, default=None)

@@ -1,1 +1,1 @@
-"""What keeps a crash, a signal or another process from costing results."""
+"""Protection of results against crashes, signals and other processes."""

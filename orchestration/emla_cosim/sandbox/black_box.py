@@ -1,7 +1,7 @@
-"""What a process was doing, in memory that can outlive it.
+"""A record of what a process is doing, in memory that can outlive the process.
 
-An FMU may end its process in any call. Whoever shares this memory knows then which call it was, has the
-rows that were not written yet, and the last message.
+An FMU can end its process in any call. Another process that shares this memory then knows which call it was,
+and has the rows that were not written yet and the last message.
 """
 
 import ctypes
@@ -14,12 +14,16 @@ from typing import Any
 
 
 class Activity(ctypes.Structure):
-    """What goes on now.
+    """The current activity of a thread. Of all threads but the first, only `code` and `time` are used.
 
-    `code` says which slave does which call (0: none), `time` in s when its doStep begins. `filled` rows
-    wait to be written, and `recorded` more came since compiled code was called; they are in `room` bytes
-    of this memory, or elsewhere if that is 0. `told` is how long the messages are in bytes, and `ended`
-    is 1 when the process came to an end of its own. Of threads beside the first only `code` and `time` count.
+    Attributes:
+        code: Which instance executes which call; 0 for none.
+        time: The time in s at which its doStep begins.
+        filled: The number of rows that wait to be written.
+        recorded: The number of rows that were added since compiled code was called.
+        room: The bytes of this memory that hold the rows; 0 if they are elsewhere.
+        told: The lengths of the messages in bytes.
+        ended: 1 if the process ended normally.
     """
 
     _fields_ = (
@@ -41,26 +45,26 @@ class Activity(ctypes.Structure):
 
 
 SIZE = 64 * 2**20
-"""Bytes of memory that has room for everything; only what is used costs anything."""
+"""Bytes of memory, enough for everything; the system provides only the pages that are used."""
 
 THREADS = 32
-"""So many threads can say what they do."""
+"""The largest number of threads that can record their activity."""
 
 RUN, MEMORY = 0, 1
-"""The two messages: about the run, and what its recorders remember."""
+"""The two messages: on the run, and the state of its recorders."""
 
 _MESSAGES, _LONGEST, _ROWS = 2**12, 2**23 - 2**12, 2**24
 _APART = _MESSAGES // THREADS
 
 LONGEST_NOTE = 2**12
-"""Bytes of a message that also the smallest memory has room for."""
+"""Bytes of a message that fits into the smallest memory."""
 
 _BLANK = bytes(_MESSAGES + LONGEST_NOTE)
-"""Memory that has room for what threads say and for a short message, but for no rows."""
+"""Memory for the activities of threads and a short message, without rows."""
 
 
 def _map_activities(memory: Any) -> list[Activity]:
-    """Where every thread says what it does, at the beginning of a memory of zeros."""
+    """Return the activities of all threads, at the beginning of a memory of zeros."""
     presents = [Activity.from_buffer(memory, _APART * thread) for thread in range(THREADS)]
     for each in presents:
         each.time = math.nan
@@ -68,24 +72,24 @@ def _map_activities(memory: Any) -> list[Activity]:
 
 
 class _Box:
-    """The memory of this process: its own, until it is shared."""
+    """The memory of this process, private until it is shared."""
 
     memory: Any = None
     presents = _map_activities(bytearray(_BLANK))
 
 
 def current_activity(thread: int = 0) -> Activity:
-    """Where a thread of this process says what goes on; the first says it of the process as well."""
+    """Return the activity of a thread of this process; that of the first describes the process too."""
     return _Box.presents[thread]
 
 
 def list_busy_activities() -> list[Activity]:
-    """What all threads say that are in a call of a slave."""
+    """Return the activities of all threads that execute a call of an FMU."""
     return [each for each in _Box.presents if each.code]
 
 
 def use_shared_memory(memory: Any) -> None:
-    """Use this memory, all zeros, from now on; who took `current_activity` before does not."""
+    """Use this memory, all zeros, from now on; objects from `current_activity` still use the previous one."""
     _Box.memory, _Box.presents = memory, _map_activities(memory)
 
 
@@ -96,12 +100,20 @@ def share_file(path: Path) -> None:
 
 
 def is_shared() -> bool:
-    """Whether somebody may read a message."""
+    """Return whether another process can read messages."""
     return _Box.memory is not None
 
 
 def write_message(content: bytes, which: int = RUN) -> bool:
-    """Leave a message in place of the last one of its kind; none where it is too long. Whether it fits."""
+    """Replace the last message of a kind.
+
+    Args:
+        content: The message.
+        which: `RUN` or `MEMORY`.
+
+    Returns:
+        Whether the message fits; otherwise there is none.
+    """
     told = current_activity().told
     told[which] = 0
     first = _MESSAGES + which * _LONGEST
@@ -112,20 +124,20 @@ def write_message(content: bytes, which: int = RUN) -> bool:
 
 
 def read_message(which: int = RUN) -> bytes:
-    """The last message; empty if there is none."""
+    """Return the last message of a kind, empty if there is none."""
     first = _MESSAGES + which * _LONGEST
     return _Box.memory[first : first + current_activity().told[which]] if is_shared() else b""
 
 
 def reserve_rows(size: int) -> memoryview:
-    """Memory for so many bytes of rows, shared where it is large enough."""
+    """Return memory for `size` bytes of rows, shared if there is enough."""
     fits = is_shared() and _ROWS + size <= len(_Box.memory)
     current_activity().room = size if fits else 0
     return memoryview(_Box.memory)[_ROWS : _ROWS + size] if fits else memoryview(bytearray(size))
 
 
 class BlackBoxFile:
-    """A file that another process uses as its memory, see `share_file`, and that is read here."""
+    """A file that another process uses as its memory, see `share_file`, and this process reads."""
 
     def __init__(self) -> None:
         descriptor, name = tempfile.mkstemp(prefix="emla-call-")
@@ -134,14 +146,14 @@ class BlackBoxFile:
             stream.write(_BLANK)
 
     def present(self) -> Activity:
-        """What the process is doing, or was doing when it ended."""
+        """Return the current or last activity of the process."""
         return Activity.from_buffer_copy(self.path.read_bytes())
 
     def message(self) -> bytes:
-        """The last message; empty if there is none, or the next one is just being left."""
+        """Return the last message, empty if there is none or the process is just writing one."""
         content = self.path.read_bytes()
         return content[_MESSAGES:][: Activity.from_buffer_copy(content).told[RUN]]
 
     def close(self) -> None:
-        """Remove it."""
+        """Remove the file."""
         self.path.unlink(missing_ok=True)

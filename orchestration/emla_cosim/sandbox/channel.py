@@ -1,4 +1,4 @@
-"""Requests and answers between two processes, through a pipe each way."""
+"""Requests and answers between two processes, through one pipe for each direction."""
 
 import os
 import pickle
@@ -12,15 +12,18 @@ _HEAD = struct.Struct("=8sQ")
 _MARK = b"\x93emla\r\n\x1a"
 _BLOCK = 2**16
 _LOOK = 0.5
-"""Seconds between two looks at whether the other end is still there."""
+"""Seconds between two checks that the other process is alive."""
 
 
 class ChannelTimeoutError(Exception):
-    """The other end has not answered in time."""
+    """The other process did not answer in time."""
 
 
 class Channel:
-    """Sends and receives objects; both ends are ours, but an FMU may write to any stream it finds."""
+    """Sends and receives objects.
+
+    Both ends belong to this package, but an FMU can write to any open stream.
+    """
 
     def __init__(
         self,
@@ -28,10 +31,13 @@ class Channel:
         outgoing: IO[bytes] | None,
         alive: Callable[[], bool] | None = None,
     ) -> None:
-        """Take unbuffered streams.
+        """Use unbuffered streams.
 
-        `alive` says whether the other process is there, where its end of a stream may outlive it: what
-        it started can hold that open.
+        Args:
+            incoming: The stream to read from.
+            outgoing: The stream to write to.
+            alive: Returns whether the other process is alive. It is needed because processes that the other
+                one started can hold its end of a stream open.
         """
         assert incoming is not None
         assert outgoing is not None
@@ -43,16 +49,26 @@ class Channel:
             self._poll.register(incoming, select.POLLIN)
 
     def send(self, content: Any) -> None:
-        """Send one object; OSError where nobody listens any more."""
+        """Send one object.
+
+        Raises:
+            OSError: If the other end is closed.
+        """
         text = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
         left = memoryview(_HEAD.pack(_MARK, len(text)) + text)
         while left:
             left = left[self._outgoing.write(left) :]
 
     def receive(self, patience: float | None = None) -> Any:
-        """Wait for one object; EOFError where nobody will send any, or something else came.
+        """Wait for one object.
 
-        Raises ChannelTimeoutError where nothing comes for so many seconds, if the host can tell.
+        Args:
+            patience: The longest wait in s; default: unlimited. Without `poll` in the system there is no
+                limit.
+
+        Raises:
+            EOFError: If the other end is closed, or something else wrote to the stream.
+            ChannelTimeoutError: If no object arrives in time.
         """
         mark, length = _HEAD.unpack(self._read(_HEAD.size, patience))
         if mark != _MARK:
@@ -60,7 +76,7 @@ class Channel:
         return pickle.loads(self._read(length))
 
     def close(self) -> None:
-        """Let the other end know that nothing more will come."""
+        """Close both streams, so that the other process receives EOFError."""
         for stream in (self._outgoing, self._incoming):
             try:
                 stream.close()
@@ -71,7 +87,7 @@ class Channel:
         found = self._ahead
         while len(found) < count:
             self._wait(patience)
-            block = self._incoming.read(max(count - len(found), _BLOCK))  # what there is, mostly all of it
+            block = self._incoming.read(max(count - len(found), _BLOCK))  # mostly the whole message
             if not block:
                 raise EOFError
             found += block
@@ -79,7 +95,7 @@ class Channel:
         return found[:count]
 
     def _wait(self, patience: float | None) -> None:
-        """Wait until there is something to read, or nothing will be any more."""
+        """Wait until there is something to read, or the other end is closed."""
         if self._poll is None or self._alive is None:
             return
         until = time.monotonic() + patience if patience is not None else None
@@ -91,9 +107,9 @@ class Channel:
 
 
 def open_parent_channel() -> Channel:
-    """The channel to the parent, of a process that has it as its standard input and output.
+    """Return the channel to the parent of a process that it started with pipes as standard input and output.
 
-    What others print goes where errors go from now on.
+    All other output of this process goes to standard error from now on.
     """
     incoming, outgoing = os.dup(0), os.dup(1)
     os.dup2(2, 1)

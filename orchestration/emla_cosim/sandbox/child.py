@@ -1,4 +1,4 @@
-"""A function called in a child process, which may end, fill or never leave that process."""
+"""Functions called in a child process, because they may end it, fill its memory or never return."""
 
 import contextlib
 import multiprocessing
@@ -15,11 +15,18 @@ _CONTEXT: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "
 
 
 class Child:
-    """A process that calls `do` with a function that sends answers, and with these arguments.
+    """A child process that executes `do(send, *arguments)`; it ends when this process ends.
 
-    It divides from this one, where systems can do that, and ends when this one does. With `apart` it has a
-    group of its own, and what it starts is ended with it. `answers` gives what it sends; EOFError and
-    OSError tell that it is no more.
+    It is a fork of this process if the system supports that.
+
+    Attributes:
+        answers: Receives the objects that `do` sends; raises EOFError or OSError once the child has ended.
+
+    Args:
+        do: The function. Its first argument is a function that sends an object.
+        *arguments: The other arguments.
+        apart: Whether the child gets a process group of its own, so that `close` also ends the processes it
+            started.
     """
 
     answers: Connection
@@ -31,17 +38,17 @@ class Child:
         theirs.close()
 
     def is_alive(self) -> bool:
-        """Whether it has not ended yet."""
+        """Return whether the process is running."""
         return self._process.is_alive()
 
     def wait(self, patience: float | None = None) -> str:
-        """Wait until it ends, so many seconds at most if given; return how it ended."""
+        """Wait until the process ends, at most `patience` seconds; return how it ended."""
         self._process.join(patience)
         code = self._process.exitcode
         return describe_exit(code) if code is not None else "its end of the pipe closed"
 
     def close(self) -> None:
-        """End it, and what it started, whatever they do; it must have been started `apart`."""
+        """End the process and all that it started; requires `apart`."""
         self._process.join(0.2)
         if hasattr(os, "killpg"):
             with contextlib.suppress(OSError):
@@ -61,25 +68,25 @@ def _called(do: Callable[..., None], arguments: tuple[Any, ...], answers: Connec
         watch_parent(parent.pid, _end_all)
     do(answers.send, *arguments)
     answers.close()
-    os._exit(0)  # libraries of an FMU have no say in how this process ends
+    os._exit(0)  # exit handlers of FMU libraries must not run
 
 
 def _end_all() -> None:
-    """End the group of processes that this one belongs to."""
+    """End the process group of this process."""
     if hasattr(os, "killpg"):
         os.killpg(0, signal.SIGKILL)
     os._exit(1)
 
 
 def silence() -> None:
-    """Let nothing that this process prints be seen."""
+    """Discard all output of this process."""
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
         os.dup2(nowhere.fileno(), 2)
 
 
 def limit_memory(memory: int) -> None:
-    """Let this process have so many bytes more; no limit where systems know none."""
+    """Limit the additional memory of this process in bytes, if the system supports limits."""
     try:
         import resource
 

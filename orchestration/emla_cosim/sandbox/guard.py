@@ -1,7 +1,7 @@
-"""A parent for the process of a run, which an FMU can end with any call: somebody has to say so then.
+"""A parent process that reports how a run ended, because an FMU can end the process in any call.
 
-The run leaves what has to be known in `black_box`. Only what every Python has is imported here, and
-nothing before the process divides.
+The run leaves its state in `black_box`. This module imports only the standard library, and nothing else
+before the fork.
 """
 
 import contextlib
@@ -19,19 +19,22 @@ from .interruption import POLITE, ignore_interrupts, is_repeated_request
 from .processes import describe_exit, watch_parent
 
 _TIMEOUT = 3.0
-"""Seconds that a run has to end when it was asked to twice."""
+"""Seconds that a run has to end after the second request."""
 
 
 def run_supervised(run: Callable[[], None], rescue: Callable[[str], None]) -> None:
-    """Do `run` in a child process, and end as that ends.
+    """Call `run` in a child process, then exit with the exit code of the child.
 
-    Where it does not come to an end of its own, one more child calls `rescue` with the way it ended. Without
-    processes that can divide, or room for one more, there is no guard.
+    If the system cannot fork, or has no memory left for a child, `run` is called without supervision.
+
+    Args:
+        run: The function to call.
+        rescue: Called in another child with the way the run ended, if it did not end normally.
     """
     if not hasattr(os, "fork"):
         run()
         return
-    signal.pthread_sigmask(signal.SIG_BLOCK, POLITE)  # until somebody can answer
+    signal.pthread_sigmask(signal.SIG_BLOCK, POLITE)  # until handlers are installed
     parent = os.getpid()
     child, folder = _fork_child()
     if child == 0:
@@ -55,7 +58,7 @@ def run_supervised(run: Callable[[], None], rescue: Callable[[str], None]) -> No
 
 
 def _fork_child() -> tuple[int | None, str | None]:
-    """The child as `fork` gives it, None where there can be none; and the folder for temporary files."""
+    """Return the result of `fork`, None if it fails, and the folder for temporary files."""
     folder = None
     try:
         memory = mmap(-1, black_box.SIZE)
@@ -67,15 +70,15 @@ def _fork_child() -> tuple[int | None, str | None]:
 
 
 def _run_watched(run: Callable[[], None], parent: int) -> None:
-    """The run, which ends at once when its parent does."""
+    """Call `run`; the process ends at once when its parent ends."""
     watch_parent(parent, lambda: os.kill(os.getpid(), signal.SIGKILL))
     try:
         run()
     except SystemExit:
         black_box.current_activity().ended = 1
         raise
-    except Exception:  # nothing can be relied on, not even that Python comes to its end
-        if not black_box.current_activity().ended:  # where memory ends, so does what raises SystemExit
+    except Exception:  # the state is unknown; even a normal exit of Python may fail
+        if not black_box.current_activity().ended:  # without memory even SystemExit fails
             with contextlib.suppress(Exception):
                 traceback.print_exc()
         os._exit(1)
@@ -83,9 +86,9 @@ def _run_watched(run: Callable[[], None], parent: int) -> None:
 
 
 def _wait_for_child(child: int) -> int:
-    """The status of the child when it has ended; what asks this process to end is passed on.
+    """Wait until the child ends, pass signals on to it, and return its status.
 
-    A child that is asked twice and does not end, because an FMU does not return, is killed.
+    The second request starts a timeout, after which a child that an FMU blocks is killed.
     """
     asked = 0
 
@@ -104,7 +107,7 @@ def _wait_for_child(child: int) -> int:
 
 
 def _run_rescue(rescue: Callable[[str], None], how: str) -> None:
-    """Call `rescue` in one more child: what it loads may end its process, too, where memory has ended."""
+    """Call `rescue` in another child, because what it loads can end the process or exhaust the memory."""
     try:
         child = os.fork()
     except OSError:
@@ -114,7 +117,7 @@ def _run_rescue(rescue: Callable[[str], None], how: str) -> None:
         with contextlib.suppress(BaseException):
             rescue(how)
             for stream in (sys.stdout, sys.stderr):
-                with contextlib.suppress(OSError, ValueError):  # `rescue` has said what cannot be written
+                with contextlib.suppress(OSError, ValueError):  # `rescue` has reported write errors
                     stream.flush()
             os._exit(0)
         os._exit(1)
@@ -127,10 +130,10 @@ def _run_rescue(rescue: Callable[[str], None], how: str) -> None:
 
 
 def _temporary_folder() -> str | None:
-    """A folder for all temporary files, which then go however the run ends; None where there can be none."""
+    """Return a folder for all temporary files, removed however the run ends; None if it cannot be created."""
     try:
         folder = tempfile.mkdtemp(prefix="emla-run-")
     except OSError:
-        return None  # `tempdir` names everybody's folder now, which is not ours to remove
+        return None  # keep the default folder, which other programs share
     tempfile.tempdir = folder
     return folder

@@ -1,4 +1,4 @@
-"""Ctrl-C, or a polite end from outside, as a request that a run can answer between two steps."""
+"""Conversion of Ctrl-C and similar signals to a request that a run handles between two steps."""
 
 import math
 import signal
@@ -12,23 +12,26 @@ from typing import Any
 POLITE = [
     signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__
 ]
-"""Ctrl-C, the end that a machine or a scheduler asks for, and a terminal that is closed."""
+"""The signals of Ctrl-C, of a system or scheduler that ends the process, and of a closed terminal."""
 
 ONE_REQUEST = 0.3
-"""Seconds within which several signals are one request."""
+"""Seconds within which several signals count as one request."""
 
 
 @contextmanager
 def catch_interrupts() -> Iterator[Callable[[], bool]]:
-    """Turn the first of these signals into a flag, given as a function; the second one acts at once.
+    """Set a flag on the first of these signals; the second one raises KeyboardInterrupt.
 
-    Within another such block it is one with that: the flag is the same.
+    An inner block uses the flag of the outer one.
+
+    Yields:
+        A function that returns the flag.
     """
     if _open and threading.current_thread() is threading.main_thread():
         yield _open[-1]
         return
     requested = False
-    _LastRequest.request = -math.inf  # what came before was meant for something else
+    _LastRequest.request = -math.inf  # forget requests from before this block
 
     def request(signum: int, frame: FrameType | None) -> None:
         nonlocal requested
@@ -53,19 +56,19 @@ def catch_interrupts() -> Iterator[Callable[[], bool]]:
 
 
 _open: list[Callable[[], bool]] = []
-"""The flag of the block that has the signals, while there is one."""
+"""The flags of blocks that handle the signals."""
 
 
 @contextmanager
 def raise_on_interrupt() -> Iterator[None]:
-    """Let each of these signals raise KeyboardInterrupt, so that everything is tidied up."""
+    """Raise KeyboardInterrupt on each of these signals, so that cleanup code runs."""
     with _install_handler(_end):
         yield
 
 
 @contextmanager
 def exit_on_interrupt(end: Callable[[], None]) -> Iterator[None]:
-    """Let each of these signals call `end`: while modules are imported an exception would come to anybody."""
+    """Call `end` on each of these signals; an exception could be lost in code of imported modules."""
 
     def called(signum: int, frame: FrameType | None) -> None:
         if not is_repeated_request():
@@ -77,7 +80,7 @@ def exit_on_interrupt(end: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def defer_interrupts() -> Iterator[None]:
-    """Let these signals act at the end of the block: an exception in what C calls would be lost."""
+    """Delay these signals to the end of the block: an exception in a call from C would be lost."""
     held: list[int] = []
     try:
         with _install_handler(lambda signum, frame: held.append(signum)):
@@ -88,7 +91,7 @@ def defer_interrupts() -> Iterator[None]:
 
 
 def ignore_interrupts() -> None:
-    """From now on these signals do nothing: nothing is left that could be ended early."""
+    """Ignore these signals from now on, because the process is about to end."""
     for number in POLITE:
         signal.signal(number, signal.SIG_IGN)
 
@@ -103,7 +106,7 @@ class _LastRequest:
 
 
 def is_repeated_request() -> bool:
-    """Whether this is the last request again: it comes to a process and to its parent, which passes it on."""
+    """Return whether this signal repeats the last one: a process gets it directly and from its parent."""
     now = time.monotonic()
     if now - _LastRequest.request < ONE_REQUEST:
         return True
@@ -113,10 +116,10 @@ def is_repeated_request() -> bool:
 
 @contextmanager
 def _install_handler(handler: Any) -> Iterator[bool]:
-    """Let `handler` take the signals; whether it can."""
+    """Install a signal handler for the block; yield whether that is possible."""
     try:
         previous = {number: signal.signal(number, handler) for number in POLITE}
-    except ValueError:  # not in the main thread: signals are not ours to take
+    except ValueError:  # only the main thread can install handlers
         yield False
         return
     try:

@@ -1,4 +1,4 @@
-"""One run at a time into one folder."""
+"""A lock that allows one run at a time to write to a folder."""
 
 import json
 import os
@@ -16,17 +16,23 @@ from ..base.ownership import is_new
 
 _LOCK, _HOLDER = ".running", ".running.json"
 _BEGINS = b'{"process": '
-"""How the file begins that names the process which holds the lock."""
+"""The beginning of the file that names the process with the lock."""
 
 
 @contextmanager
 def exclusive_lock(folder: Path, heir_of: int | None = None) -> Iterator[None]:
-    """Nobody else writes to this folder meanwhile; CommandError that names the process that does.
+    """Lock a folder for the block.
 
-    The lock goes with its process, however that ends, unless an FMU started another one, which holds it
-    too then. Who goes on for the process `heir_of`, which ended, does not mind a lock of that one. Where
-    a file system knows no locks there is none. CommandError also where something else has the names that
-    the lock needs.
+    The lock ends with its process, however that ends. If an FMU started another process, that one keeps the
+    lock. Without locks in the file system the folder is not locked.
+
+    Args:
+        folder: The folder.
+        heir_of: A process that ended and whose lock is ignored.
+
+    Raises:
+        CommandError: If another process has the lock, or files that emla did not write have the names of the
+            lock's files.
     """
     _check_names(folder)
     lock = FileLock(folder / _LOCK, timeout=0)
@@ -35,7 +41,7 @@ def exclusive_lock(folder: Path, heir_of: int | None = None) -> Iterator[None]:
     except Timeout as error:
         if heir_of is None or _read_lock(folder).get("process") != heir_of:
             raise CommandError(
-                f"another run writes to '{folder}'{_holder(folder)}; wait for it, or give another folder."
+                f"another run writes to '{folder}'{_holder(folder)}. Wait for it, or choose another folder."
             ) from error
     except NotImplementedError:
         yield
@@ -45,20 +51,20 @@ def exclusive_lock(folder: Path, heir_of: int | None = None) -> Iterator[None]:
     holder = folder / _HOLDER
     try:
         began = datetime.now().astimezone().isoformat(timespec="seconds")
-        with suppress(OSError):  # the lock holds without a name
+        with suppress(OSError):  # the lock works without this file
             holder.unlink(missing_ok=True)
-            with holder.open("x", encoding="utf-8") as stream:  # never through a link
+            with holder.open("x", encoding="utf-8") as stream:  # "x" does not follow links
                 stream.write(json.dumps({"process": os.getpid(), "began": began}))
         yield
     finally:
         for left in (holder, folder / _LOCK):
-            with suppress(OSError):  # the folder may be gone, or be a file by now
+            with suppress(OSError):  # the folder may have been removed or replaced
                 left.unlink()
         lock.release()
 
 
 def _check_names(folder: Path) -> None:
-    """Raise CommandError where a file of the lock is a link, no file, or somebody else's."""
+    """Raise CommandError if a file of the lock is a link, no regular file, or not written by emla."""
     for name in (_LOCK, _HOLDER):
         place = resolve_output_path(folder / name, "the lock of the output folder")
         if not (is_new(place) or (name == _HOLDER and _is_holder(place))):
@@ -69,7 +75,7 @@ def _check_names(folder: Path) -> None:
 
 
 def _is_holder(path: Path) -> bool:
-    """Return whether a lock wrote this file; on a full disk it may have only begun to."""
+    """Return whether a lock wrote this file, possibly in part on a full disk."""
     with suppress(OSError), path.open("rb") as stream:
         head = stream.read(len(_BEGINS))
         return _BEGINS.startswith(head)
@@ -78,13 +84,13 @@ def _is_holder(path: Path) -> bool:
 
 def _holder(folder: Path) -> str:
     found = _read_lock(folder)
-    if not {"process", "began"} <= set(found):  # it is just beginning, or just over
+    if not {"process", "began"} <= set(found):  # the other run just begins or ends
         return ""
     return f", process {found['process']} since {found['began']}"
 
 
 def _read_lock(folder: Path) -> dict[str, Any]:
-    """What the holder of the lock wrote of itself; nothing where it did not."""
+    """Return what the holder of the lock wrote, empty if it wrote nothing."""
     try:
         found = json.loads((folder / _HOLDER).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Processes of our own: how one ended, and that none outlives its parent."""
+"""Helpers for child processes: environment, exit status, and the end of their parent."""
 
 import os
 import signal
@@ -9,18 +9,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 LOOK = 0.2
-"""Seconds between two looks at whether the parent is still there."""
+"""Seconds between two checks that the parent is alive."""
 
 
 def describe_exit(code: int) -> str:
-    """How a process ended, by its exit code, or minus the signal that ended it."""
+    """Return how a process ended, from its exit code or the negative signal number."""
     if code >= 0:
         return f"exit code {code}"
     return signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
 
 
 def watch_parent(parent: int, end: Callable[[], None]) -> None:
-    """Call `end` when this process has another parent, whatever else it is doing then."""
+    """Start a thread that calls `end` when the parent of this process has ended.
+
+    Args:
+        parent: The process id of the parent.
+        end: Called from the thread, whatever this process is doing.
+    """
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -31,14 +36,15 @@ def watch_parent(parent: int, end: Callable[[], None]) -> None:
 
 
 def make_environment() -> dict[str, str]:
-    """The environment of a process that finds what this one finds.
+    """Return the environment of a child process that can import what this one can.
 
-    Each folder once, and none that is gone: FMUs leave theirs behind, and the system limits the length.
+    Each folder is listed once, and removed folders are left out: FMUs leave theirs behind, and the system
+    limits the length.
     """
     folders = dict.fromkeys(folder or str(Path.cwd()) for folder in sys.path)
     return {**os.environ, "PYTHONPATH": os.pathsep.join(x for x in folders if Path(x).exists())}
 
 
 def count_cores() -> int:
-    """How many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

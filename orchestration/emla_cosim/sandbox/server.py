@@ -1,4 +1,4 @@
-"""A process that answers requests: how it is started, asked and ended, and how it serves."""
+"""A process that answers requests of its parent."""
 
 import os
 import subprocess
@@ -12,17 +12,25 @@ from .processes import describe_exit, make_environment, watch_parent
 
 
 class ServerEndedError(Exception):
-    """The process is no more; its argument is how it ended."""
+    """The process has ended; the argument says how."""
 
 
 class Server:
-    """A process that runs a module, which calls `serve`. Every method but `close` may raise ServerEndedError.
+    """A process that runs a module, which calls `serve`. All methods but `close` may raise ServerEndedError.
 
-    It finds what this process finds, and Ctrl-C in a terminal does not reach it.
+    It has the import path of this process, and Ctrl-C in a terminal does not reach it.
     """
 
     def __init__(self, module: str, *arguments: str) -> None:
-        """Start it; raises OSError."""
+        """Start the process.
+
+        Args:
+            module: The name of the module.
+            *arguments: The arguments of its command line.
+
+        Raises:
+            OSError: If the process cannot start.
+        """
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", module, *arguments],
             stdin=subprocess.PIPE,
@@ -43,16 +51,16 @@ class Server:
             raise self._ended() from error
 
     def receive(self, patience: float | None = None) -> Any:
-        """Wait for an answer; a process that gives none in so many seconds is killed."""
+        """Wait for an answer; kill the process if there is none within `patience` seconds."""
         try:
             return self._channel.receive(patience)
         except ChannelTimeoutError as error:
             raise self._killed("no answer") from error
         except EOFError as error:
-            if error.args:  # what wrote into the stream will not end by itself
+            if error.args:  # something else writes to the stream and may continue
                 raise self._killed(str(error)) from error
             raise self._ended() from error
-        except KeyboardInterrupt as error:  # twice Ctrl-C, so that a call that never returns ends
+        except KeyboardInterrupt as error:  # a second Ctrl-C ends a call that never returns
             raise self._killed("interrupted") from error
         except BaseException:  # a late answer must not be taken for that of the next request
             self.kill()
@@ -64,7 +72,7 @@ class Server:
         self._process.wait()
 
     def close(self, patience: float = 0.0) -> None:
-        """Close the streams, and kill the process if it does not end within so many seconds."""
+        """Close the streams, and kill the process if it does not end within `patience` seconds."""
         self._channel.close()
         try:
             self._process.wait(patience)
@@ -80,12 +88,13 @@ class Server:
 
 
 def serve(answer: Callable[[Any, Callable[[Any], None]], Any]) -> NoReturn:
-    """Answer the requests of the process that started this one, until that one is gone.
+    """Answer the requests of the parent process until it ends.
 
-    `answer` gets a request, and a function that sends what is to be known before the answer.
+    Args:
+        answer: Gets a request, and a function that sends objects before the answer; returns the answer.
     """
-    ignore_interrupts()  # it is the parent who ends this process
-    watch_parent(os.getppid(), lambda: os._exit(0))  # also where an FMU does not return
+    ignore_interrupts()  # the parent ends this process
+    watch_parent(os.getppid(), lambda: os._exit(0))  # even if an FMU never returns
     channel = open_parent_channel()
     while True:
         try:

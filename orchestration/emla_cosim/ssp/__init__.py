@@ -1,1 +1,1 @@
-"""System Structure and Parameterization (SSP 1.0 and 2.0): systems as documents that other tools read."""
+"""System structures of the SSP standard: reading and writing."""

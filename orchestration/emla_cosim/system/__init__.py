@@ -1,1 +1,1 @@
-"""What is simulated: components, connections, parameter values; and the scenarios built of them."""
+"""The simulated system: components, connections, start values, power bonds and faults."""

@@ -1,4 +1,4 @@
-"""Power bonds of a system: an effort that one component gives, and the flow that another answers with."""
+"""Power bonds: an effort from one component to another, and the flow in the other direction."""
 
 from dataclasses import dataclass
 
@@ -7,9 +7,9 @@ from ..base.errors import CommandError
 
 @dataclass(frozen=True)
 class Bond:
-    """Two signals by their full names whose product is a power, such as a force and a speed.
+    """Two signals, by full name, whose product is a power, such as a force and a speed.
 
-    One component gives the effort to another, which gives the flow back.
+    One component outputs the effort; the other one receives it and returns the flow.
     """
 
     effort: str
@@ -19,12 +19,20 @@ class Bond:
         return f"{self.effort} * {self.flow}"
 
     def with_names(self, **names: object) -> "Bond":
-        """Return the bond with these names in the place of their placeholders, such as {joint}."""
+        """Return the bond with its placeholders, such as {joint}, replaced by these names."""
         return Bond(self.effort.format(**names), self.flow.format(**names))
 
     @classmethod
     def read(cls, name: str, text: str) -> "Bond":
-        """Read EFFORT * FLOW, a bond of this name; CommandError for any other text."""
+        """Parse `EFFORT * FLOW`.
+
+        Args:
+            name: The name of the bond, for error messages.
+            text: The text to parse.
+
+        Raises:
+            CommandError: If the text has another form.
+        """
         effort, flow, *more = [part.strip() for part in text.split("*")] + [""]
         if not effort or not flow or any(more):
             raise CommandError(

@@ -1,4 +1,4 @@
-"""What becomes of a signal by schedule, as people write it."""
+"""Faults of signals: kinds, times and their text form."""
 
 import math
 import re
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ..base.errors import CommandError, check_choice
 
 KINDS = ("freeze", "offset", "gain", "constant")
-"""What a fault can make of a signal."""
+"""The kinds of faults."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TEXT = re.compile(
@@ -18,10 +18,17 @@ _TEXT = re.compile(
 
 @dataclass(frozen=True)
 class Fault:
-    """What becomes of a signal, by its full name, from `start` for `duration`, both in s; None is to the end.
+    """A fault of a signal.
 
-    An output fails for all its receivers, an input for itself alone. `freeze` keeps the last value;
-    `offset` adds `value`, `gain` multiplies by it, `constant` is it, in the unit of the signal.
+    A fault of an output affects all its receivers, a fault of an input only that input. `freeze` keeps the
+    last value, `offset` adds `value`, `gain` multiplies by it, and `constant` replaces the signal by it.
+
+    Attributes:
+        signal: The full name of the signal.
+        kind: One of `KINDS`.
+        start: The start time in s.
+        duration: The duration in s; None for an unlimited one.
+        value: The value, for an offset or constant in the unit of the signal; None for `freeze`.
     """
 
     signal: str
@@ -31,7 +38,11 @@ class Fault:
     value: float | None = None
 
     def __post_init__(self) -> None:
-        """Raise CommandError for what makes no sense."""
+        """Check the fields.
+
+        Raises:
+            CommandError: If a field is invalid.
+        """
         check_choice("kind of fault", self.kind, KINDS)
         of = f"the fault of {self.signal}"
         if not math.isfinite(self.start):
@@ -41,12 +52,16 @@ class Fault:
         if self.value is not None and not math.isfinite(self.value):
             raise CommandError(f"{of} has the value {self.value:g}; that must be a finite number.")
         if (self.value is None) != (self.kind == "freeze"):
-            needs = "keeps a value of its own; leave out" if self.kind == "freeze" else "needs"
+            needs = "keeps the last value of the signal; leave out" if self.kind == "freeze" else "needs"
             raise CommandError(f"{of} is of the kind {self.kind}, which {needs} a value.")
 
     @classmethod
     def of_text(cls, text: str) -> "Fault":
-        """SIGNAL=KIND:VALUE@START+DURATION, without :VALUE or +DURATION where there is none; CommandError."""
+        """Parse `SIGNAL=KIND[:VALUE]@START[+DURATION]`.
+
+        Raises:
+            CommandError: If the text has another form, or a field is invalid.
+        """
         found = _TEXT.fullmatch(text.strip())
         if found is None:
             raise CommandError(
@@ -63,5 +78,9 @@ class Fault:
 
 
 def read_faults(text: str) -> list[Fault]:
-    """Faults as the command line has them, comma between. Raises CommandError."""
+    """Parse faults separated by commas.
+
+    Raises:
+        CommandError: If one is invalid.
+    """
     return [Fault.of_text(part) for part in text.split(",")]

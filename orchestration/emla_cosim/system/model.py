@@ -1,4 +1,4 @@
-"""A system of components that are FMUs, and the connections between them."""
+"""A system of components, which are FMUs, and of the connections between them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,9 +14,12 @@ Value = float | int | bool | str
 
 @dataclass(frozen=True)
 class Alias:
-    """What the FMU calls a variable that start values and results have another name or unit for.
+    """The FMU's name and unit of a variable, if start values and results use another name or unit.
 
-    `transformation` makes the FMU's value of the one here, `unit` is the one here.
+    Attributes:
+        variable: The name in the FMU.
+        transformation: Converts a value in `unit` to the FMU's value.
+        unit: The unit of start values and results.
     """
 
     variable: str
@@ -26,13 +29,16 @@ class Alias:
 
 @dataclass(frozen=True)
 class Component:
-    """One FMU instance in a system, and the start values it gets.
+    """One FMU instance in a system, and its start values.
 
-    `name` is a path with dots, such as joint.component. `model` is the name of one of our FMUs or a
-    block of `fmublock`, which is built as one; or `fmu` is a file. `parameters` maps variable names to
-    values; enumerations by number or by the literal's name. `aliases` has those variables that the FMU
-    knows by another name or unit. `samples` says that it computes at communication points, as a digital
-    controller does: what it holds between them is no error of the coupling.
+    Attributes:
+        name: A path with dots, such as joint.component.
+        model: The name of one of our models, or a block of `fmublock` to build.
+        parameters: Start values by variable name; enumerations by number or by the name of the literal.
+        fmu: The FMU file, instead of a model.
+        aliases: The variables that have another name or unit in the FMU.
+        samples: Whether it computes at communication points, as a digital controller does. Values held
+            between them do not count as coupling errors.
     """
 
     name: str
@@ -44,17 +50,17 @@ class Component:
 
     @property
     def branch(self) -> str:
-        """What stands before the first dot of the name."""
+        """Return the part of the name before the first dot."""
         return self.name.partition(".")[0]
 
     def alias(self, name: str) -> Alias:
-        """What the FMU calls a variable that has a start value here."""
+        """Return the FMU's name and unit of a variable."""
         return self.aliases.get(name) or Alias(name)
 
 
 @dataclass(frozen=True)
 class Replacement:
-    """The FMU to use in the place of a component, and a file (SSM) that maps our names to its names."""
+    """An FMU that replaces a component, and an SSM file that maps our names to its names."""
 
     fmu: Path
     mapping: Path | None = None
@@ -67,10 +73,10 @@ class Replacement:
 
 @dataclass(frozen=True)
 class Connection:
-    """An output of one component that drives an input of another, by the names of their FMUs.
+    """An output of one component that drives an input of another one, by the names in their FMUs.
 
-    Without a `transformation`, values are converted from the output's unit to the input's; with
-    one, it makes the input of the output whatever their units.
+    Without a `transformation`, values are converted from the output's unit to the input's unit. With one, it
+    computes the input from the output, and units are ignored.
     """
 
     source: str
@@ -81,7 +87,7 @@ class Connection:
 
     @property
     def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
-        """Component and variable of both ends."""
+        """Return component and variable of both ends."""
         return (self.source, self.output), (self.target, self.input)
 
     def __str__(self) -> str:
@@ -90,7 +96,7 @@ class Connection:
 
 @dataclass(frozen=True)
 class System:
-    """Components in the order in which they are declared, and their connections; power bonds by name."""
+    """Components in the order of their declaration, their connections, and power bonds by name."""
 
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
@@ -103,11 +109,18 @@ class System:
         connections: Iterable[str] = (),
         set: Mapping[str, Value] | None = None,
     ) -> "System":
-        """A system from names: what each component is, and which output drives which input.
+        """Return a system from names.
 
-        A component is an FMU file, a block of `fmublock`, or the name of one of our models; a connection is
-        written as "lift.plant.x_L -> lift.observer.y". `set` has start values by full name. Raises
-        CommandError for names that are not there; units and types are checked when it is prepared.
+        Units and types are checked when the system is prepared.
+
+        Args:
+            components: An FMU file, a block of `fmublock`, or the name of one of our models, by component
+                name.
+            connections: Connections such as "lift.plant.x_L -> lift.observer.y".
+            set: Start values by full name.
+
+        Raises:
+            CommandError: If a name does not exist.
         """
         made = cls(tuple(_component(name, what) for name, what in components.items()), ())
         wired = replace(made, connections=tuple(made._connection(text) for text in connections))
@@ -115,30 +128,38 @@ class System:
 
     @property
     def branches(self) -> list[str]:
-        """What stands before the first dot of the components' names, in order."""
+        """Return the parts of component names before the first dot, in order."""
         return list(dict.fromkeys(c.branch for c in self.components))
 
     def __add__(self, other: "System") -> "System":
-        """Both systems side by side."""
+        """Return a system with the components, connections and bonds of both."""
         bonds = {**self.bonds, **other.bonds}
         return System(self.components + other.components, self.connections + other.connections, bonds)
 
     def component(self, name: str) -> Component:
-        """The component of this name; CommandError names the choices if there is none."""
+        """Return a component by its name.
+
+        Raises:
+            CommandError: If it does not exist.
+        """
         if name not in self._by_name:
             raise self._unknown(name)
         return self._by_name[name]
 
     def into(self, name: str) -> Sequence[Connection]:
-        """The connections that drive inputs of a component, in order."""
+        """Return the connections that drive inputs of a component, in order."""
         return self._into.get(name, ())
 
     def out_of(self, name: str) -> Sequence[Connection]:
-        """The connections that read outputs of a component, in order."""
+        """Return the connections that read outputs of a component, in order."""
         return self._out_of.get(name, ())
 
     def split(self, path: str) -> tuple[Component, str]:
-        """component.variable as component and variable name, both of which may hold dots."""
+        """Split `component.variable` into component and variable name; both names may have dots.
+
+        Raises:
+            CommandError: If the component does not exist.
+        """
         path = str(path)
         dots = (i for i in reversed(range(len(path) - 1)) if path[i] == ".")
         found = next((i for i in dots if path[:i] in self._by_name), None)  # the longest name wins
@@ -152,7 +173,11 @@ class System:
         return self._by_name[path[:found]], path[found + 1 :]
 
     def with_parameters(self, values: Mapping[str, Value]) -> "System":
-        """The system with further start values, by full name."""
+        """Return the system with further start values by full name.
+
+        Raises:
+            CommandError: If a component does not exist.
+        """
         changed: dict[str, dict[str, Value]] = {}
         for path, value in values.items():
             component, variable = self.split(path)
@@ -163,22 +188,37 @@ class System:
         return replace(self, components=tuple(components)) if changed else self
 
     def with_component(self, changed: Component) -> "System":
-        """The system with the component of this name changed."""
+        """Return the system with the component of the same name replaced by `changed`.
+
+        Raises:
+            CommandError: If there is no such component.
+        """
         self.component(changed.name)
         return replace(
             self, components=tuple(changed if c.name == changed.name else c for c in self.components)
         )
 
     def with_connections(self, *connections: str) -> "System":
-        """The system with further connections, written as in `of`; what drove their inputs goes."""
+        """Return the system with further connections, which replace those to the same inputs.
+
+        Args:
+            *connections: Connections written as in `of`.
+
+        Raises:
+            CommandError: If one is invalid.
+        """
         added = {x.ends[1]: x for x in map(self._connection, connections)}
         kept = (x for x in self.connections if x.ends[1] not in added)
         return replace(self, connections=(*kept, *added.values()))
 
     def without_connections(self, *inputs: str) -> "System":
-        """The system with nothing that drives these inputs, given by full name, so that they can be set.
+        """Return the system without the connections to these inputs, so that they accept values.
 
-        Raises CommandError for an input that nothing drives.
+        Args:
+            *inputs: Full names of inputs.
+
+        Raises:
+            CommandError: If an input is not connected.
         """
         freed = set()
         for name in inputs:
@@ -228,11 +268,11 @@ class System:
 
 
 def _component(name: str, what: str | Path | type) -> Component:
-    """A component that is a file, a block, or one of our models by its name."""
+    """Return a component from a file, a block, or the name of one of our models."""
     if isinstance(what, type):
         return Component(name, model=what)
     if not isinstance(what, (str, Path)):
-        raise CommandError(f"{name} is {what!r}; it must be an FMU file, a class of block or a model's name.")
+        raise CommandError(f"{name} is {what!r}; it must be an FMU file, a block class or a model name.")
     if isinstance(what, Path) or what.lower().endswith(".fmu"):
         return Component(name, fmu=Path(what))
     return Component(name, model=what)

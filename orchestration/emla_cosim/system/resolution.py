@@ -1,4 +1,4 @@
-"""A system in the terms of its FMUs: their names, their units, nothing left to convert."""
+"""Resolution of a system to the names and units of its FMUs."""
 
 import contextlib
 import math
@@ -13,13 +13,18 @@ from ..fmu.variables import find_variable
 from .model import Component, Connection, System, Value
 
 _UNSEEN = ("Cc", "Cs", "Zl", "Zp")
-"""Categories of Unicode: control characters, halves of other characters, ends of lines and paragraphs."""
+"""Unicode categories: control characters, surrogates, line and paragraph separators."""
 
 
 def resolve_system(system: System, interfaces: Mapping[str, Interface]) -> System:
-    """The system with the FMUs' own start values, and a transformation for every connection.
+    """Return the system with the FMUs' own start values, and a transformation for each connection.
 
-    `interfaces` has that of every component. Raises CommandError for whatever does not fit.
+    Args:
+        system: The system.
+        interfaces: The model descriptions by component.
+
+    Raises:
+        CommandError: If names, types or units do not match.
     """
     names: set[str] = set()
     for component in system.components:
@@ -41,7 +46,7 @@ def resolve_system(system: System, interfaces: Mapping[str, Interface]) -> Syste
 
 
 def _check_name(name: str) -> None:
-    """Raise CommandError for a component whose name files and messages could not show in one line."""
+    """Raise CommandError if a component name is empty or does not fit into one line of text."""
     if not name or any(unicodedata.category(letter) in _UNSEEN for letter in name):
         raise CommandError(
             f"the component {name!r} needs another name: one line, without control characters.", name=name
@@ -49,19 +54,23 @@ def _check_name(name: str) -> None:
 
 
 def refuse_driven(component: Component, system: System) -> None:
-    """Raise CommandError where a start value is given to an input that the system connects."""
+    """Check that no start value is set for a connected input of a component.
+
+    Raises:
+        CommandError: If there is one.
+    """
     for x in system.into(component.name):
         if x.input in component.parameters:
             raise CommandError(f"{x.target}.{x.input} cannot be set: it is driven by {x.source}.{x.output}.")
 
 
 def convert_to_fmu_terms(component: Component) -> Component:
-    """The component with start values as its FMU has them."""
+    """Return the component with start values in the names and units of its FMU."""
     values: dict[str, Value] = {}
     for name, value in component.parameters.items():
         alias = component.alias(name)
         if alias.transformation != IDENTITY:
-            with contextlib.suppress(ValueError):  # who sets it says what is wrong
+            with contextlib.suppress(ValueError):  # the error is raised when the value is set
                 value = alias.transformation(float(value))
         values[alias.variable] = value
     return replace(component, parameters=values, aliases={})
@@ -70,7 +79,7 @@ def convert_to_fmu_terms(component: Component) -> Component:
 def _transformation(
     connection: Connection, system: System, interfaces: Mapping[str, Interface]
 ) -> LinearTransformation:
-    """What makes the input of the output."""
+    """Return the transformation of a connection after checking types and causalities."""
     source = _type(system.component(connection.source), interfaces, connection.output, "output")
     target = _type(system.component(connection.target), interfaces, connection.input, "input")
     if source != target and (source, target) != ("Integer", "Real"):
@@ -84,7 +93,15 @@ def _transformation(
 
 
 def find_transformation(connection: Connection, interfaces: Mapping[str, Interface]) -> LinearTransformation:
-    """The transformation that a connection has, or the conversion of its units; CommandError without one."""
+    """Return the transformation of a connection, or the conversion of its units.
+
+    Args:
+        connection: The connection.
+        interfaces: The model descriptions by component.
+
+    Raises:
+        CommandError: If the units measure different things.
+    """
     if connection.transformation is not None:
         return connection.transformation
     source, target = (interfaces[component].unit(name) for component, name in connection.ends)
@@ -97,7 +114,7 @@ def find_transformation(connection: Connection, interfaces: Mapping[str, Interfa
 
 
 def _type(component: Component, interfaces: Mapping[str, Interface], name: str, causality: str) -> str:
-    """The type of a variable that is connected, and may be."""
+    """Return the type of a connected variable; raise CommandError if it cannot be connected."""
     variable = find_variable(component.name, interfaces[component.name].variables, name)
     if variable.causality != causality:
         raise CommandError(

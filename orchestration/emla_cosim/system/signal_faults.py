@@ -1,4 +1,4 @@
-"""Faults of signals by schedule: components that are put into the connections of a system."""
+"""Faults as components that are inserted into the connections of a system."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,17 +12,23 @@ from .model import Component, Connection, System, Value
 from .resolution import find_transformation
 
 MODEL = "SignalFault"
-"""The model of the components: input u, output y."""
+"""The model of these components; it has an input u and an output y."""
 
 FaultComponents = Mapping[str, Fault]
-"""Faults by the names of their components."""
+"""Faults by component name."""
 
 
 def add_fault_components(system: System, faults: Sequence[Fault]) -> tuple[System, FaultComponents]:
-    """The system with a component for each fault, connected to nothing yet.
+    """Add a component for each fault, without connections.
 
-    That of lift.plant.x_measured is lift.plant_x_measured_fault, a second one ends in _fault_2. Raises
-    CommandError for signals of components that are not there.
+    A fault of lift.plant.x_measured is the component lift.plant_x_measured_fault, a second one ends in
+    _fault_2.
+
+    Returns:
+        The system, and the faults by component.
+
+    Raises:
+        CommandError: If a component does not exist.
     """
     taken, placed = {c.name for c in system.components}, dict[str, Fault]()
     for fault in faults:
@@ -38,13 +44,18 @@ def add_fault_components(system: System, faults: Sequence[Fault]) -> tuple[Syste
 
 
 def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str, Interface]) -> System:
-    """The system with the components of `add_fault_components` in the way of their signals.
+    """Connect the components of `add_fault_components`; several faults of a signal apply in their order.
 
-    Of several on one signal the first comes first. Raises CommandError for a signal that is not there,
-    that nobody reads, or that is not continuous.
+    Args:
+        system: The system with these components.
+        placed: The faults by component.
+        interfaces: The model descriptions by component.
+
+    Raises:
+        CommandError: If a signal does not exist, is not connected, or is not continuous.
     """
     outputs = [name for name, fault in placed.items() if _is_output(system, fault, interfaces)]
-    for name in reversed(outputs):  # each goes right behind the output
+    for name in reversed(outputs):  # each is connected directly to the output
         system = _behind_output(system, name, _end(system, placed[name]), interfaces)
     for name, fault in placed.items():
         end = _end(system, fault)
@@ -64,13 +75,13 @@ def _start_values(fault: Fault) -> dict[str, Value]:
 
 
 def _end(system: System, fault: Fault) -> tuple[str, str]:
-    """Component and variable of a signal, as in connections."""
+    """Return component and variable of a signal, as in connections."""
     component, name = system.split(fault.signal)
     return component.name, component.alias(name).variable
 
 
 def _is_output(system: System, fault: Fault, interfaces: Mapping[str, Interface]) -> bool:
-    """Whether a signal is an output, and not an input; CommandError where it can have no fault."""
+    """Return whether a signal is an output; raise CommandError if it cannot have a fault."""
     component, name = _end(system, fault)
     variable = find_variable(component, interfaces[component].variables, name)
     if variable.causality not in ("output", "input"):
@@ -90,9 +101,9 @@ def _is_output(system: System, fault: Fault, interfaces: Mapping[str, Interface]
 def _behind_output(
     system: System, name: str, end: tuple[str, str], interfaces: Mapping[str, Interface]
 ) -> System:
-    """Everybody who reads an output reads the fault; units are converted behind it."""
+    """Insert a fault between an output and all its receivers, before the conversion of units."""
     if not any(x.ends[0] == end for x in system.connections):
-        raise CommandError(f"nobody reads {'.'.join(end)}, so that a fault of it would change nothing.")
+        raise CommandError(f"{'.'.join(end)} is not connected, so a fault of it would have no effect.")
     connections = (
         _convert_connection(x, interfaces, source=name, output="y") if x.ends[0] == end else x
         for x in system.connections
@@ -103,7 +114,7 @@ def _behind_output(
 def _before_input(
     system: System, name: str, end: tuple[str, str], interfaces: Mapping[str, Interface]
 ) -> System:
-    """What drives an input drives the fault; units are converted before it."""
+    """Insert a fault between an input and its source, after the conversion of units."""
     connections = (
         _convert_connection(x, interfaces, target=name, input="u") if x.ends[1] == end else x
         for x in system.connections
@@ -114,7 +125,7 @@ def _before_input(
 def _at_free_input(
     system: System, name: str, component: Component, variable: str, interfaces: Mapping[str, Interface]
 ) -> System:
-    """The fault of an input that nothing drives starts from that input's value."""
+    """Connect a fault to an unconnected input; the input's value becomes the fault's input value."""
     alias, values = component.alias(variable), dict(component.parameters)
     start = interfaces[component.name].variables[alias.variable].start
     given = values.pop(variable, None)
@@ -129,7 +140,7 @@ def _at_free_input(
 def _convert_connection(
     connection: Connection, interfaces: Mapping[str, Interface], **ends: str
 ) -> Connection:
-    """A connection with another end, which has no unit: what its units make of a value is written down."""
+    """Return a connection with another end, which has no unit: the unit conversion is made explicit."""
     transformation = connection.transformation
     if transformation is None and (between := find_transformation(connection, interfaces)) != IDENTITY:
         transformation = between

@@ -1,4 +1,4 @@
-"""Start values as people give them: by patterns, and in units of their own."""
+"""Start values as users write them: with patterns and units."""
 
 import difflib
 from collections.abc import Iterator, Mapping
@@ -10,30 +10,37 @@ from ..fmu.interface import Interface
 from .model import Component, System, Value
 
 _MOST = 20_000
-"""Among so many names near ones are looked for, which takes a while."""
+"""The largest number of names in which to search for similar ones, which is slow."""
 
 _NAMED = 3
-"""So many variables of a pattern are named."""
+"""The number of matching variables that a message lists."""
 
 
 def needs_interfaces(values: Mapping[str, Value]) -> bool:
-    """Whether it takes the FMUs' variables to know what these start values are."""
+    """Return whether the FMUs' variables are needed to resolve these start values."""
     return any(has_wildcard(name) or has_unit(value) for name, value in values.items())
 
 
 def select_plain_names(values: Mapping[str, Value]) -> dict[str, Value]:
-    """Those whose names mean one variable each."""
+    """Return the values whose names are not patterns."""
     return {name: value for name, value in values.items() if not has_wildcard(name)}
 
 
 def resolve_start_values(
     system: System, interfaces: Mapping[str, Interface], values: Mapping[str, Value]
 ) -> dict[str, Value]:
-    """Start values by full name, in the units that variables have in the system.
+    """Return start values by full name, in the units of the system's variables.
 
-    A pattern means all variables that fit and can be set: parameters and start values, but no input that is
-    driven. Names win over patterns, later patterns over earlier ones. Raises CommandError for a
-    pattern that means nothing, and for a unit that the variable cannot have.
+    A pattern matches all variables that accept a start value, except connected inputs. Names take precedence
+    over patterns, and later patterns over earlier ones.
+
+    Args:
+        system: The system.
+        interfaces: The model descriptions by component.
+        values: Start values by name or pattern.
+
+    Raises:
+        CommandError: If a pattern has no match, or a unit does not fit the variable.
     """
     if not needs_interfaces(values):
         return dict(values)
@@ -48,7 +55,7 @@ def resolve_start_values(
 
 
 def _settable(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
-    """Full names of all variables that can be set, as the system calls them."""
+    """Yield the full names of all variables that accept a start value."""
     driven = {x.ends[1] for x in system.connections}
     for component in system.components:
         interface = interfaces[component.name]
@@ -59,7 +66,7 @@ def _settable(system: System, interfaces: Mapping[str, Interface]) -> Iterator[s
 
 
 def _names(component: Component, interface: Interface) -> list[str]:
-    """The variables of a component as the system calls them."""
+    """Return the variables of a component by their names in the system."""
     others = {alias.variable for alias in component.aliases.values()}
     return [*component.aliases, *(n for n in interface.variables if n not in others)]
 
@@ -67,7 +74,7 @@ def _names(component: Component, interface: Interface) -> list[str]:
 def _match_pattern(
     pattern: str, settable: list[str], system: System, interfaces: Mapping[str, Interface]
 ) -> list[str]:
-    """The variables that a pattern means; CommandError for one that means none."""
+    """Return the variables that match a pattern; raise CommandError if there are none."""
     found = [name for name in settable if matches_pattern(name, pattern)]
     if found:
         return found
@@ -76,16 +83,16 @@ def _match_pattern(
     if fixed:
         named = [*fixed[:_NAMED], *([f"{len(fixed) - _NAMED} more"] if len(fixed) > _NAMED else [])]
         raise CommandError(
-            f"'{pattern}' means {join_names(named)}; none can be set: they are computed or driven.",
+            f"'{pattern}' matches {join_names(named)}, which cannot be set: they are computed or driven.",
             name=pattern,
         )
     near = _suggest_names(pattern, settable)
-    meant = f"did you mean {' or '.join(near)}?" if near else "* stands for anything, ? for one letter."
-    raise CommandError(f"no variable that can be set is called '{pattern}'; {meant}", name=pattern, near=near)
+    meant = f"did you mean {' or '.join(near)}?" if near else "* matches any text, ? one character."
+    raise CommandError(f"no variable that can be set matches '{pattern}'; {meant}", name=pattern, near=near)
 
 
 def _suggest_names(pattern: str, names: list[str]) -> list[str]:
-    """Names that end in about what a pattern says."""
+    """Return names whose ends are similar to a pattern."""
     if len(names) > _MOST:
         return []
     said = pattern.replace("*", "").replace("?", "").strip(".")
@@ -94,14 +101,14 @@ def _suggest_names(pattern: str, names: list[str]) -> list[str]:
 
 
 def _convert_to_unit(system: System, interfaces: Mapping[str, Interface], name: str, value: Value) -> Value:
-    """A value in the unit of its variable; CommandError for a unit that this cannot have."""
+    """Return a value in the unit of its variable; raise CommandError for a unit that does not fit."""
     if not (isinstance(value, str) and has_unit(value)):
         return value
     component, own = system.split(name)
     alias, interface = component.aliases.get(own), interfaces[component.name]
     variable = interface.variables.get(alias.variable if alias is not None else own)
     if variable is None or variable.type != "Real":
-        return value  # a text, or what setting it tells is wrong
+        return value  # a text, or an error that is raised when it is set
     unit = alias.unit if alias is not None else interface.unit(own)
     if unit is None:
         raise CommandError(f"{name} = {value} has a unit, but the variable has none; write a plain number.")

@@ -88,8 +88,8 @@ FIRST, SECOND = connection("a.y -> b.u"), connection("b.y -> b.u")
         ((A, B, connection("a.y -> b.u", linear("NaN"))), ["line", "factor nan"]),
         ((A, B, connection("a.y -> b.u", linear(1, "-INF"))), ["line", "offset -inf"]),
         ((component("a", "a.txt", type="text/plain"),), ["'a'", "type 'text/plain'"]),
-        ((component("a", "a.fmu", implementation="ModelExchange"),), ["'a' asks for ModelExchange"]),
-        ((component("a", "#b"),), ["'a' names '#b'", "no system has this id"]),
+        ((component("a", "a.fmu", implementation="ModelExchange"),), ["'a' requires ModelExchange"]),
+        ((component("a", "#b"),), ["'a' refers to '#b'", "no system has this id"]),
         ((component("a", "a.fmu"), component("a_b", "a.fmu", id="a.b"),
           system("a.b"), system("a_c", component("c", "a.fmu")), component("a_c.c", "a.fmu")),
          ["two components 'a_c.c'"]),
@@ -116,7 +116,7 @@ def test_connectors_in_a_circle(refused: Refused, tmp_path: Path, fmu: Path) -> 
     branch = system("t", component("a", "a.fmu", "u:input"), connection("in -> a.u"), ports="in:input")
     root = system("root", through, branch, leads, connection("s.out -> t.in"))
     sentence = refused(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu))
-    check(sentence, "the connections of s.out go in a circle")
+    check(sentence, "the connections of s.out form a loop")
 
 
 def test_a_component_unlike_its_system(refused: Refused, tmp_path: Path, fmu: Path) -> None:
@@ -142,7 +142,7 @@ def test_systems_inside_themselves(refused: Refused, tmp_path: Path) -> None:
         {"root": holding("#top", id="top")},
         {"root": holding("SystemStructure.ssd#top", id="top")},
     ):
-        check(refused(folder(tmp_path / "ssp", **files)), "'c' is '", "which it is part of")
+        check(refused(folder(tmp_path / "ssp", **files)), "'c' refers to '", "which contains it")
 
 
 def test_a_package_inside_itself(refused: Refused, tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_a_package_inside_itself(refused: Refused, tmp_path: Path) -> None:
     outer = folder(tmp_path / "outer", root=ssd(system("s", component("p", "inner.ssp", type=PACKAGE))))
     packed(outer / "inner.ssp", inner)
     sentence = refused(packed(tmp_path / "outer.ssp", outer))
-    check(sentence, "'SystemStructure.ssd/inner.ssp", "'c' is 'SystemStructure.ssd', which it is part of")
+    check(sentence, "'SystemStructure.ssd/inner.ssp", "'c' refers to 'SystemStructure.ssd'", "contains it")
 
 
 def test_documents_too_deep_inside_each_other(refused: Refused, tmp_path: Path) -> None:
@@ -160,7 +160,7 @@ def test_documents_too_deep_inside_each_other(refused: Refused, tmp_path: Path) 
         f"s{i}__ssd": ssd(system("s", component("c", f"s{i + 1}.ssd", type=DEFINITION))) for i in range(60)
     }
     path = folder(tmp_path / "ssp", root=ssd(system("s", component("c", "s0.ssd", type=DEFINITION))), **chain)
-    check(refused(path), "'SystemStructure.ssd/s0.ssd/", "'c' is inside of more than 50 others")
+    check(refused(path), "'SystemStructure.ssd/s0.ssd/", "'c' is nested more than 50 levels deep")
 
 
 def test_references_that_make_many_of_few(refused: Refused, tmp_path: Path) -> None:
@@ -215,7 +215,7 @@ def test_what_is_wrong_inside(refused: Refused, tmp_path: Path, fmu: Path) -> No
     for bound, words in (
         (binding(ssv(k=1.0).replace("<ssv:Real", "<ssv:Reel")), ["line", "Reel"]),
         (binding(ssv(k=1.0), ssm("<ssm:Entry/>")), ["line", "Entry"]),
-        ("<ssd:ParameterBinding/>", ["line", "ParameterBinding has neither a source nor a content"]),
+        ("<ssd:ParameterBinding/>", ["line", "ParameterBinding has neither a source nor content"]),
     ):
         root = system("root", component("a", "a.fmu", bindings=bound))
         check(refused(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu)), "SystemStructure.ssd", *words)
@@ -291,7 +291,7 @@ def test_values_that_the_fmu_cannot_have(
 @pytest.mark.parametrize(
     ("uri", "words"),
     [
-        ("missing.fmu", ["'missing.fmu'", "not there"]),
+        ("missing.fmu", ["'missing.fmu'", "does not exist"]),
         ("../a.fmu", ["'../a.fmu'", "outside"]),
         ("x/../../a.fmu", ["outside"]),
         ("%2e%2e/a.fmu", ["outside"]),
@@ -304,7 +304,7 @@ def test_values_that_the_fmu_cannot_have(
         ("http://[::1/a.fmu", ["anyURI"]),
         ("a%00.fmu", ["'a%00.fmu'", "relative"]),
         ("%", ["anyURI"]),
-        (".", ["'.'", "not there"]),
+        (".", ["'.'", "does not exist"]),
     ],
 )
 def test_uris(uri: str, words: list, refused: Refused, tmp_path: Path, fmu: Path) -> None:
@@ -332,7 +332,7 @@ def test_links_that_lead_outside(refused: Refused, tmp_path: Path, fmu: Path) ->
 def test_files_that_the_fmu_has_not(uri: str, refused: Refused, tmp_path: Path, fmu: Path) -> None:
     root = system("root", component("a", "a.fmu", bindings=binding(uri, source_base="component")))
     sentence = refused(folder(tmp_path / "ssp", root=ssd(root), a__fmu=fmu))
-    check(sentence, f"'{uri}' inside 'a.fmu'", "not there")
+    check(sentence, f"'{uri}' inside 'a.fmu'", "does not exist")
 
 
 def test_variants_that_are_not_there(refused: Refused, tmp_path: Path) -> None:

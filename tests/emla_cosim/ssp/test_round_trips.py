@@ -76,7 +76,7 @@ def test_bond_without_a_signal_is_refused(fmu_folder: Path) -> None:
         archive.extractall("unpacked")
     document = Path("unpacked/SystemStructure.ssd")
     document.write_text(document.read_text().replace(' flow="lift.plant.v_L"', ""))
-    with pytest.raises(CommandError, match="the Bond lacks 'flow'"):
+    with pytest.raises(CommandError, match="the Bond has no 'flow'"):
         load("unpacked")
 
 

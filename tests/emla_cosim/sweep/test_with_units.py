@@ -79,7 +79,7 @@ def test_patterns_several_targets_and_options_take_them_too(fmu_folder: Path) ->
         ({LEAD: "10:20 mm:3"}, "10 has no unit, but 20 mm has; give all of them a unit, or none"),
         ({LEAD: ["10 mm", 0.02]}, "0.02 has no unit, but 10 mm has"),
         ({LEAD: "1 s:2 s:3"}, "1 s has the units s and m"),
-        ({LEAD: "1 furlong:2 furlong"}, "the unit 'furlong', which is none"),
+        ({LEAD: "1 furlong:2 furlong"}, "the unknown unit 'furlong'"),
         ({"lift.plant.motor.N_p": "4 mm,5 mm"}, "4 mm has a unit, but the variable has none"),
         ({"x": {"of": [LEAD, L_D], "distribution": "values", "values": ["1 mm"]}}, "of different units"),
         (

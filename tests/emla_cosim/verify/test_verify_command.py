@@ -212,9 +212,9 @@ def test_reports_do_not_take_the_place_of_anything(plant: str, tmp_path: Path, e
     before = fmu.read_bytes()
     (tmp_path / "link.json").symlink_to(fmu)
     for arguments, said in (
-        (("--json", "x.fmu"), "the JSON report 'x.fmu' is the file to verify too; write it to another file."),
+        (("--json", "x.fmu"), "the JSON report 'x.fmu' is also the file to verify. Choose another file."),
         (("--html", "link.json"), "the page 'link.json' cannot be written: it is a symbolic link"),
-        (("--junit", "r", "--json", "r"), "the JSON report 'r' is the JUnit report too"),
+        (("--junit", "r", "--json", "r"), "the JSON report 'r' is also the JUnit report"),
         (("--json", "gone/r"), "the JSON report 'gone/r' cannot be written: there is no folder 'gone'."),
         (("--json", "."), "the JSON report '.' cannot be written"),
         (("--json", "/dev/null/x"), "cannot be written"),

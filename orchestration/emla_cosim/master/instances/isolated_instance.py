@@ -49,7 +49,7 @@ class IsolatedInstance(DescribedInstance):
         try:
             with contextlib.ExitStack() as held:
                 self._calls = held.enter_context(contextlib.closing(BlackBoxFile()))
-                self._server = Server(f"{__package__}.worker", str(self._calls.path))
+                self._server = Server(f"{__package__}.isolated_process", str(self._calls.path))
                 held.pop_all()
         except OSError as error:
             raise CommandError(f"{name} cannot have a process of its own: {error.strerror}.") from error

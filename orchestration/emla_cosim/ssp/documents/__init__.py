@@ -1,1 +1,1 @@
-"""The files of an SSP as plain data, from XML and to XML."""
+"""The files of an SSP as plain data, read from XML and written to XML."""

@@ -1,4 +1,4 @@
-"""Parameter sets (SSV) and parameter mappings (SSM) as XML."""
+"""Parameter sets (SSV) and parameter mappings (SSM): reading and writing of XML."""
 
 import math
 from collections.abc import Iterable
@@ -27,12 +27,28 @@ _FLOATS = ("Real", "Float64", "Float32")
 
 
 def parse_parameter_set(content: bytes, where: str) -> ParameterSet:
-    """An SSV file; `where` is its name in messages. Raises CommandError for what is none."""
+    """Parse an SSV file.
+
+    Args:
+        content: The content of the file.
+        where: Its name in error messages.
+
+    Raises:
+        CommandError: If it is not a valid SSV.
+    """
     return read_parameter_set(parse(content, where, "ssv"), where)
 
 
 def read_parameter_set(root: XmlElement, where: str) -> ParameterSet:
-    """A ParameterSet element; CommandError for what it may not hold."""
+    """Read a ParameterSet element.
+
+    Args:
+        root: The element.
+        where: The name of its document in error messages.
+
+    Raises:
+        CommandError: If a value is not supported or set twice.
+    """
     units = read_units(root, "ssv", where)
     parameters: dict[str, SsvParameter] = {}
     for element in children(root, "ssv:Parameters", "ssv:Parameter"):
@@ -66,7 +82,7 @@ def _value(name: str, typed: XmlElement, where: str) -> float | int | bool | str
 
 
 def add_parameter_set(root: XmlElement, parameter_set: ParameterSet) -> None:
-    """Fill a ParameterSet element."""
+    """Write a parameter set to a ParameterSet element."""
     group = add(root, "ssv:Parameters")
     for parameter in parameter_set.parameters:
         unit = parameter.unit.name if parameter.unit is not None else None
@@ -82,26 +98,42 @@ def _text(parameter: SsvParameter) -> str:
 
 
 def format_parameter_set(parameter_set: ParameterSet) -> bytes:
-    """A parameter set as an SSV file."""
+    """Return a parameter set as an SSV file."""
     root = document("ssv", name=parameter_set.name, description=parameter_set.description or None)
     add_parameter_set(root, parameter_set)
     return to_bytes(root)
 
 
 def parse_mapping(content: bytes, where: str) -> tuple[MappingEntry, ...]:
-    """An SSM file; `where` is its name in messages. Raises CommandError for what is none."""
+    """Parse an SSM file.
+
+    Args:
+        content: The content of the file.
+        where: Its name in error messages.
+
+    Raises:
+        CommandError: If it is not a valid SSM.
+    """
     return read_mapping(parse(content, where, "ssm"), where)
 
 
 def read_mapping(root: XmlElement, where: str) -> tuple[MappingEntry, ...]:
-    """A ParameterMapping element; CommandError for two entries of one target."""
+    """Read a ParameterMapping element.
+
+    Args:
+        root: The element.
+        where: The name of its document in error messages.
+
+    Raises:
+        CommandError: If two entries have the same target.
+    """
     entries: dict[str, MappingEntry] = {}
     for element in children(root, "ssm:MappingEntry"):
         source, target = element.get("source"), element.get("target")
         if target in entries:
             raise CommandError(
-                f"'{where}' line {element.sourceline} maps '{source}' to '{target}', as it does "
-                f"'{entries[target].source}'."
+                f"'{where}' line {element.sourceline} maps '{source}' to '{target}', which is already the "
+                f"target of '{entries[target].source}'."
             )
         suppress = parse_boolean(element.get("suppressUnitConversion"))
         entries[target] = MappingEntry(source, target, read_transformation(element, where), suppress)
@@ -109,7 +141,7 @@ def read_mapping(root: XmlElement, where: str) -> tuple[MappingEntry, ...]:
 
 
 def add_mapping(root: XmlElement, entries: Iterable[MappingEntry]) -> None:
-    """Fill a ParameterMapping element."""
+    """Write mapping entries to a ParameterMapping element."""
     for entry in entries:
         suppress = "true" if entry.suppress_unit_conversion else None
         element = add(
@@ -123,7 +155,7 @@ def add_mapping(root: XmlElement, entries: Iterable[MappingEntry]) -> None:
 
 
 def format_mapping(entries: Iterable[MappingEntry]) -> bytes:
-    """A mapping as an SSM file."""
+    """Return mapping entries as an SSM file."""
     root = document("ssm")
     add_mapping(root, entries)
     return to_bytes(root)

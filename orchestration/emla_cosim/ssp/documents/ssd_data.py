@@ -1,6 +1,6 @@
-"""The contents of an SSP as plain data: structure (SSD), parameter sets (SSV), mappings (SSM).
+"""The content of an SSP as plain data: structure (SSD), parameter sets (SSV), mappings (SSM).
 
-Names and meanings are those of the standard.
+Names and meanings follow the standard.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from ...base.units import LinearTransformation, SiUnit
 from ...system.bond import Bond
 
 DEFAULT_SSD = "SystemStructure.ssd"
-"""The SSD that a package has at its top; others are variants."""
+"""The main SSD of a package; others are variants."""
 
 FMU = "application/x-fmu-sharedlibrary"
 SSD = "application/x-ssp-definition"
@@ -19,7 +19,7 @@ SSP = "application/x-ssp-package"
 
 @dataclass(frozen=True)
 class TableTransformation:
-    """A mapping of single values: of Boolean, Integer or Enumeration `kind`."""
+    """A mapping of single values; `kind` is Boolean, Integer or Enumeration."""
 
     kind: str
     entries: tuple[tuple[int | bool | str, int | bool | str], ...]
@@ -40,7 +40,7 @@ class SsvParameter:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """An SSV: values by name."""
+    """The content of an SSV: a list of parameters."""
 
     name: str
     parameters: tuple[SsvParameter, ...]
@@ -49,7 +49,7 @@ class ParameterSet:
 
 @dataclass(frozen=True)
 class MappingEntry:
-    """The parameter `source` of a set is the parameter `target` of an element."""
+    """A rule that sets the parameter `target` of an element from the parameter `source` of a set."""
 
     source: str
     target: str
@@ -59,7 +59,7 @@ class MappingEntry:
 
 @dataclass(frozen=True)
 class FileReference:
-    """A file that an SSD names by its URI; `base` is SSD or component."""
+    """The URI of a file in an SSD; `base` says to what it is relative, SSD or component."""
 
     source: str
     base: str = "SSD"
@@ -67,9 +67,9 @@ class FileReference:
 
 @dataclass(frozen=True)
 class ParameterBinding:
-    """A parameter set that applies to an element, itself or as a file, and how names are mapped.
+    """The parameter set of an element, inline or as a file, and the mapping of its names.
 
-    With `renames` the sources of the mapping are what results call the variables, too.
+    With `renames`, results call the variables by the sources of the mapping too.
     """
 
     values: ParameterSet | FileReference
@@ -80,7 +80,7 @@ class ParameterBinding:
 
 @dataclass(frozen=True)
 class Connector:
-    """A variable that an element shows; `position` is relative to its corners, 0 to 1."""
+    """A connector of an element; `position` is relative to its corners, 0 to 1."""
 
     name: str
     kind: str
@@ -91,7 +91,7 @@ class Connector:
 
 @dataclass(frozen=True)
 class SsdConnection:
-    """Two connectors joined; the system's own have no element. `waypoints` are x, y in mm."""
+    """A connection of two connectors. The system's own have no element; `waypoints` are x, y in mm."""
 
     start_element: str | None
     start_connector: str
@@ -108,7 +108,7 @@ class SsdConnection:
 
 @dataclass(frozen=True)
 class Element:
-    """What all elements of a system have. `extent` is x1, y1, x2, y2 in mm, `id` unique in the file."""
+    """Common fields of all elements. `extent` is x1, y1, x2, y2 in mm, `id` is unique in the file."""
 
     name: str
     connectors: tuple[Connector, ...] = ()
@@ -119,7 +119,7 @@ class Element:
 
 @dataclass(frozen=True)
 class ComponentElement(Element):
-    """An element that is a file: an FMU, or another system (see the MIME types above)."""
+    """An element with a source file: an FMU or another system, by the MIME types above."""
 
     source: str = ""
     type: str = FMU
@@ -128,14 +128,14 @@ class ComponentElement(Element):
 
 @dataclass(frozen=True)
 class DictionaryReference(Element):
-    """An element that stands for a signal dictionary: signals that are the same wherever it is named."""
+    """A reference to a signal dictionary, whose signals are the same in all references."""
 
     dictionary: str = ""
 
 
 @dataclass(frozen=True)
 class SystemElement(Element):
-    """A system, the root or one inside another."""
+    """The root system or a nested one."""
 
     elements: tuple[Element, ...] = ()
     connections: tuple[SsdConnection, ...] = ()
@@ -144,10 +144,10 @@ class SystemElement(Element):
 
 @dataclass(frozen=True)
 class Structure:
-    """An SSD: its root system, and how to run it if it says so; times in s.
+    """An SSD: its root system, and optionally how to run it; times in s.
 
-    An annotation of ours has the full names of components that compute at communication points, `samples`,
-    and power bonds by name.
+    Our own annotation lists the components that compute at communication points (`samples`), by full name,
+    and the power bonds by name.
     """
 
     name: str

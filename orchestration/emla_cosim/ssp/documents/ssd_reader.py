@@ -1,4 +1,4 @@
-"""Structure descriptions (SSD) from XML."""
+"""Reading of structure descriptions (SSD) from XML."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -39,7 +39,15 @@ from .xml import (
 
 
 def parse_structure(content: bytes, where: str) -> Structure:
-    """An SSD file; `where` is its name in messages. Raises CommandError for what is none."""
+    """Parse an SSD file.
+
+    Args:
+        content: The content of the file.
+        where: Its name in error messages.
+
+    Raises:
+        CommandError: If it is not a valid SSD.
+    """
     root = parse(content, where, "ssd")
     reader = _Reader(where, read_units(root, "ssd", where))
     experiment = child(root, "ssd:DefaultExperiment")
@@ -60,11 +68,11 @@ def parse_structure(content: bytes, where: str) -> Structure:
 
 
 def _own(root: XmlElement, where: str, tag: str, attributes: Iterable[str]) -> Iterator[dict[str, str]]:
-    """Yield the attributes of elements in an annotation of ours; CommandError for one that lacks some."""
+    """Yield the attributes of elements in our own annotation; raise CommandError if one is missing."""
     for element in root.iterfind(f"ssd:DefaultExperiment//emla:{tag}", NAMESPACES | OWN_NAMESPACE):
         for name in attributes:
             if not element.get(name):
-                raise CommandError(f"'{where}' line {element.sourceline}: the {tag} lacks '{name}'.")
+                raise CommandError(f"'{where}' line {element.sourceline}: the {tag} has no '{name}'.")
         yield dict(element.attrib)
 
 
@@ -73,7 +81,7 @@ def _number(text: str | None) -> float | None:
 
 
 def _step_size(root: XmlElement, where: str) -> float | None:
-    """The step size that OMSimulator or libcosim were told, in s; CommandError for what is no number."""
+    """Return the step size in the annotations of OMSimulator or libcosim, in s."""
     for element, attribute in (
         ("oms:FixedStepMaster", "stepSize"),
         ("osp:FixedStepAlgorithm", "baseStepSize"),
@@ -84,13 +92,14 @@ def _step_size(root: XmlElement, where: str) -> float | None:
                 return float(found.get(attribute))
             except ValueError as error:
                 raise CommandError(
-                    f"'{where}' line {found.sourceline} has the step size '{found.get(attribute)}'."
+                    f"'{where}' line {found.sourceline} has the step size '{found.get(attribute)}'; "
+                    "it must be a number."
                 ) from error
     return None
 
 
 class _Reader:
-    """Elements of one document, with its units."""
+    """Reads the elements of one document."""
 
     def __init__(self, where: str, units: dict[str, SiUnit]) -> None:
         self._where, self._units = where, units
@@ -99,7 +108,7 @@ class _Reader:
         return CommandError(f"'{self._where}' line {element.sourceline}: {text}.")
 
     def system(self, element: XmlElement) -> SystemElement:
-        """A System element."""
+        """Read a System element."""
         return SystemElement(
             **self._common(element),
             elements=tuple(self._elements(element)),
@@ -195,12 +204,12 @@ class _Reader:
         return entries if isinstance(entries, FileReference) else read_mapping(entries, self._where)
 
     def _content(self, element: XmlElement, holder: XmlElement | None, kind: str) -> Any:
-        """The file that an element names, or what its holder has inside."""
+        """Return the reference to an element's file, or its inline content."""
         if element.get("source") is not None:
             return FileReference(element.get("source"), element.get("sourceBase", "SSD"))
         inside = holder[0] if holder is not None and len(holder) else None
         if inside is None:
-            raise self._fault(element, f"the {local_name(element)} has neither a source nor a content")
+            raise self._fault(element, f"the {local_name(element)} has neither a source nor content")
         check(inside, self._where, kind)
         return inside
 

@@ -1,4 +1,4 @@
-"""Structure descriptions (SSD) to XML."""
+"""Writing of structure descriptions (SSD) to XML."""
 
 from collections.abc import Iterable, Iterator
 
@@ -36,10 +36,10 @@ _OPEN_SIMULATION_PLATFORM = "com.opensimulationplatform"
 
 
 def format_structure(structure: Structure) -> bytes:
-    """A structure as an SSD file.
+    """Return a structure as an SSD file.
 
-    The step size is told to OMSimulator, in an annotation of every system, and to libcosim, in one of
-    the experiment. Another one there has what the standard has no element for.
+    An annotation of each system has the step size for OMSimulator, and one of the experiment has it for
+    libcosim. Another annotation of the experiment has the content that the standard does not define.
     """
     namespaces = ANNOTATION_NAMESPACES
     if structure.samples or structure.bonds:
@@ -76,7 +76,7 @@ def _units(element: Element) -> Iterator[SiUnit | None]:
 
 
 def _add_fixed_steps(system: XmlElement, step_size: float) -> None:
-    """Tell OMSimulator how to run a system; it does not read one that does not say so."""
+    """Add the settings of OMSimulator, which it requires of each system."""
     inside = add(_annotation(system, _OPENMODELICA), "oms:Annotations")
     add(
         add(inside, "oms:SimulationInformation"),

@@ -1,4 +1,4 @@
-"""XML of the SSP standard: read with care, checked against the standard's schemas, written tidily."""
+"""XML of the SSP standard: safe reading, checks against the standard's schemas, and writing."""
 
 import math
 import re
@@ -24,17 +24,17 @@ ANNOTATION_NAMESPACES = {
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
 }
-"""Namespaces of the annotations in which OMSimulator and libcosim look for the step size."""
+"""Namespaces of the annotations with the step size for OMSimulator and libcosim."""
 
 OWN_NAMESPACE = {"emla": "urn:emla-cosim:system"}
 SYSTEM = "emla-cosim.system"
-"""The type of the annotation of an experiment with what the standard has no element for."""
+"""The type of the annotation of an experiment with content that the standard does not define."""
 
 RENAMES = "emla-cosim.renames"
-"""The type of the annotation of a binding whose mapping holds for results, too."""
+"""The type of the annotation of a binding whose mapping also applies to results."""
 
 CORNERS = ("x1", "y1", "x2", "y2")
-"""Attributes of a rectangle."""
+"""The attributes of a rectangle."""
 
 _KINDS = {
     "ssd": "SystemStructureDescription",
@@ -42,24 +42,30 @@ _KINDS = {
     "ssm": "ParameterMapping",
 }
 _SCHEMAS = Path(__file__).parent / "schemas"
-"""The standard's own schemas, by version and by namespace."""
+"""The standard's schemas, by version and namespace."""
 
 _TABLES = ("Boolean", "Integer", "Enumeration")
 
 
 @cache
 def _etree() -> Any:
-    """The XML library, loaded with the first document: commands without one start faster."""
+    """Return the XML library, imported on first use so that other commands start faster."""
     from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
     return etree
 
 
 def parse(content: bytes, where: str, kind: str) -> XmlElement:
-    """The root of a document of one kind: ssd, ssv or ssm.
+    """Parse a document and return its root; nothing is downloaded.
 
-    Nothing is fetched. Raises CommandError, with `where`, for what is no such document by the
-    standard's schema, and for a document type, which may hold entities.
+    Args:
+        content: The content of the file.
+        where: Its name in error messages.
+        kind: ssd, ssv or ssm.
+
+    Raises:
+        CommandError: If the document does not follow the schema, or has a document type, which can define
+            entities.
     """
     etree = _etree()
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
@@ -68,13 +74,22 @@ def parse(content: bytes, where: str, kind: str) -> XmlElement:
     except etree.XMLSyntaxError as error:
         raise CommandError(f"'{where}' is not well-formed XML: {_short(str(error.msg))}.") from error
     if root.getroottree().docinfo.doctype:
-        raise CommandError(f"'{where}' has a document type (<!DOCTYPE), which SSP has not.")
+        raise CommandError(f"'{where}' has a document type (<!DOCTYPE), which SSP does not allow.")
     check(root, where, kind)
     return root
 
 
 def check(root: XmlElement, where: str, kind: str) -> None:
-    """Raise CommandError unless this is a document of the kind, as the standard's schema says."""
+    """Check an element against the schema of the standard.
+
+    Args:
+        root: The root element.
+        where: The name of its document in error messages.
+        kind: ssd, ssv or ssm.
+
+    Raises:
+        CommandError: If it is not valid.
+    """
     expected = f"{{{NAMESPACES[kind]}}}{_KINDS[kind]}"
     if root.tag != expected:
         raise CommandError(
@@ -95,29 +110,35 @@ def _schema(version: str, kind: str) -> Any:
 
 
 def _short(text: str) -> str:
-    """A message or tag without namespaces, in one line."""
+    """Return a message or tag in one line, without namespaces."""
     return " ".join(re.sub(r"\{[^}]*\}", "", text).split())
 
 
 def child(element: XmlElement, name: str) -> XmlElement | None:
-    """The child of a name such as ssd:Elements, if there is one."""
+    """Return the child with a name such as ssd:Elements, or None."""
     return element.find(name, NAMESPACES)
 
 
 def children(element: XmlElement, *path: str) -> Iterable[XmlElement]:
-    """The children at the end of a path of names."""
+    """Return the children at the end of a path of names."""
     return element.iterfind("/".join(path), NAMESPACES)
 
 
 def local_name(element: XmlElement) -> str:
-    """A tag without its namespace."""
+    """Return a tag without its namespace."""
     return _etree().QName(element).localname
 
 
 def read_units(root: XmlElement, owner: str, where: str) -> dict[str, SiUnit]:
-    """The units that a document defines, by name; `owner` is the prefix of its own namespace.
+    """Return the units that a document defines, by name.
 
-    Raises CommandError, with `where`, for units that nothing can be converted to.
+    Args:
+        root: The root element.
+        owner: The prefix of the document's namespace.
+        where: The name of the document in error messages.
+
+    Raises:
+        CommandError: If a unit has an invalid factor or offset.
     """
     units = {}
     for definition in children(root, f"{owner}:Units", "ssc:Unit"):
@@ -131,7 +152,16 @@ def read_units(root: XmlElement, owner: str, where: str) -> dict[str, SiUnit]:
 
 
 def read_unit(element: XmlElement, units: dict[str, SiUnit], where: str) -> SiUnit | None:
-    """The unit that an element names; CommandError if the document does not define it."""
+    """Return the unit of an element, None without one.
+
+    Args:
+        element: The element.
+        units: The units of the document.
+        where: The name of the document in error messages.
+
+    Raises:
+        CommandError: If the document does not define the unit.
+    """
     name = element.get("unit")
     if name is None:
         return None
@@ -143,7 +173,7 @@ def read_unit(element: XmlElement, units: dict[str, SiUnit], where: str) -> SiUn
 
 
 def _finite(element: XmlElement, attribute: str, default: str, where: str) -> float:
-    """A number that is neither infinite nor NaN, as the schema would allow; CommandError otherwise."""
+    """Return a finite number; raise CommandError for infinity and NaN, which the schema allows."""
     value = float(element.get(attribute, default))
     if not math.isfinite(value):
         raise CommandError(f"'{where}' line {element.sourceline} has the {attribute} {value}.")
@@ -151,7 +181,11 @@ def _finite(element: XmlElement, attribute: str, default: str, where: str) -> fl
 
 
 def read_transformation(element: XmlElement, where: str) -> Transformation | None:
-    """The transformation inside a connection or a mapping entry; CommandError if it is not finite."""
+    """Return the transformation of a connection or mapping entry, None without one.
+
+    Raises:
+        CommandError: If a number is not finite.
+    """
     linear = child(element, "ssc:LinearTransformation")
     if linear is not None:
         return LinearTransformation(
@@ -169,12 +203,18 @@ def read_transformation(element: XmlElement, where: str) -> Transformation | Non
 
 
 def parse_boolean(text: str | None) -> bool:
-    """A Boolean attribute, false without one."""
+    """Return the value of a Boolean attribute; default: false."""
     return text is not None and text.strip() in ("true", "1")
 
 
 def document(kind: str, more: dict[str, str] | None = None, /, **attributes: str | None) -> XmlElement:
-    """The root of a new document, with all namespaces that it may need."""
+    """Return the root of a new document, with all namespaces that it can need.
+
+    Args:
+        kind: ssd, ssv or ssm.
+        more: Additional namespaces.
+        **attributes: The attributes of the root; None leaves one out.
+    """
     namespaces = {p: NAMESPACES[p] for p in ("ssd", "ssc", "ssv", "ssm")} | (more or {})
     root = _etree().Element(f"{{{NAMESPACES[kind]}}}{_KINDS[kind]}", nsmap=namespaces)
     _set(root, {"version": "1.0", **attributes})
@@ -182,7 +222,13 @@ def document(kind: str, more: dict[str, str] | None = None, /, **attributes: str
 
 
 def add(parent: XmlElement, tag: str, /, **attributes: str | None) -> XmlElement:
-    """A new child with a tag such as ssd:Elements; attributes that are None are left out."""
+    """Add a child element and return it.
+
+    Args:
+        parent: The parent element.
+        tag: A name such as ssd:Elements.
+        **attributes: Its attributes; None leaves one out.
+    """
     prefix, local = tag.split(":")
     namespace = parent.nsmap[prefix]
     element = _etree().SubElement(parent, f"{{{namespace}}}{local}")
@@ -196,12 +242,12 @@ def _set(element: XmlElement, attributes: dict[str, str | None]) -> None:
             continue
         try:
             element.set(name, value)
-        except ValueError as error:  # control characters, and halves of others
+        except ValueError as error:  # control characters and surrogates
             raise CommandError(f"the {name} {value!r} has a character that XML cannot hold.") from error
 
 
 def add_units(parent: XmlElement, owner: str, units: Iterable[SiUnit | None]) -> None:
-    """Define the units, each once and in the order of their names."""
+    """Add definitions of units, each once and sorted by name."""
     named = {unit.name: unit for unit in units if unit is not None}
     if not named:
         return
@@ -215,7 +261,7 @@ def add_units(parent: XmlElement, owner: str, units: Iterable[SiUnit | None]) ->
 
 
 def add_transformation(parent: XmlElement, transformation: Transformation | None) -> None:
-    """The transformation inside a connection or a mapping entry."""
+    """Add the transformation of a connection or mapping entry."""
     if isinstance(transformation, LinearTransformation):
         factor, offset = transformation.factor, transformation.offset
         add(
@@ -231,17 +277,17 @@ def add_transformation(parent: XmlElement, transformation: Transformation | None
 
 
 def format_text(value: object) -> str:
-    """A Boolean, a whole number or a text as XML has it."""
+    """Return a Boolean, a whole number or a text in XML syntax."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def format_float(value: float) -> str:
-    """A number with the digits that bring it back."""
+    """Return a number with all digits needed to restore it."""
     return repr(float(value)).removesuffix(".0")
 
 
 def to_bytes(root: XmlElement) -> bytes:
-    """A document as a file."""
+    """Return a document as the content of a file."""
     etree = _etree()
     etree.cleanup_namespaces(root)
     etree.indent(root, space="  ")

@@ -1,1 +1,1 @@
-"""From an SSP, whoever wrote it, to a flat system of FMUs."""
+"""Conversion of SSP files from any tool to a flat system of FMUs."""

@@ -1,4 +1,4 @@
-"""Values that parameter bindings give to the variables of FMUs."""
+"""Values that parameter bindings assign to variables of FMUs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ from .wiring import Node, Path_, Wiring, node_name
 
 @dataclass(frozen=True)
 class _GivenValue:
-    """A value for a connector or variable; of several, the one with the highest rank counts.
+    """A value for a connector or variable; of several, the one with the highest rank applies.
 
-    The rank is the height of the system whose binding it is, and then its place in the file.
+    The rank consists of the height of the system with the binding, and of the position in the file.
     """
 
     parameter: SsvParameter
@@ -33,9 +33,12 @@ class _GivenValue:
 
 @dataclass(frozen=True)
 class BoundValue:
-    """The start value of a variable, in its own unit, and the parameter that it was made of.
+    """The start value of a variable, in the unit of the variable.
 
-    `entry` is the one of the mapping that the FMU's component has for it, if there is one.
+    Attributes:
+        value: The value.
+        parameter: The parameter from which it was computed.
+        entry: The entry in the mapping of the FMU's component, if there is one.
     """
 
     value: Value
@@ -46,9 +49,12 @@ class BoundValue:
 def resolve_bindings(
     root: SystemElement, wiring: Wiring
 ) -> tuple[dict[Path_, dict[str, BoundValue]], list[str]]:
-    """Start values of every FMU by path and variable, and parameters that nobody has.
+    """Return the start values of each FMU by path and variable, and the unused parameters.
 
-    A variable that an output drives gets none. Raises CommandError for units that do not fit.
+    A variable that is connected to an output gets no value.
+
+    Raises:
+        CommandError: If units do not match.
     """
     collected = _CollectedBindings(wiring)
     collected.element(root, ())
@@ -57,7 +63,7 @@ def resolve_bindings(
         for name in filter(fmu.interface.is_settable, fmu.interface.variables):
             chain = list(wiring.chain((path, name)))
             if chain[-1][0] in wiring.fmus and len(chain) > 1:
-                continue  # an output drives it
+                continue  # connected to an output
             given = [(collected.given[node], node) for node in chain if node in collected.given]
             if given:
                 best, node = max(given, key=lambda g: g[0].rank)
@@ -68,7 +74,7 @@ def resolve_bindings(
 
 
 class _CollectedBindings:
-    """All bindings of a structure, by the connector or variable that they are for."""
+    """All bindings of a structure, by connector or variable."""
 
     def __init__(self, wiring: Wiring) -> None:
         self._wiring = wiring
@@ -78,7 +84,7 @@ class _CollectedBindings:
         self._count = 0
 
     def element(self, element: Element, path: Path_) -> None:
-        """Take the bindings of an element and of all inside; outer ones override inner ones."""
+        """Add the bindings of an element and its content; outer bindings override inner ones."""
         if isinstance(element, SystemElement):
             for inside in element.elements:
                 self.element(inside, (*path, inside.name))
@@ -86,7 +92,7 @@ class _CollectedBindings:
             self._binding(binding, element, path)
 
     def unused(self) -> list[str]:
-        """Parameters that matched nothing, each with its set."""
+        """Return the parameters without a matching variable, each with the name of its set."""
         return [
             f"{s.name}: {p.name}"
             for s, names in self._matched.items()
@@ -109,7 +115,7 @@ class _CollectedBindings:
                     self.given[node] = _GivenValue(parameter, entry, (-len(path), self._count))
 
     def _node(self, element: Element, path: Path_, name: str) -> Node | None:
-        """What a hierarchical name means, seen from an element."""
+        """Return the connector or variable of a hierarchical name, relative to an element."""
         if isinstance(element, ComponentElement):
             interface = self._wiring.fmus[path].interface
             return (path, name) if name in interface.variables and interface.is_settable(name) else None
@@ -123,7 +129,7 @@ class _CollectedBindings:
         return None
 
     def _beginning(self, system: SystemElement, path: Path_, name: str) -> list[Element]:
-        """The elements of a system with whose name and a dot a name begins, in order."""
+        """Return the elements of a system whose name and a dot begin this name, in order."""
         if path not in self._inside:
             self._inside[path] = {e.name: (i, e) for i, e in enumerate(system.elements)}
         inside = self._inside[path]
@@ -132,7 +138,7 @@ class _CollectedBindings:
 
 
 def _targets(mapping: object) -> Callable[[str], Sequence[tuple[str, MappingEntry | None]]]:
-    """What parameters of a set are called in the element: none of those that a mapping does not have."""
+    """Return a function from parameter names to names in the element; a mapping leaves out all others."""
     if not isinstance(mapping, tuple):
         return lambda name: [(name, None)]
     targets: dict[str, list[tuple[str, MappingEntry | None]]] = {}
@@ -142,7 +148,7 @@ def _targets(mapping: object) -> Callable[[str], Sequence[tuple[str, MappingEntr
 
 
 def _value(wiring: Wiring, given: _GivenValue, node: Node, variable: Node) -> Value:
-    """The value for a variable that was given to it, or to a connector in its chain."""
+    """Return the value of a variable from a value of the variable or of a connector in its chain."""
     value = given.parameter.value
     table = given.entry.transformation if given.entry is not None else None
     if isinstance(table, TableTransformation):
@@ -156,9 +162,17 @@ def _value(wiring: Wiring, given: _GivenValue, node: Node, variable: Node) -> Va
 def build_transformation(
     wiring: Wiring, parameter: SsvParameter, entry: MappingEntry | None, node: Node, variable: Node
 ) -> LinearTransformation:
-    """What makes the value of a variable of a parameter that was given to a node in its chain.
+    """Return the transformation from a parameter of a node to a variable behind it.
 
-    `entry` is that of the mapping, with no table. Raises CommandError for units that do not fit.
+    Args:
+        wiring: The connections.
+        parameter: The parameter.
+        entry: The entry in the mapping, without a table.
+        node: A connector in the chain of the variable.
+        variable: The variable.
+
+    Raises:
+        CommandError: If units do not match.
     """
     total, unit = IDENTITY, None
     if entry is None or not entry.suppress_unit_conversion:

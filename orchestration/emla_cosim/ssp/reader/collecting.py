@@ -1,4 +1,4 @@
-"""All connectors and connections of a structure, checked one by one."""
+"""Collection and checks of all connectors and connections of a structure."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,13 +19,18 @@ from .wiring import Fmu, Node, Path_, Wiring, node_name
 _GIVES = ("output", "calculatedParameter")
 _TAKES = ("input", "parameter", "structuralParameter")
 _TYPES = {"Float64": "Real", "Int32": "Integer"}
-"""Types of SSP 2.0 that FMI 2.0 calls otherwise."""
+"""Types of SSP 2.0 with another name in FMI 2.0."""
 
 
 def collect_wiring(root: SystemElement, where: str) -> Wiring:
-    """The wiring of a loaded structure, whose name in messages is `where`.
+    """Return the wiring of a loaded structure.
 
-    Raises CommandError for connectors and connections that do not fit.
+    Args:
+        root: The root system.
+        where: The name of the structure in error messages.
+
+    Raises:
+        CommandError: If connectors or connections do not match.
     """
     wiring = Wiring(where)
     _Elements(wiring).add(root, ())
@@ -41,7 +46,7 @@ class _Elements:
         self._interfaces: dict[str, Interface] = {}
 
     def add(self, element: Element, path: Path_) -> None:
-        """Add an element and all inside."""
+        """Add an element and its content."""
         wiring = self._wiring
         if isinstance(element, ComponentElement):
             wiring.fmus[path] = Fmu(path, element, self._interface(element.source))
@@ -62,7 +67,7 @@ class _Elements:
         return self._interfaces[source]
 
     def _check(self, connector: Connector, fmu: Fmu) -> None:
-        """Raise CommandError where a connector and the FMU's variable differ."""
+        """Raise CommandError if a connector and the FMU's variable differ."""
         name = f"the connector {node_name((fmu.path, connector.name))}"
         variable = fmu.interface.variables.get(connector.name)
         if variable is None:
@@ -80,7 +85,7 @@ class _Elements:
 
 @dataclass(frozen=True)
 class _ConnectionEnd:
-    """One end of a connection, and whether it gives or takes values there."""
+    """One end of a connection: whether it provides or accepts values."""
 
     node: Node
     gives: bool
@@ -88,7 +93,7 @@ class _ConnectionEnd:
 
 
 class _Level:
-    """The connections of one system; `dictionaries` are the signal dictionaries around it, by name."""
+    """The connections of one system; `dictionaries` are the signal dictionaries of outer systems, by name."""
 
     def __init__(
         self, wiring: Wiring, system: SystemElement, path: Path_, dictionaries: Mapping[str, Path_]
@@ -100,7 +105,7 @@ class _Level:
         self._connectors = {n: {c.name: c for c in o.connectors} for n, o in self._owners.items()}
 
     def connect(self) -> None:
-        """Add the connections of the system and of those inside."""
+        """Add the connections of the system and of inner systems."""
         drivers = self._wiring.drivers
         for connection in self._system.connections:
             source, target = self._directed(connection)
@@ -113,7 +118,7 @@ class _Level:
                 _Level(self._wiring, element, (*self._path, name), self._dictionaries).connect()
 
     def _directed(self, connection: SsdConnection) -> tuple[Node, Node]:
-        """Who drives whom: that does not depend on which end is the start."""
+        """Return source and target of a connection; the start need not be the source."""
         start = self._end(connection, connection.start_element, connection.start_connector)
         end = self._end(connection, connection.end_element, connection.end_connector)
         if start.gives and end.takes:
@@ -137,7 +142,7 @@ class _Level:
             return _ConnectionEnd(node, gives=True, takes=True)
         kind = connectors[name].kind
         gives, takes = kind in _GIVES, kind in _TAKES
-        if element is None:  # what a system takes it gives to what is inside
+        if element is None:  # inputs of a system are sources inside of it
             return _ConnectionEnd((self._path, name), gives=takes, takes=gives)
         return _ConnectionEnd(((*self._path, element), name), gives, takes)
 
@@ -150,13 +155,14 @@ class _Level:
         return found
 
     def _share(self, node: Node, connector: Connector) -> None:
-        """Make a connector of a reference the signal of its dictionary; all have one unit."""
+        """Use one connector for all references to a signal of a dictionary, and check that units agree."""
         known = self._wiring.connectors.setdefault(node, connector)
         if known.unit is None:
             self._wiring.connectors[node] = connector
         elif connector.unit not in (None, known.unit):
             raise self._wiring.fault(
-                f"the signal '{node[1]}' is in {known.unit} and in {connector.unit}, by its references."
+                f"the signal '{node[1]}' has the unit {known.unit} in one reference and {connector.unit} "
+                "in another one."
             )
 
     def _fault(self, connection: SsdConnection, text: str) -> CommandError:

@@ -1,4 +1,4 @@
-"""From an SSP to a flat system of FMUs."""
+"""Conversion of an SSP to a flat system of FMUs."""
 
 import contextlib
 from collections.abc import Iterator
@@ -17,10 +17,17 @@ from .wiring import Fmu, Node, Path_, Wiring
 
 @dataclass(frozen=True)
 class SspDocument:
-    """What an SSP says: the flat system, and how to run it where it does; times in s.
+    """The content of an SSP: the flat system, and how to run it.
 
-    `notes` are sentences on what was read but means nothing. FMUs of a package are in the folder
-    `unpacked`.
+    Attributes:
+        name: The name of the structure.
+        description: Its description.
+        system: The flat system.
+        start_time: The start time in s, if specified.
+        stop_time: The stop time in s, if specified.
+        step_size: The step size in s, if specified.
+        notes: Messages on content that has no effect.
+        unpacked: The temporary folder of the unpacked FMUs; None if nothing was unpacked.
     """
 
     name: str
@@ -35,11 +42,13 @@ class SspDocument:
 
 @contextlib.contextmanager
 def read_ssp(path: Path) -> Iterator[SspDocument]:
-    """Read a package, a folder or an SSD; FMUs that were packed are there until the end of the block.
+    """Read a package, a folder or an SSD. Unpacked FMUs exist until the end of the block.
 
-    A component is called by the names of its elements with dots between, `lift.plant` for `plant` in
-    the system `lift`; at the top level also `lift_plant` with the id `lift.plant` is. Raises
-    CommandError for whatever is wrong, missing or not supported.
+    A component has the names of its elements with dots, such as `lift.plant` for `plant` in the system
+    `lift`. A top-level element `lift_plant` with the id `lift.plant` is also called `lift.plant`.
+
+    Raises:
+        CommandError: If something is invalid, missing or not supported.
     """
     with contextlib.ExitStack() as held:
         package = held.enter_context(open_package(path))
@@ -63,13 +72,13 @@ def _document(structure: Structure, package: Package) -> SspDocument:
         start_time=structure.start_time,
         stop_time=structure.stop_time,
         step_size=structure.step_size,
-        notes=[f"no variable is called as the parameter {name}" for name in unused],
+        notes=[f"the parameter {name} matches no variable" for name in unused],
         unpacked=package.unpacked,
     )
 
 
 def _names(wired: Wiring) -> dict[Path_, str]:
-    """The names of all components; CommandError for two of the same name."""
+    """Return the names of all components; raise CommandError for duplicates."""
     names: dict[Path_, str] = {}
     taken: set[str] = set()
     for path, fmu in wired.fmus.items():
@@ -84,7 +93,7 @@ def _names(wired: Wiring) -> dict[Path_, str]:
 
 
 def _component(wired: Wiring, name: str, fmu: Fmu, values: dict[str, BoundValue]) -> Component:
-    """A component with its values, called as its own mapping calls them."""
+    """Return a component with its values, by the names of its own mapping."""
     aliases = _aliases(wired, fmu, values)
     sources = {alias.variable: source for source, alias in aliases.items()}
     parameters = {}
@@ -97,10 +106,10 @@ def _component(wired: Wiring, name: str, fmu: Fmu, values: dict[str, BoundValue]
 
 
 def _aliases(wired: Wiring, fmu: Fmu, values: dict[str, BoundValue]) -> dict[str, Alias]:
-    """Other names and units that the mappings of a component give to its variables.
+    """Return the names and units that the mappings of a component define for its variables.
 
-    They are those of a replaced component, whose bindings say so. What is no other name for one
-    variable is left out: its value is given to the FMU's variable.
+    Only bindings of replaced components define them. Entries that are not the only name of one variable are
+    left out; their value is set by the name of the FMU's variable.
     """
     variables = fmu.interface.variables
     found = {
@@ -135,7 +144,7 @@ def _aliases(wired: Wiring, fmu: Fmu, values: dict[str, BoundValue]) -> dict[str
 
 
 def _source(binding: ParameterBinding, name: str) -> SsvParameter:
-    """The parameter of a binding that its mapping calls by this name; one without a unit if there is none."""
+    """Return the parameter of a binding by its name in the mapping, or a parameter without a unit."""
     values = binding.values
     parameters = values.parameters if isinstance(values, ParameterSet) else ()
     found = (p for p in parameters if f"{binding.prefix}{p.name}" == name)
@@ -143,23 +152,23 @@ def _source(binding: ParameterBinding, name: str) -> SsvParameter:
 
 
 def _connection(wired: Wiring, target: Node, names: dict[Path_, str]) -> Connection | None:
-    """What drives an input of an FMU, through all systems between; None if nothing does."""
+    """Return the connection to an input of an FMU through all systems between, None if there is none."""
     *_, source = wired.chain(target)
     if source[0] not in wired.fmus:
         return None
     transformation = wired.arriving(target, source)
-    usual = _unit_conversion(wired, source, target)
+    default = _unit_conversion(wired, source, target)
     return Connection(
         names[source[0]],
         source[1],
         names[target[0]],
         target[1],
-        None if transformation == usual else transformation,
+        None if transformation == default else transformation,
     )
 
 
 def _unit_conversion(wired: Wiring, source: Node, target: Node) -> object:
-    """The transformation by units alone; None where there is none."""
+    """Return the conversion of units; None if they cannot be converted."""
     try:
         return find_conversion(wired.fmu_unit(source), wired.fmu_unit(target))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Where the files of an SSP are: a package, a folder, or an SSD beside its resources."""
+"""Access to the files of an SSP: a package, a folder, or an SSD with its resources."""
 
 import contextlib
 import posixpath
@@ -14,14 +14,18 @@ from ...fmu.unpack import UnsafeArchiveError, unpack
 from ..documents.ssd_data import DEFAULT_SSD
 
 _LARGEST_INSIDE = 2**26
-"""Bytes that a parameter file inside an FMU may have."""
+"""The largest size of a parameter file inside an FMU in bytes."""
 
 
 @dataclass(frozen=True)
 class Package:
-    """A folder that files may come from, and the SSD to read; `name` is for messages.
+    """An SSD, and the folder that its files must be in.
 
-    What was unpacked is in the folder `unpacked`, which nobody needs to see.
+    Attributes:
+        folder: The folder.
+        ssd: The SSD to read.
+        name: The name in error messages.
+        unpacked: The temporary folder with the unpacked package, if there is one.
     """
 
     folder: Path
@@ -30,9 +34,14 @@ class Package:
     unpacked: Path | None = None
 
     def file(self, uri: str, where: str) -> Path:
-        """The file that a relative URI in `where` names, from the folder of the SSD.
+        """Return the path of a file.
 
-        Raises CommandError for other URIs, for what is not there, and for all outside the folder.
+        Args:
+            uri: A URI relative to the folder of the SSD.
+            where: The document with the URI, for error messages.
+
+        Raises:
+            CommandError: If the URI is not relative, or the file does not exist or is outside the folder.
         """
         path = _relative(uri)
         if path is None:
@@ -43,12 +52,12 @@ class Package:
         if not found.is_relative_to(self.folder.resolve()):
             raise CommandError(f"'{where}' names '{uri}', which is outside the package.")
         if not found.is_file():
-            raise CommandError(f"'{where}' names the file '{uri}', which is not there.")
+            raise CommandError(f"'{where}' names the file '{uri}', which does not exist.")
         return found
 
 
 def _relative(uri: str) -> str | None:
-    """The path of a URI that is relative; None for all others."""
+    """Return the path of a relative URI, None for other URIs."""
     try:
         parts = urlsplit(uri)
     except ValueError:
@@ -60,10 +69,14 @@ def _relative(uri: str) -> str | None:
 
 @contextlib.contextmanager
 def open_package(path: Path, variant: str = "") -> Iterator[Package]:
-    """Open a package (.ssp), a folder, or an SSD; what was unpacked is removed afterwards.
+    """Open a package (.ssp), a folder, or an SSD; unpacked files are removed at the end of the block.
 
-    `variant` or `PACKAGE#Variant.ssd` chooses another SSD than SystemStructure.ssd. Raises CommandError
-    where there is nothing to read.
+    Args:
+        path: The file or folder; `PACKAGE#Variant.ssd` selects a variant, too.
+        variant: The name of an SSD other than SystemStructure.ssd.
+
+    Raises:
+        CommandError: If there is no SSD to read.
     """
     file, variant = (path, variant) if variant else _variant(path)
     name = f"{file}#{variant}" if variant else str(file)
@@ -94,7 +107,7 @@ def _unpack(file: Path, folder: Path) -> None:
         raise CommandError(f"the package '{file}' {error}.") from error
     except OSError as error:
         raise CommandError(f"'{file}' cannot be unpacked: {error.strerror or error}.") from error
-    except Exception as error:  # whatever zip readers raise
+    except Exception as error:  # zipfile raises many types
         raise CommandError(f"'{file}' is not an SSP that can be read: {error}.") from error
 
 
@@ -112,7 +125,16 @@ def _package(folder: Path, variant: str, name: str) -> Package:
 
 
 def read_inside_fmu(fmu: Path, uri: str, where: str) -> bytes:
-    """The content of a file inside an FMU; CommandError where it is not there."""
+    """Return the content of a file inside an FMU.
+
+    Args:
+        fmu: The FMU file.
+        uri: The path inside the FMU.
+        where: The document with the URI, for error messages.
+
+    Raises:
+        CommandError: If the file does not exist or cannot be read.
+    """
     try:
         with zipfile.ZipFile(fmu) as archive:
             entry = archive.getinfo(posixpath.normpath(unquote(uri)))
@@ -120,8 +142,8 @@ def read_inside_fmu(fmu: Path, uri: str, where: str) -> bytes:
                 return archive.read(entry)
     except KeyError as error:
         raise CommandError(
-            f"'{where}' names the file '{uri}' inside '{fmu.name}', which is not there."
+            f"'{where}' names the file '{uri}' inside '{fmu.name}', which does not exist."
         ) from error
-    except Exception as error:  # whatever zip readers raise
+    except Exception as error:  # zipfile raises many types
         raise CommandError(f"'{uri}' inside '{fmu.name}' cannot be read: {error}.") from error
     raise CommandError(f"'{uri}' inside '{fmu.name}' is larger than {_LARGEST_INSIDE // 2**20} MiB.")

@@ -1,4 +1,4 @@
-"""An SSP with everything that it names: parameter files read, systems in other files put in place."""
+"""Loading of a structure with the files that it names: parameter files and nested systems."""
 
 import contextlib
 import itertools
@@ -25,24 +25,31 @@ from ..documents.ssd_reader import parse_structure
 from .package import Package, open_package, read_inside_fmu
 
 _DEEPEST = 50
-"""How many documents may be inside each other."""
+"""The largest depth of nested documents."""
 _MOST = 10_000
-"""How many components a structure may have; references can make many of few."""
+"""The largest number of components; references can turn few into many."""
 
 
 def load_structure(package: Package, held: contextlib.ExitStack) -> Structure:
-    """The structure of a package, in which components are FMUs only and bindings have their values.
+    """Return the structure of a package, with FMUs as its only components and values in its bindings.
 
-    The source of a component is the path of its file. Packages inside are open as long as `held`.
-    Raises CommandError for what is missing, not supported, or inside itself.
+    The source of a component is the path of its file. Nested packages stay open as long as `held`.
+
+    Args:
+        package: The package.
+        held: Closes nested packages.
+
+    Raises:
+        CommandError: If something is missing, not supported, or contains itself.
     """
     return _Loader(package, held, (), itertools.count(1)).structure()
 
 
 class _Loader:
-    """Loads one SSD; `around` are the files of the SSDs that it is inside of, and ids within them.
+    """Loads one SSD.
 
-    `count` numbers the components of the whole structure.
+    `around` lists the outer SSD files, with ids within them. `count` numbers the components of the whole
+    structure.
     """
 
     def __init__(
@@ -60,7 +67,7 @@ class _Loader:
         return CommandError(f"'{self._where}': {text}")
 
     def structure(self) -> Structure:
-        """The structure with all that it names."""
+        """Return the structure with its files."""
         read = self._parse_ssd()
         return replace(read, system=self._system(read.system))
 
@@ -92,7 +99,8 @@ class _Loader:
                 return self._other_document(element)
             case other:
                 raise self._fault(
-                    f"the component '{element.name}' is of type '{other}'; this master runs FMUs and systems."
+                    f"the component '{element.name}' is of type '{other}'; this master supports FMUs and "
+                    "systems."
                 )
 
     def _fmu(self, component: ComponentElement) -> ComponentElement:
@@ -100,8 +108,8 @@ class _Loader:
             raise self._fault(f"the component '{component.name}' has no source.")
         if component.implementation not in ("any", "CoSimulation"):
             raise self._fault(
-                f"the component '{component.name}' asks for {component.implementation}; this "
-                "master does CoSimulation."
+                f"the component '{component.name}' requires {component.implementation}; this "
+                "master supports CoSimulation."
             )
         fmu = self._package.file(component.source, self._where)
         return replace(
@@ -117,7 +125,7 @@ class _Loader:
         found = self._by_id.get(unquote(id_))
         if found is None:
             raise self._fault(
-                f"the component '{component.name}' names '{component.source}', and no system has this id."
+                f"the component '{component.name}' refers to '{component.source}', but no system has this id."
             )
         return found
 
@@ -139,14 +147,14 @@ class _Loader:
         around = self._around or (f"{self._package.ssd.resolve()}#",)
         if file in around:
             raise self._fault(
-                f"the component '{component.name}' is '{component.source}', which it is part of."
+                f"the component '{component.name}' refers to '{component.source}', which contains it."
             )
         if len(around) > _DEEPEST:
-            raise self._fault(f"the component '{component.name}' is inside of more than {_DEEPEST} others.")
+            raise self._fault(f"the component '{component.name}' is nested more than {_DEEPEST} levels deep.")
         return _Loader(self._package, self._held, (*around, file), self._count)
 
     def _insert_system(self, component: ComponentElement, system: SystemElement) -> SystemElement:
-        """A system in the place of the component that names it; the component's bindings come last."""
+        """Return a system under the name of the component that refers to it, with its bindings last."""
         own = tuple(self._binding(b, None) for b in component.bindings)
         connectors = {c.name: c for c in system.connectors}
         for connector in component.connectors:
@@ -163,7 +171,7 @@ class _Loader:
     def _join_connectors(
         self, outside: Connector, inside: Connector | None, component: ComponentElement
     ) -> Connector:
-        """A component's connector and that of the system it is; CommandError where they do not match."""
+        """Return the connector of a component and its system; raise CommandError if they differ."""
         name = f"the connector '{outside.name}' of the component '{component.name}'"
         if inside is None:
             raise self._fault(f"{name} is not one of '{component.source}'.")
@@ -184,7 +192,7 @@ class _Loader:
         return replace(binding, values=values, mapping=mapping)
 
     def _read_reference(self, reference: FileReference, fmu: Path | None) -> tuple[bytes, str]:
-        """Content and name of a file."""
+        """Return content and name of a file."""
         if reference.base == "component" and fmu is not None:
             content = read_inside_fmu(fmu, reference.source, self._where)
             return content, f"{fmu.name}/{reference.source}"

@@ -1,4 +1,4 @@
-"""The connections of nested systems: from every input of an FMU back to where its values come from."""
+"""The connections of nested systems, from each input of an FMU back to its source."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from ..documents.ssd_data import (
 
 Path_ = tuple[str, ...]
 Node = tuple[Path_, str]
-"""A connector: names of the elements from the root system inwards, and its own name."""
+"""A connector: the names of its elements from the root system inwards, and its own name."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,14 @@ class Fmu:
 
 @dataclass
 class Wiring:
-    """All connectors of a structure and who drives whom."""
+    """All connectors and connections of a structure.
+
+    Attributes:
+        where: The name of the structure in error messages.
+        fmus: The components by path.
+        connectors: The declared connectors.
+        drivers: The source of each connected connector, and the connection.
+    """
 
     where: str
     fmus: dict[Path_, Fmu] = field(default_factory=dict)
@@ -38,38 +45,42 @@ class Wiring:
     drivers: dict[Node, tuple[Node, SsdConnection]] = field(default_factory=dict)
 
     def fault(self, text: str) -> CommandError:
-        """What is wrong with the structure."""
+        """Return an error about the structure."""
         return CommandError(f"'{self.where}': {text}")
 
     def unit(self, node: Node) -> SiUnit | None:
-        """The unit of a connector: the one it declares, that of the FMU's variable, or of what it drives."""
+        """Return the unit of a connector: the declared one, that of the FMU's variable, or of its targets."""
         declared = self.connectors[node].unit if node in self.connectors else None
         if declared is not None:
             return declared
         return self.fmu_unit(node) if node[0] in self.fmus else self._unit_inside(node)
 
     def _unit_inside(self, node: Node) -> SiUnit | None:
-        """The unit of all connectors inside a system that its own connector drives, if it is one."""
+        """Return the unit of all inner connectors that a system's connector drives, if they have the same."""
         inside = (target for target in self._driven.get(node, ()) if target[0][:-1] == node[0])
         units = {self.unit(target) for target in inside}
         return units.pop() if len(units) == 1 else None
 
     @cached_property
     def _driven(self) -> dict[Node, list[Node]]:
-        """What each connector drives, when all connections are there."""
+        """Return the targets of each connector; valid once all connections are collected."""
         found: dict[Node, list[Node]] = {}
         for target, (source, _) in self.drivers.items():
             found.setdefault(source, []).append(target)
         return found
 
     def fmu_unit(self, node: Node) -> SiUnit | None:
-        """The unit of the FMU's variable behind a connector, if there is one."""
+        """Return the unit of the FMU's variable behind a connector, if there is one."""
         path, name = node
         fmu = self.fmus.get(path)
         return fmu.interface.unit(name) if fmu is not None and name in fmu.interface.variables else None
 
     def chain(self, node: Node) -> Iterator[Node]:
-        """A connector, what drives it, what drives that, and so on; CommandError if it goes in a circle."""
+        """Yield a connector, its source, the source of that, and so on.
+
+        Raises:
+            CommandError: If the connections form a loop.
+        """
         seen = set()
         while True:
             yield node
@@ -78,13 +89,20 @@ class Wiring:
                 return
             node = self.drivers[node][0]
             if node in seen:
-                raise self.fault(f"the connections of {node_name(node)} go in a circle.")
+                raise self.fault(f"the connections of {node_name(node)} form a loop.")
 
     def arriving(self, node: Node, origin: Node, given: SiUnit | None = None) -> LinearTransformation:
-        """What makes the values of a variable of the values at `origin`, which is in its chain.
+        """Return the transformation from `origin` to a variable behind it.
 
-        At both ends values are in the unit of the FMU's variable, or of the connector if it has none.
-        `given` is the unit at `origin` where that has none.
+        At both ends, values have the unit of the FMU's variable, or that of the connector if there is none.
+
+        Args:
+            node: The variable.
+            origin: A connector in its chain.
+            given: The unit at `origin`, if it has none.
+
+        Raises:
+            CommandError: If a transformation is not supported, or units do not match.
         """
         nodes = list(self.chain(node))
         nodes = nodes[: nodes.index(origin) + 1]
@@ -98,14 +116,14 @@ class Wiring:
     def _passed(
         self, total: LinearTransformation, unit: SiUnit | None, target: Node
     ) -> tuple[LinearTransformation, SiUnit | None]:
-        """What arrives at a connector through the connection that drives it."""
+        """Return transformation and unit behind the connection to a connector."""
         _, connection = self.drivers[target]
         declared = self.unit(target)
         transformation = connection.transformation or IDENTITY
         if isinstance(transformation, TableTransformation):
             raise self.fault(
                 f"the connection {connection} has a {transformation.kind}MappingTransformation, which this "
-                "master does not do."
+                "master does not support."
             )
         if connection.suppress_unit_conversion:
             return transformation.after(total), declared
@@ -128,6 +146,6 @@ class Wiring:
 
 
 def node_name(node: Node) -> str:
-    """A connector in messages."""
+    """Return the name of a connector for error messages."""
     path, name = node
     return ".".join((*path, name))

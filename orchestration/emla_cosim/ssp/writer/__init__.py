@@ -1,1 +1,1 @@
-"""From a system of FMUs to an SSP that other tools run and draw."""
+"""Conversion of a system of FMUs to an SSP that other tools can run and draw."""

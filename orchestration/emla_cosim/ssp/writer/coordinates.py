@@ -1,4 +1,4 @@
-"""Coordinates for a system, its elements, connectors and connections."""
+"""Coordinates of systems, elements, connectors and connections."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,7 +8,7 @@ from .layout import layout, route
 
 
 def add_coordinates(system: SystemElement) -> SystemElement:
-    """With coordinates for everything inside."""
+    """Return the system with coordinates for its elements, connectors and connections."""
     if not system.elements:
         return system
     links = [
@@ -33,7 +33,7 @@ def _sides(element: Element) -> tuple[list[str], list[str]]:
 
 
 def _position_connectors(connectors: Sequence[Connector]) -> tuple[Connector, ...]:
-    """Inputs at the left side, outputs at the right, evenly from top to bottom."""
+    """Place inputs at the left side and outputs at the right side, evenly spaced."""
     count = {kind: sum(1 for c in connectors if c.kind == kind) for kind in ("input", "output")}
     seen = {"input": 0, "output": 0}
     placed = []

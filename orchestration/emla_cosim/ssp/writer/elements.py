@@ -1,4 +1,4 @@
-"""From a system of FMUs to the elements of an SSP."""
+"""Conversion of a system of FMUs to the elements of an SSP."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,12 +12,18 @@ from ..documents import ssd_data as ssp
 from .coordinates import add_coordinates
 
 _LETTERS = "A-Z_a-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u3001-\ud7ff"
-"""What an id in XML may begin with, as a set of a regular expression."""
+"""The characters that an XML id can begin with, for a set of a regular expression."""
 
 
 @dataclass(frozen=True)
 class StructurePart:
-    """What the structure has to know of a component: its FMU, its URI there and its binding."""
+    """The FMU of a component.
+
+    Attributes:
+        interface: The model description.
+        source: The URI in the package.
+        bindings: The parameter bindings.
+    """
 
     interface: Interface
     source: str
@@ -26,7 +32,7 @@ class StructurePart:
 
 @dataclass(frozen=True)
 class _ComponentPlace:
-    """Where a component is: the names of its elements, from the root inwards."""
+    """A component and its path: the names of its elements from the root inwards."""
 
     path: tuple[str, ...]
     component: Component
@@ -34,7 +40,7 @@ class _ComponentPlace:
 
 @dataclass(frozen=True)
 class _PlacedConnection:
-    """A connection between two places, by their paths."""
+    """A connection with the paths of its ends."""
 
     source: tuple[str, ...]
     target: tuple[str, ...]
@@ -42,7 +48,12 @@ class _PlacedConnection:
 
 
 def order_system(system: System, nested: bool) -> System:
-    """The system with components and connections in the order in which the structure has them."""
+    """Return the system with components and connections in the order of the structure.
+
+    Args:
+        system: The system.
+        nested: Whether the dots in component names create nested systems.
+    """
     if not nested:
         return system
     first: dict[tuple[str, ...], int] = {}
@@ -64,11 +75,20 @@ def order_system(system: System, nested: bool) -> System:
 def build_root_system(
     name: str, system: System, parts: Mapping[str, StructurePart], nested: bool
 ) -> ssp.SystemElement:
-    """The root system for a resolved system, whose `parts` are by component name.
+    """Return the root system of a resolved system.
 
-    Flat, `lift.plant` is an element `lift_plant` with the id `lift.plant`, or with its own name where
-    that can be no id; nested, it is `plant` in a system `lift`, which has connectors where it is
-    connected with others.
+    In a flat structure, `lift.plant` is an element `lift_plant` with the id `lift.plant`; it keeps its name
+    if that is not a valid id. In a nested structure, it is `plant` in a system `lift` with connectors for its
+    connections.
+
+    Args:
+        name: The name of the root system.
+        system: The resolved system.
+        parts: The FMUs by component.
+        nested: Whether the structure is nested.
+
+    Raises:
+        CommandError: If component names do not fit the structure.
     """
     paths = {c.name: tuple(c.name.split(".")) if nested else (_make_id(c.name),) for c in system.components}
     if len(set(paths.values())) < len(paths):
@@ -82,12 +102,13 @@ def build_root_system(
 
 
 def _check_levels(paths: Iterable[tuple[str, ...]]) -> None:
-    """Raise CommandError for elements that would have no name, or be a component and a system."""
+    """Raise CommandError for elements with an empty name, or that are both a component and a system."""
     inner = {path[:depth]: path for path in paths for depth in range(1, len(path))}
     for path in paths:
         if "" in path:
             raise CommandError(
-                f"the name of '{'.'.join(path)}' is empty at one end of a dot; export without --nested."
+                f"the name of '{'.'.join(path)}' has an empty part before or after a dot; "
+                "export without --nested."
             )
         if path in inner:
             outside, inside = ".".join(path), ".".join(inner[path])
@@ -102,9 +123,9 @@ class _Builder:
         )
 
     def _connector(self, name: str, kind: str, component: str, variable: str) -> ssp.Connector:
-        """A connector for a variable, with its unit if the document can define that.
+        """Return a connector for a variable, with its unit if the document can define the unit.
 
-        Enumerations are left to the FMU: the document would have to define them as well.
+        Enumerations have no type here, because the document would have to define them.
         """
         interface = self._parts[component].interface
         type_, unit = str(interface.variables[variable].type), interface.unit(variable)
@@ -119,7 +140,7 @@ class _Builder:
         places: Sequence[_ComponentPlace],
         wires: Sequence[_PlacedConnection],
     ) -> ssp.SystemElement:
-        """The system at a path, with the components and wires that are inside of it or touch it."""
+        """Return the system at a path, with its components and the connections inside it or to it."""
         depth = len(path)
         members: dict[tuple[str, ...], list[_ComponentPlace]] = {}
         for place in places:
@@ -140,7 +161,7 @@ class _Builder:
     def _element(
         self, path: tuple[str, ...], places: Sequence[_ComponentPlace], wires: Sequence[_PlacedConnection]
     ) -> ssp.Element:
-        """What is at a path: a component, or a system of what is inside."""
+        """Return the element at a path: a component or a system."""
         if places[0].path == path:
             return self._component(places[0], wires)
         return self.system(path[-1], path, places, wires)
@@ -166,7 +187,7 @@ class _Builder:
         )
 
     def _connections(self, path: tuple[str, ...], wire: _PlacedConnection) -> list[ssp.SsdConnection]:
-        """The part of a wire that runs between the elements of the system at a path, and its border."""
+        """Return the part of a connection between the elements of the system at a path, or to its border."""
         depth = len(path)
         leaves, arrives = wire.source[:depth] == path, wire.target[:depth] == path
         start_element, start = self._end(depth, wire.source, wire.connection.output, leaves, wire)
@@ -182,7 +203,7 @@ class _Builder:
     def _end(
         self, depth: int, place: tuple[str, ...], variable: str, inside: bool, wire: _PlacedConnection
     ) -> tuple[str | None, str]:
-        if not inside:  # the border's connector is named after the end that is inside
+        if not inside:  # the border's connector has the name of the inner end
             other, name = (
                 (wire.target, wire.connection.input)
                 if place == wire.source
@@ -202,7 +223,7 @@ class _Builder:
         return []
 
     def _transformed(self, plain: ssp.SsdConnection, connection: Connection) -> ssp.SsdConnection:
-        """With the transformation written out, for tools that do not convert units."""
+        """Return the connection with an explicit transformation, for tools that do not convert units."""
         source = self._parts[connection.source].interface.unit(connection.output)
         target = self._parts[connection.target].interface.unit(connection.input)
         transformation = connection.transformation or IDENTITY
@@ -216,7 +237,7 @@ def _same(source: SiUnit | None, target: SiUnit | None) -> bool:
 
 
 def select_unambiguous(units: Iterable[SiUnit | None]) -> set[SiUnit]:
-    """Those units that a document can define: one of a name, and known what they are made of."""
+    """Return the units that a document can define: those with a unique name and known exponents."""
     named: dict[str, set[SiUnit]] = {}
     for unit in units:
         if unit is not None:
@@ -225,6 +246,6 @@ def select_unambiguous(units: Iterable[SiUnit | None]) -> set[SiUnit]:
 
 
 def _make_id(name: str) -> str:
-    """A name without dots, if an id can keep what they were."""
+    """Return a name without dots, if a valid id can preserve them."""
     is_id = re.fullmatch(f"[{_LETTERS}][{_LETTERS}0-9.-]*", name) is not None
     return name.replace(".", "_") if is_id else name

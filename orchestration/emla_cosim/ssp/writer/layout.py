@@ -1,4 +1,4 @@
-"""Where the elements of a system are drawn: signals run from left to right, feedback below."""
+"""Layout of the elements of a system: signals run from left to right, feedback runs below."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -8,10 +8,10 @@ from ..documents.ssd_data import SsdConnection, SystemElement
 Corners = tuple[float, float, float, float]
 
 _FLOW = ("trajectory", "reference", "disturbance", "controller", "motor", "plant", "observer")
-"""What parts of a control loop are called, in the order of its signal flow."""
+"""The parts of a control loop in the order of its signals."""
 
 _WIDTH, _GAP_Y, _PITCH = 40.0, 12.5, 5.0
-"""Lengths in mm: of a box, between boxes, from line to line."""
+"""Lengths in mm: width of a box, gap between boxes, distance of lines."""
 
 
 def layout(
@@ -20,12 +20,16 @@ def layout(
     links: Iterable[tuple[str, str]],
     connectors: Mapping[str, int],
 ) -> dict[str, Corners]:
-    """Corners x1, y1, x2, y2 in mm of every element.
+    """Return the corners x1, y1, x2, y2 of each element in mm.
 
-    `names` says what each element is called elsewhere, `links` who drives whom, once for every
-    connection, and `connectors` how many there are on the fuller side. Elements that are joined are
-    a row, each right of those that drive it; loops close below their row, and rows follow each other
-    downwards.
+    Connected elements form a row, with each element to the right of its sources. Feedback runs below its row,
+    and rows are stacked from top to bottom.
+
+    Args:
+        elements: The names of the elements.
+        names: The full name of each element.
+        links: Source and target of each connection.
+        connectors: The number of connectors on the side with more of them, by element.
     """
     links = list(links)
     corners: dict[str, Corners] = {}
@@ -46,7 +50,7 @@ def layout(
 
 
 def route(system: SystemElement) -> tuple[SsdConnection, ...]:
-    """The connections of a system whose elements have their places, with the corners of their lines."""
+    """Return the connections of a placed system with the waypoints of their lines."""
     ends = {
         (e.name, c.name): _point(e.extent, c.position)
         for e in system.elements
@@ -86,12 +90,12 @@ def _point(extent: Corners, position: tuple[float, float]) -> tuple[float, float
 
 
 def _between(system: SystemElement, left: float, right: float) -> bool:
-    """Whether a column of elements lies between two places."""
+    """Return whether a column of elements is between two positions."""
     return any(e.extent is not None and left < e.extent[0] and e.extent[2] < right for e in system.elements)
 
 
 def _rows(system: SystemElement) -> dict[str, float]:
-    """The lowest edge of the row that each element is in."""
+    """Return the lowest edge of each element's row."""
     links = [(c.start_element, c.end_element) for c in system.connections]
     inside = [(a, b) for a, b in links if a is not None and b is not None]
     extents = {e.name: e.extent for e in system.elements if e.extent is not None}
@@ -107,7 +111,7 @@ def _flow(name: str) -> int:
 
 
 def _groups(elements: Sequence[str], links: Sequence[tuple[str, str]]) -> list[list[str]]:
-    """Elements that are joined directly or through others, groups and members in their order."""
+    """Return groups of connected elements; groups and members keep their order."""
     group = {e: [e] for e in elements}
     for a, b in links:
         if group[a] is not group[b]:
@@ -118,7 +122,7 @@ def _groups(elements: Sequence[str], links: Sequence[tuple[str, str]]) -> list[l
 
 
 def _columns(order: Sequence[str], links: Sequence[tuple[str, str]]) -> dict[str, int]:
-    """Columns so that links that run forward in this order run to the right."""
+    """Return columns in which connections forward in this order run to the right."""
     sources: dict[str, list[str]] = {}
     for a, b in links:
         sources.setdefault(b, []).append(a)
@@ -134,7 +138,7 @@ def _adjacent(columns: Mapping[str, int], a: str, b: str) -> bool:
 
 
 def _column_positions(columns: Mapping[str, int], links: Sequence[tuple[str, str]]) -> dict[int, float]:
-    """The left edge of every column; between columns there is room for all lines that begin or end there."""
+    """Return the left edge of each column; gaps have room for all lines that begin or end there."""
     lines = dict.fromkeys(range(max(columns.values()) + 2), 0)
     for a, b in links:
         if a in columns:

@@ -1,4 +1,4 @@
-"""From a system of FMUs to an SSP file."""
+"""Writing of a system of FMUs to an SSP file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from .parameter_files import file_name, parameter_files
 
 @dataclass(frozen=True)
 class SystemTimes:
-    """How a system is run: times in s."""
+    """Start time, stop time and step size of a system in s."""
 
     start_time: float
     stop_time: float
@@ -28,14 +28,22 @@ class SystemTimes:
 
 
 _MARK = b"emla-cosim package"
-"""The zip comment of our packages, which is no part of the SSP; repacking leaves it out."""
+"""The zip comment of our packages. It is not part of the SSP, and repacking removes it."""
 
 
 def check_package(path: Path, overwrite: bool = False) -> None:
-    """Raise CommandError where no package may be written; see `check_replaceable`."""
+    """Check that a package may be written; see `check_replaceable`.
+
+    Args:
+        path: The file.
+        overwrite: Whether to replace a file that emla did not write.
+
+    Raises:
+        CommandError: If it must not be written.
+    """
     if path.suffix.lower() != ".ssp":
         raise CommandError(f"an SSP is written to a file that ends in .ssp, not to '{path}'.")
-    if path.parent.is_dir():  # else it is made
+    if path.parent.is_dir():  # otherwise it is created later
         check_replaceable(path, "the package", _is_ours, overwrite)
 
 
@@ -57,11 +65,21 @@ def write_ssp(
     nested: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Write a system with its FMUs, by component, as a package.
+    """Write a system with its FMUs to a package; equal content gives equal bytes.
 
-    Its bytes depend on its content alone. `nested` makes a system of every part of the components'
-    names but the last. Raises CommandError for what does not fit and for a file that may not be replaced,
-    RunError where the file cannot be written.
+    Args:
+        path: The file.
+        name: The name of the system.
+        description: Its description.
+        system: The system.
+        fmus: The FMUs by component.
+        experiment: The times of the default experiment.
+        nested: Whether the dots in component names create nested systems.
+        overwrite: Whether to replace a file that emla did not write.
+
+    Raises:
+        CommandError: If the system does not fit an SSP, or the file must not be replaced.
+        RunError: If the file cannot be written.
     """
     check_package(path, overwrite)
     system = order_system(system, nested)
@@ -93,7 +111,7 @@ def write_ssp(
 
 
 def _uris(fmus: Mapping[str, Path]) -> dict[Path, str]:
-    """A place in the package for every FMU; files of the same name are numbered."""
+    """Return a URI in the package for each FMU; files of the same name are numbered."""
     uris: dict[Path, str] = {}
     for file in dict.fromkeys(fmus.values()):
         uris[file] = file_name(file.stem, ".fmu", uris.values())

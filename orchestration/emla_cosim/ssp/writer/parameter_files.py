@@ -1,4 +1,4 @@
-"""Which values of a system go to which parameter file, and which mappings that takes."""
+"""Parameter files and mappings of a system."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -15,23 +15,29 @@ from ..documents.ssd_data import FileReference, MappingEntry, ParameterBinding, 
 from .elements import select_unambiguous
 
 SET_NAME = "initialValues"
-"""The name of every parameter set: Ecos takes the sets of one name, and its users expect this one."""
+"""The name of all parameter sets: Ecos selects sets by name, and its users expect this one."""
 
 
 @dataclass(frozen=True)
 class ParameterFiles:
-    """The contents of files by URI, and the bindings of every component."""
+    """The contents of files by URI, and the bindings by component."""
 
     contents: dict[str, bytes] = field(default_factory=dict)
     bindings: dict[str, tuple[ParameterBinding, ...]] = field(default_factory=dict)
 
 
 def parameter_files(system: System, interfaces: Mapping[str, Interface]) -> ParameterFiles:
-    """One set per component, which names what that component has and nothing else.
+    """Return one parameter set per component with only that component's parameters.
 
-    OMSimulator gives a component the values before the first one that it does not have, and other
-    tools warn of each. A component whose FMU knows its variables by other names has a mapping as
-    well. Raises CommandError for values that do not fit.
+    OMSimulator stops at the first parameter that a component does not have, and other tools warn about each.
+    A component whose FMU has other names for its variables also gets a mapping.
+
+    Args:
+        system: The system.
+        interfaces: The model descriptions by component.
+
+    Raises:
+        CommandError: If a variable does not accept a value.
     """
     files = ParameterFiles()
     for component in system.components:
@@ -41,7 +47,7 @@ def parameter_files(system: System, interfaces: Mapping[str, Interface]) -> Para
 
 
 def _parameters(component: Component, interface: Interface) -> list[SsvParameter]:
-    """The values of a component by its own names, in the order of the FMU's variables."""
+    """Return the parameters of a component by its own names, in the order of the FMU's variables."""
     names = {component.alias(name).variable: name for name in component.parameters}
     known = [names.pop(variable) for variable in interface.variables if variable in names]
     return [_parameter(component, interface, name) for name in (*known, *names.values())]
@@ -63,7 +69,7 @@ def _parameter(component: Component, interface: Interface, name: str) -> SsvPara
 
 
 def _mapping(component: Component, parameters: list[SsvParameter]) -> list[MappingEntry]:
-    """What the FMU calls the parameters and other variables of the component; empty if the same."""
+    """Return the FMU's names of parameters and other variables, empty if they are the same."""
     if not component.aliases:
         return []
     entries: dict[str, MappingEntry] = {}
@@ -77,7 +83,7 @@ def _mapping(component: Component, parameters: list[SsvParameter]) -> list[Mappi
 def _bindings(
     contents: dict[str, bytes], component: Component, parameters: list[SsvParameter]
 ) -> tuple[ParameterBinding, ...]:
-    """The component's binding, whose files are added to `contents`; none where there is nothing to say."""
+    """Return the binding of a component and add its files to `contents`; no binding without content."""
     mapping = _mapping(component, parameters)
     if not (parameters or mapping):
         return ()
@@ -97,7 +103,13 @@ def _parameter_set(name: str, parameters: list[SsvParameter]) -> bytes:
 
 
 def file_name(name: str, ending: str, taken: Collection[str]) -> str:
-    """A file in the package, called after a name, that is not taken and is its own URI."""
+    """Return an unused URI in the package for a file.
+
+    Args:
+        name: The name of the file's content; other characters than letters and digits are replaced.
+        ending: The extension.
+        taken: The URIs in use.
+    """
     stem = re.sub(r"[^A-Za-z0-9_-]", "_", name)
     uri, number = f"resources/{stem}{ending}", 1
     while uri in taken:
