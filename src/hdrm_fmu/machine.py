@@ -18,7 +18,7 @@ class Machine(Block):
         minimum=0.0,
         name="payload.m",
         symbol="m",
-        description="Mass that the tip carries",
+        description="Mass at the tip",
     )
 
     lift_a = Parameter(
@@ -50,14 +50,14 @@ class Machine(Block):
         unit="rad",
         name="lift.delta",
         symbol=r"\delta",
-        description="Direction of the fixed pin against what carries the turning point",
+        description="Direction of the fixed pin relative to the carrier of the turning point",
     )
     lift_epsilon = Parameter(
         HDRM.lift_epsilon,
         unit="rad",
         name="lift.epsilon",
         symbol=r"\varepsilon",
-        description="Direction of the boom pin against the boom",
+        description="Direction of the boom pin relative to the boom",
     )
     tilt_a = Parameter(
         HDRM.tilt_a,
@@ -88,14 +88,14 @@ class Machine(Block):
         unit="rad",
         name="tilt.delta",
         symbol=r"\delta",
-        description="Direction of the fixed pin against what carries the turning point",
+        description="Direction of the fixed pin relative to the carrier of the turning point",
     )
     tilt_epsilon = Parameter(
         HDRM.tilt_epsilon,
         unit="rad",
         name="tilt.epsilon",
         symbol=r"\varepsilon",
-        description="Direction of the boom pin against the boom",
+        description="Direction of the boom pin relative to the boom",
     )
 
     lift_length = Parameter(
@@ -161,7 +161,7 @@ class Machine(Block):
         minimum=0.0,
         maximum=1.0,
         name="tube.share",
-        description="Part of M_BS that is the tube, which moves with the screw",
+        description="Fraction of M_BS in the tube, which moves with the screw",
     )
     motor_m = Parameter(
         HDRM.motor_m,

@@ -27,8 +27,8 @@ class HdrmManipulator(Machine):
         nominal=1e4,
         description="Load force, positive against extension",
     )
-    tip_x = Output(unit="m", name="tip.x", description="Tip from O1, horizontally")
-    tip_y = Output(unit="m", name="tip.y", description="Tip from O1, upwards")
+    tip_x = Output(unit="m", name="tip.x", description="Horizontal position of the tip from O1")
+    tip_y = Output(unit="m", name="tip.y", description="Height of the tip above O1")
 
     def conditions(self, v: Any) -> dict[str, Any]:
         """Those of the machine, also at the strokes that the actuators begin with."""

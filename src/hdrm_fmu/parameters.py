@@ -73,7 +73,7 @@ class HdrmParameters:
     M_BS: Three = (156.5, 83.6, 30.4)  # Table IV
     """Mass of the actuators without their motors, kg."""
     tube_share: float = 0.3  # assumed
-    """Part of M_BS that is the tube, which moves with the screw; the rest is housing."""
+    """Fraction of M_BS in the tube, which moves with the screw; the rest is housing."""
     motor_m: Three = (45.0, 30.0, 12.0)  # assumed
     """Mass of the motors, which are fixed to the housings, kg."""
     housing_c: Three = (0.34, 0.40, 0.50)  # assumed

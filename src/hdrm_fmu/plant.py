@@ -138,7 +138,9 @@ class HdrmPlant(Machine):
     a_L = Output(shape=3, unit="m/s2", symbol=r"\ddot{q}_i", description="Screw acceleration")
     F_L, tip_x, tip_y = HdrmManipulator.F_L, HdrmManipulator.tip_x, HdrmManipulator.tip_y
     energy = Output(
-        unit="J", nominal=1e4, description="Energy of manipulator and actuators; weight against O1"
+        unit="J",
+        nominal=1e4,
+        description="Energy of manipulator and actuators; potential energy relative to O1",
     )
 
     def conditions(self, v: Any) -> dict[str, Any]:

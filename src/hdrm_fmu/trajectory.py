@@ -34,7 +34,7 @@ def _coefficients(joint: str, start: float, end: float) -> Parameter:
         unit="m",
         name=f"coefficient.{joint}",
         symbol="c_i",
-        description=f"Coefficient (control point) of the stroke of {joint}; the last one fills up",
+        description=f"Coefficient (control point) of the stroke of {joint}; fill up with the last one",
     )
 
 
@@ -52,7 +52,7 @@ class Trajectory(Block):
         shape=KNOTS,
         unit="s",
         symbol="t_i",
-        description="Knots in increasing order, first and last degree + 1 times; the last one fills up",
+        description="Knots in increasing order, first and last degree + 1 times; fill up with the last one",
     )
     c_lift = _coefficients("lift", 0.244, 0.270)
     c_tilt = _coefficients("tilt", 0.389, 0.442)

@@ -49,18 +49,18 @@ class AnatcController(DriveController):
     lambda_2 = Parameter(0.66, minimum=0.0, unit="A/rad", description="Rate of adaptation of the bound")
     ell = Parameter(0.03, shape=2, minimum=0.0, description="Leak of weights and of bound, times sigma(t)")
     g = Parameter(0.075, unit="rad/s", minimum=1e-12, description="sigma(t) = g exp(-b t) at t = 0")
-    b = Parameter(2.0, unit="1/s", minimum=0.0, description="Decay of sigma(t); 0 keeps it as it is")
+    b = Parameter(2.0, unit="1/s", minimum=0.0, description="Decay of sigma(t); 0 keeps it constant")
     sigma_min = Parameter(
         1e-9, unit="rad/s", minimum=1e-12, description="Least sigma(t), so that no step divides by zero"
     )
     w_c = Parameter(2500.0, unit="1/s", minimum=1e-9, description="Bandwidth of the current controllers")
 
     W = State(0.0, shape=NODES, unit="A", description="Weights of the network")
-    delta = State(0.0, unit="A", minimum=0.0, description="Bound of what the network leaves")
+    delta = State(0.0, unit="A", minimum=0.0, description="Bound of the network's remaining error")
 
     z_1 = Output(unit="m", name="z[1]", description="Error of the position")
     z_2 = Output(unit="m/s", name="z[2]", description="Error of the speed")
-    unknown = Output(unit="A", description="Current against the unknown, as network and bound have it")
+    unknown = Output(unit="A", description="Current that network and bound use against the unknown dynamics")
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """Adaptation of the weights and of the bound."""

@@ -68,7 +68,7 @@ class CacController(DriveController):
         [0.1, 0.1, 1.0, 1.0],
         shape=4,
         minimum=1e-12,
-        description="Errors at which tanh bends: position m, speed m/s, q-axis and d-axis current A",
+        description="Errors at which tanh saturates: position m, speed m/s, q-axis and d-axis current A",
     )
     omega_n = Parameter(
         [5000.0, 10000.0],

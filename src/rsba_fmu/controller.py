@@ -105,7 +105,7 @@ class RsbaController(KnownDrive):
     sigma = Parameter([0.001, 0.001, 0.01, 0.01], shape=4, minimum=0.0, description="Adaptation leak of (32)")
 
     x_2d_in_a_1 = Parameter(
-        True, symbol=r"\kappa_1", description="Keep -x_2d in (31), as printed; it makes the position lag"
+        True, symbol=r"\kappa_1", description="Keep -x_2d in (31), as printed; the position then lags"
     )
     feed_acceleration = Parameter(False, symbol=r"\kappa_2", description="Add a_d / A_2 to (39)")
     limit_acceleration = Parameter(False, description="Keep the approach speed to what a_max can brake")
@@ -113,9 +113,9 @@ class RsbaController(KnownDrive):
     limit_voltage = Parameter(False, description="Keep the voltage vector within u_max")
     freeze_adaptation = Parameter(False, description="Stop adapting while saturated and at theta_max")
     limit_speed = Parameter(False, description="Keep the approach within v_max and the base speed")
-    compensate = Parameter(False, symbol=r"\kappa_3", description="Take d_hat / A_2 off u_2")
-    weaken_field = Parameter(False, description="Ask for i_d < 0 where back-EMF needs it")
-    measure_supply = Parameter(False, description="Take u_available for the voltage limit")
+    compensate = Parameter(False, symbol=r"\kappa_3", description="Subtract d_hat / A_2 from u_2")
+    weaken_field = Parameter(False, description="Use i_d < 0 when the back-EMF requires it")
+    measure_supply = Parameter(False, description="Use u_available as the voltage limit")
     omega_u = Parameter(
         0.0,
         unit="1/s",
@@ -129,7 +129,7 @@ class RsbaController(KnownDrive):
         maximum=0.9,
         name="limit.u_reserve",
         symbol="r",
-        description="Part of the voltage that weaken_field keeps for changes of current",
+        description="Fraction of the voltage that weaken_field reserves for changes of current",
     )
     i_reserve = Parameter(
         0.0,
@@ -137,7 +137,7 @@ class RsbaController(KnownDrive):
         maximum=0.9,
         name="limit.i_reserve",
         symbol="r_i",
-        description="Part of i_max that is kept for what noise and delay add",
+        description="Fraction of i_max reserved for noise and delay",
     )
     theta_max = Parameter(
         1e6, minimum=0.0, name="limit.theta_max", description="Largest adaptation parameter"

@@ -27,7 +27,7 @@ class DriveController(KnownDrive):
         1e4,
         unit="V",
         nominal=100.0,
-        description="Longest voltage vector that the supply allows; more than any where nothing tells it",
+        description="Longest voltage vector that the supply allows; the default means no limit",
         terminal="drive.inverter.u_available",
     )
     x_d = Input(unit="m", nominal=0.1, description="Reference position", terminal="reference")
@@ -37,10 +37,10 @@ class DriveController(KnownDrive):
     compensate = Parameter(
         True,
         symbol=r"\kappa",
-        description="Let the current take up d_hat, the disturbance as the observer sees it",
+        description="Compensate the observer's estimate d_hat by the current",
     )
     weaken_field = Parameter(
-        True, description="Let i_d weaken the field where back-EMF leaves i_q too little voltage"
+        True, description="Weaken the field by i_d when the back-EMF leaves i_q too little voltage"
     )
     v_max = Parameter(0.136, unit="m/s", minimum=1e-6, name="limit.v_max", description="Largest screw speed")
     u_reserve = Parameter(
@@ -49,7 +49,7 @@ class DriveController(KnownDrive):
         maximum=0.9,
         name="limit.u_reserve",
         symbol="r",
-        description="Part of the voltage that is kept for changes of current",
+        description="Fraction of the voltage reserved for changes of current",
     )
     i_reserve = Parameter(
         0.0,
@@ -57,7 +57,7 @@ class DriveController(KnownDrive):
         maximum=0.9,
         name="limit.i_reserve",
         symbol="r_i",
-        description="Part of i_max that is kept for what noise and delay add",
+        description="Fraction of i_max reserved for noise and delay",
     )
 
     u_q = Output(unit="V", nominal=100.0, description="q-axis voltage", terminal="drive")

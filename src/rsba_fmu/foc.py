@@ -28,18 +28,25 @@ class FocController(DriveController):
         250.0, unit="1/s", minimum=0.0, description="Integral action of the current controllers, 1 / T_i"
     )
     omega_d = Parameter(
-        0.0, unit="1/s", minimum=0.0, description="Bandwidth of the own disturbance observer; 0 is none"
+        0.0,
+        unit="1/s",
+        minimum=0.0,
+        description="Bandwidth of the controller's own disturbance observer; 0 is none",
     )
 
     xi_q = State(0.0, unit="A/s", nominal=1e4, description="Integral of the q-axis current controller")
     xi_d = State(0.0, unit="A/s", nominal=1e4, description="Integral of the d-axis current controller")
     z = State(
-        0.0, unit="m/s", nominal=0.1, name="load.z", description="Speed in the own disturbance observer"
+        0.0,
+        unit="m/s",
+        nominal=0.1,
+        name="load.z",
+        description="Speed in the controller's own disturbance observer",
     )
 
     v_ref = Output(unit="m/s", nominal=0.1, description="Commanded speed")
     d_used = Output(
-        unit="m/s2", name="load.d", symbol="d", description="Disturbance that the current takes up"
+        unit="m/s2", name="load.d", symbol="d", description="Disturbance that the current compensates"
     )
 
     def derivatives(self, v: Any) -> dict[str, Any]:
