@@ -15,10 +15,10 @@ def stop_force(v: Any) -> Any:
 
 
 def _contact(v: Any, depth: Any, approach: Any) -> Any:
-    """Return the force in N of a stop that is pressed in by `depth` m at the speed `approach` in m/s.
+    """Return the force in N of a stop pressed in by `depth` m at the speed `approach` in m/s.
 
-    k depth^2 (1 + c approach) (Hunt and Crossley, 1975) would pull if the stop is released faster than
-    1 / c. On release the factor is therefore 1 / (1 - c approach), which continues smoothly and stays
+    k depth^2 (1 + c approach) (Hunt and Crossley, 1975) would pull if the stop is released faster than 1 / c.
+    On release the factor is therefore 1 / (1 - c approach), which continues smoothly and stays
     above zero.
     """
     damping = v.stop_damping * approach

@@ -1,4 +1,4 @@
-"""The manipulator's parameters, as its blocks declare them."""
+"""The base of the manipulator's blocks, which declares its parameters."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from .parameters import HDRM, PAYLOAD
 
 
 class Machine(Block):
-    """What the blocks of the manipulator share: the numbers of HdrmParameters, by the same attributes."""
+    """Base of the manipulator's blocks: the parameters of HdrmParameters, with the same attributes."""
 
     payload = Input(
         PAYLOAD,
@@ -206,18 +206,18 @@ class Machine(Block):
     gravity = Parameter(HDRM.gravity, unit="m/s2", symbol="g", description="Gravitational acceleration")
 
     def conditions(self, v: Any) -> dict[str, Any]:
-        """Triangles close over the whole stroke, and the payload is no less than nothing."""
+        """Require that triangles close over the whole stroke, and that the payload is not negative."""
         mass = {f"{fmi_name('payload')} must not be negative": v.payload >= 0.0}
         return {**refusals.geometry(v, fmi_name), **mass}
 
 
 def closes_at(v: Any, q: Any, name: str) -> dict[str, Any]:
-    """Whether the triangles of a machine close at the strokes q, which are called `name`."""
+    """Return conditions that the triangles of a machine close at the strokes q with this name."""
     lift = refusals.closes(v, "lift", q[0], f"{name}[1]", fmi_name)
     return {**lift, **refusals.closes(v, "tilt", q[1], f"{name}[2]", fmi_name)}
 
 
 def fmi_name(attribute: str, element: int | None = None) -> str:
-    """What FMUs call one of these variables, or an element of it, counted from 0."""
+    """Return the FMI name of one of these variables, or of an element of it, counted from 0."""
     name = str(vars(Machine)[attribute].name)
     return name if element is None else f"{name}[{element + 1}]"

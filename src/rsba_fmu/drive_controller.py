@@ -1,4 +1,4 @@
-"""What the controllers of an EMLA have in common: their ports, limits and model."""
+"""Common base of the controllers for comparison: ports, limits and model."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from .known_drive import KnownDrive
 
 
 class DriveController(KnownDrive):
-    """Base of controllers that fit into a joint in the place of `RsbaController`.
+    """Base of controllers that can replace `RsbaController` in a joint.
 
     Subclasses add gains, states and equations; ports and limits are here.
     """
@@ -66,14 +66,14 @@ class DriveController(KnownDrive):
     saturated = Output(description="1 while current or voltage is at its limit")
 
     def weakening(self, v: Any, i_q_ref: Any) -> Any:
-        """i_d* in A that lets the supply's voltage hold i_q*."""
+        """Return the i_d* in A with which the supply voltage can hold i_q*."""
         return drive_laws.weakening_current(v, i_q_ref, drive_laws.steady_voltage(v))
 
     def voltage(self, v: Any, rate_q: Any, rate_d: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """u_q and u_d for wanted rates of i_q and i_d in A/s, within the limit; and what that does.
+        """Return the voltages within the limit for the desired rates of i_q and i_d in A/s.
 
-        The third and fourth value are by how much the limit changed u_q and u_d, in V; the fifth is
-        1 where it acts, else 0.
+        Returns:
+            u_q and u_d in V, the changes of both by the limit in V, and 1 if the limit acts, else 0.
         """
         holding_q, holding_d = drive_laws.holding_voltage(v)
         wanted_q = v.L_q * rate_q + holding_q

@@ -1,10 +1,10 @@
-"""What every controller is told of motor and load."""
+"""The controllers' parameters of motor and load."""
 
 from fmublock import Block, Parameter
 
 
 class KnownDrive(Block):
-    """Base of all controllers of an EMLA: limits of motor and inverter, and the model as known."""
+    """Base of all controllers of an EMLA: limits of motor and inverter, and their model."""
 
     a_max = Parameter(1.2, unit="m/s2", minimum=1e-6, name="limit.a_max", description="Braking acceleration")
     i_max = Parameter(105.0, unit="A", minimum=1e-6, name="limit.i_max", description="Largest q-axis current")
