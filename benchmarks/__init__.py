@@ -1,1 +1,1 @@
-"""How fast several tools run the same FMUs; see README.md in this folder."""
+"""Measure how fast several tools run the same FMUs; see README.md in this folder."""

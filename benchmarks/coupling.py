@@ -1,6 +1,6 @@
-"""Measure what strong coupling costs: python -m benchmarks.coupling.
+"""Measure the cost of strong coupling: python -m benchmarks.coupling.
 
-Rates are of this machine at this moment; ratios are to `study`, which calls every FMU once per step.
+Rates depend on the machine and its load. Ratios are to `study`, which calls every FMU once per step.
 """
 
 import numpy as np

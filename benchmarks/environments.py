@@ -1,4 +1,4 @@
-"""Python environments: this one, and one of their own for packages that do not install together with it."""
+"""Python environments: this one, and separate ones for packages that cannot be installed in it."""
 
 import subprocess
 import sys
@@ -11,9 +11,10 @@ _PIP = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--ret
 
 
 def python_for(requirement: str) -> Path:
-    """The interpreter that has this package: this one for none, else one that is set up once.
+    """Return the interpreter for a requirement: this one if it is empty, else that of an environment.
 
-    Raises BenchmarkError where that fails.
+    Raises:
+        BenchmarkError: The environment cannot be set up.
     """
     if not requirement:
         return Path(sys.executable)

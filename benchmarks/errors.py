@@ -1,5 +1,5 @@
-"""What ends a benchmark with one sentence."""
+"""The errors of benchmarks."""
 
 
 class BenchmarkError(Exception):
-    """A sentence for the user."""
+    """A benchmark cannot continue; the message is for the user."""

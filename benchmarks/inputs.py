@@ -1,7 +1,7 @@
-"""Measure what data as inputs cost: python -m benchmarks.inputs.
+"""Measure the cost of data as inputs: python -m benchmarks.inputs.
 
-The study with the load of one joint from a million rows, and without. Rates are of this machine at this
-moment; the ratio is to the run without data.
+The study runs with the load of one joint from a million rows, and without. Rates depend on the machine and
+its load. Ratios are to the run without data.
 """
 
 import numpy as np

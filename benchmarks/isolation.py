@@ -1,6 +1,6 @@
-"""Measure what FMUs in processes of their own cost: python -m benchmarks.isolation.
+"""Measure the cost of FMUs in their own processes: python -m benchmarks.isolation.
 
-Rates are of this machine at this moment; ratios are to the same run without isolation.
+Rates depend on the machine and its load. Ratios are to the same run without isolation.
 """
 
 from collections.abc import Sequence

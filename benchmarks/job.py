@@ -1,4 +1,4 @@
-"""What every tool is told to run. Needs the standard library only, so that any environment can read it."""
+"""The job that every tool runs. This needs the standard library only, so that any environment can read it."""
 
 import json
 from dataclasses import asdict, dataclass, field, replace
@@ -66,7 +66,7 @@ class Job:
 
     @property
     def stop(self) -> float:
-        """The stop time in s that FMUs are told: late enough for times that are summed up."""
+        """The stop time in s for FMUs: late enough for times that are sums of steps."""
         return (self.steps + 1) * self.step
 
     @property
@@ -75,16 +75,16 @@ class Job:
         return [(c, output) for c in self.components for output in c.outputs]
 
     def with_steps(self, steps: int) -> "Job":
-        """The same job with so many steps."""
+        """Return the same job with another number of steps."""
         return replace(self, steps=steps)
 
     def save(self, path: Path) -> None:
-        """Write it as JSON."""
+        """Write the job as JSON."""
         path.write_text(json.dumps(asdict(self)), encoding="utf-8")
 
 
 def load_job(path: Path) -> Job:
-    """Read what `Job.save` wrote."""
+    """Read a file of `Job.save`."""
     content = json.loads(path.read_text(encoding="utf-8"))
     components = tuple(
         Component(

@@ -1,7 +1,7 @@
-"""Measure what threads make of light and heavy FMUs: python -m benchmarks.loads [--write].
+"""Measure the effect of threads on light and heavy FMUs: python -m benchmarks.loads [--write].
 
-The study with FMUs as they are, with those of one joint a hundred times as heavy, and with all of them. Every
-way once in each round, in a process of its own. Rates are of this machine at this moment.
+The study runs with unchanged FMUs, with one joint's FMUs a hundred times as heavy, and with all FMUs that
+heavy. Each round runs every variant once, in its own process. Rates depend on the machine and its load.
 """
 
 import random

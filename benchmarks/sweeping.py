@@ -1,7 +1,7 @@
-"""Measure what a sweep makes of the cores of this machine: python -m benchmarks.sweeping.
+"""Measure how well a sweep uses the machine's cores: python -m benchmarks.sweeping.
 
-Rates are of this machine at this moment. The ratio is to as many times the rate of one prepared simulation as
-there are workers; beside it stands what processes reach that share nothing but the machine.
+Rates depend on the machine and its load. Ratios are to the rate of one prepared simulation times the number
+of workers. For comparison, the table has the rate of independent processes.
 """
 
 import multiprocessing

@@ -545,7 +545,7 @@ START_VALUES: dict[str, dict[str, Any]] = {
     },
     "RsbaController": {"compensate": True, "omega_u": OMEGA_U},
     "FocController": {"omega_d": 500.0},
-    "CacController": indexed("omega_n", (500.0, 1000.0)),  # the usual ones are too fast for RK4 to be exact
+    "CacController": indexed("omega_n", (500.0, 1000.0)),  # the defaults are too fast for RK4 to be exact
     "AnatcController": {},
     "SignalFault": {"kind": 2, "start": FREEZE[0], "duration": FREEZE[1]},
     "HdrmManipulator": {},

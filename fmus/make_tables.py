@@ -9,17 +9,17 @@ FMUS = Path(__file__).parent
 
 
 def readme(model: str) -> Path:
-    """The README of a model."""
+    """Return the path of a model's README."""
     return FMUS / model / "README.md"
 
 
 def page(model: str) -> str:
-    """What it should say: its own text, with the present table of variables."""
+    """Return a README's own text with the present table of variables."""
     return with_variables(readme(model).read_text(encoding="utf-8"), MODELS[model])
 
 
 def main() -> None:
-    """Write all of them."""
+    """Write the READMEs of all models."""
     for model in MODELS:
         readme(model).write_text(page(model), encoding="utf-8", newline="\n")
 

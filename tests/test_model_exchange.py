@@ -314,7 +314,7 @@ def test_arrays_of_another_length_are_refused(toy: Session, call: str, n: int) -
     model = toy.instance(of=FMU2Model)
     with refused():
         getattr(model, f"fmi2{call}")(model.component, (fmi2.fmi2Real * 4)(), n)
-    assert toy.log.lines("toy") == [f"toy: an array of {n} values was given, not of 3."]
+    assert toy.log.lines("toy") == [f"toy: the array has {n} values instead of 3."]
     assert continuous_states(model, 3) == [0.125, 0.5, -0.5]
 
 
@@ -529,7 +529,7 @@ def test_a_state_of_one_type_is_refused_by_the_other(
         with refused():
             target.setFMUstate(saved)
     source.freeFMUstate(saved)
-    complaint = "target: a state of co-simulation does not fit Model Exchange, nor back."
+    complaint = "target: states of Co-Simulation and Model Exchange are not compatible."
     assert toy.log.lines("target") == [complaint]
     assert toy.get(target, "x", "v[1]", "power") == before
 

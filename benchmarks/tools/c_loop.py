@@ -21,7 +21,7 @@ def measure(job: Job) -> Measurement:
 def run_loop(job: Job, *options: str, clock: str = "decimal") -> Measurement:
     """Run the program; `replay` as an option gives the time of the FMUs' own calls.
 
-    `clock` says how FMUs are told the time: see `registry.Tool`.
+    `clock` selects how the time is computed for FMUs; see `registry.Tool`.
     """
     scratch = Path(job.scratch)
     plan = scratch / "loop.plan"

@@ -1,7 +1,7 @@
 """CoFMPy (package cofmupy), by its master, with the method `jacobi`.
 
 It records to lists in memory by itself; its master can leave that out, and here does so for nine steps
-of ten. It orders FMUs before it steps them, so that only those in a loop are Jacobi; here it is told
+of ten. It orders FMUs before it steps them, so that only those in a loop are Jacobi; here it is set
 to take all of them together. It sets every start value as a Real one and exchanges nothing at
 initialization: both are done by hand.
 """

@@ -1,4 +1,4 @@
-"""A loop of FMPy calls as everybody writes it first: dictionaries, lists, and rows that are appended."""
+"""A loop of FMPy calls as most users first write it: dictionaries, lists, and appended rows."""
 
 import time
 

@@ -9,9 +9,9 @@ block CurrentSensor "Current sensors with noise and rounding, in d-q"
     annotation(Placement(transformation(extent = {{-120, 40}, {-100, 60}})));
   Interfaces.RealInput i_d(unit = "A", nominal = 10.0) "d-axis stator current"
     annotation(Placement(transformation(extent = {{-120, -60}, {-100, -40}})));
-  Interfaces.RealOutput i_q_measured(unit = "A", nominal = 10.0) "q-axis current as the sensors give it"
+  Interfaces.RealOutput i_q_measured(unit = "A", nominal = 10.0) "Measured q-axis current"
     annotation(Placement(transformation(extent = {{100, 40}, {120, 60}})));
-  Interfaces.RealOutput i_d_measured(unit = "A", nominal = 10.0) "d-axis current as the sensors give it"
+  Interfaces.RealOutput i_d_measured(unit = "A", nominal = 10.0) "Measured d-axis current"
     annotation(Placement(transformation(extent = {{100, -60}, {120, -40}})));
   discrete Real random(start = seed, fixed = true) "State of the currents' noise generator";
   discrete Real noise_q(start = 0.0, fixed = true) "Present draw for i_q";

@@ -5,7 +5,7 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
 
   record Load "Load force: ramps from level to level, with a ripple"
     Real level[levels](each unit = "N") = fill(0.0, levels) "Load force level";
-    Real start[levels](each unit = "s") = fill(NEVER, levels) "Time at which a level begins (the first: always)";
+    Real start[levels](each unit = "s") = fill(NEVER, levels) "Time at which a level begins; the first level holds from the beginning";
     Real ramp(unit = "s", min = 1e-6) = 0.5 "Time from one load level to the next";
     Real ripple(unit = "N", min = 0.0) = 0.0 "Width of the load's ripple";
     Real ripple_omega(unit = "rad/s") = 2.0 * pi "Angular frequency of the ripple";
@@ -20,7 +20,7 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
     Real decay(unit = "1/s", min = 0.0) = 0.0 "Decay of the arctan term";
     Real low(unit = "m/s2") = 0.0 "Lower end of the random value";
     Real high(unit = "m/s2") = 0.0 "Upper end of the random value";
-    Real sample_time(unit = "s", min = 1e-9) = 1e-4 "Time for which a random value holds";
+    Real sample_time(unit = "s", min = 1e-9) = 1e-4 "Time for which a random value is held";
     Integer seed(min = 1, max = 2147483646) = 1690412731 "Start of the random sequence";
   end D2;
 
@@ -37,9 +37,9 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
   end D4;
 
   record Supply "A rectangle of voltage that the supply lacks"
-    Real depth(min = 0.0, max = 0.99) = 0.0 "Part of the supply's voltage that a sag takes";
+    Real depth(min = 0.0, max = 0.99) = 0.0 "Fraction of the supply voltage by which a sag lowers it";
     Real start(unit = "s") = NEVER "Time at which the sag begins";
-    Real duration(unit = "s", min = 0.0) = 1.0 "Time that the sag lasts";
+    Real duration(unit = "s", min = 0.0) = 1.0 "Duration of the sag";
   end Supply;
 
   Interfaces.RealInput v_L(unit = "m/s", nominal = 0.1) "Screw speed, for the arctan term"
@@ -58,7 +58,7 @@ block Disturbance "What acts on a joint from outside: load force, disturbances o
     annotation(Placement(transformation(extent = {{100, -35}, {120, -15}})));
   Interfaces.RealOutput d_4(unit = "V", nominal = 10.0) "Disturbance of the d-axis voltage"
     annotation(Placement(transformation(extent = {{100, -85}, {120, -65}})));
-  Interfaces.RealOutput sag "Part of the supply's voltage that is missing"
+  Interfaces.RealOutput sag "Missing fraction of the supply voltage"
     annotation(Placement(transformation(extent = {{-10, -120}, {10, -100}}, rotation = -90)));
 protected
   final parameter Boolean as_force = d_2_terms.reading == Types.DisturbanceReading.force "Whether (82) acts on the load";

@@ -9,8 +9,8 @@ partial block Electrics "Motor currents, torque, inverter and sensors, at a scre
     Real Phi_PM(unit = "Wb", min = 1e-9) = 0.15 "Permanent magnet flux linkage (peak)";
     Integer N_p(min = 1) = 8 "Number of pole pairs";
     Real i_max(unit = "A", min = 0.0) = 158.0 "Largest d- and q-axis current; controllers keep to less";
-    Real i_N(unit = "A", min = 0.0) = 0.0 "Rated current (peak) that the winding bears for ever; 0 is no heating";
-    Real permitted_rise(unit = "K", min = 1e-3) = 100.0 "Temperature rise of the winding that the rated current ends at";
+    Real i_N(unit = "A", min = 0.0) = 0.0 "Rated continuous current (peak) of the winding; 0 is no heating";
+    Real permitted_rise(unit = "K", min = 1e-3) = 100.0 "Steady temperature rise of the winding at the rated current";
     Real tau_th(unit = "s", min = 1e-3) = 100.0 "Thermal time constant of the winding";
   end MotorData;
 
@@ -43,7 +43,7 @@ partial block Electrics "Motor currents, torque, inverter and sensors, at a scre
     annotation(Placement(transformation(extent = {{-120, -70}, {-100, -50}})));
   Interfaces.RealInput d_4(unit = "V", nominal = 10.0) "Disturbance of the d-axis voltage"
     annotation(Placement(transformation(extent = {{-120, -100}, {-100, -80}})));
-  Interfaces.RealInput sag "Part of the supply's voltage that is missing"
+  Interfaces.RealInput sag "Missing fraction of the supply voltage"
     annotation(Placement(transformation(extent = {{-70, -120}, {-50, -100}}, rotation = 90)));
 
   parameter Types.TorqueSource torque_source = Types.TorqueSource.current
@@ -60,13 +60,13 @@ partial block Electrics "Motor currents, torque, inverter and sensors, at a scre
     annotation(Placement(transformation(extent = {{100, 20}, {120, 40}})));
   Interfaces.RealOutput temperature_rise(start = 0.0, fixed = true, unit = "K", nominal = 10.0) "Temperature rise of the winding"
     annotation(Placement(transformation(extent = {{60, 100}, {80, 120}}, rotation = 90)));
-  Interfaces.RealOutput i_q_measured(unit = "A", nominal = 10.0) "q-axis current as the sensors give it"
+  Interfaces.RealOutput i_q_measured(unit = "A", nominal = 10.0) "Measured q-axis current"
     annotation(Placement(transformation(extent = {{-20, -120}, {0, -100}}, rotation = -90)));
-  Interfaces.RealOutput i_d_measured(unit = "A", nominal = 10.0) "d-axis current as the sensors give it"
+  Interfaces.RealOutput i_d_measured(unit = "A", nominal = 10.0) "Measured d-axis current"
     annotation(Placement(transformation(extent = {{20, -120}, {40, -100}}, rotation = -90)));
   Interfaces.RealOutput motor_load "Copper loss relative to that of the rated current; 0 without one"
     annotation(Placement(transformation(extent = {{20, 100}, {40, 120}}, rotation = 90)));
-  Interfaces.RealOutput x_measured(unit = "m", nominal = 0.1) "Position as the sensor gives it"
+  Interfaces.RealOutput x_measured(unit = "m", nominal = 0.1) "Measured position"
     annotation(Placement(transformation(extent = {{100, -40}, {120, -20}})));
   Interfaces.RealOutput tau_m(unit = "N.m", nominal = 10.0) "Motor torque that drives the screw"
     annotation(Placement(transformation(extent = {{100, -20}, {120, 0}})));

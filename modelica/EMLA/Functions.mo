@@ -127,7 +127,7 @@ realistic stiffnesses no motor could move it. The plant's default is a rigid scr
     input Real F_C(unit = "N") "Coulomb friction";
     input Real F_S(unit = "N") "Friction that breaks away";
     input Real v_S(unit = "m/s") "Speed halfway between the two";
-    input Real v_0(unit = "m/s") "Speed within which friction is like a damper";
+    input Real v_0(unit = "m/s") "Speed below which friction acts like a damper";
     output Real F(unit = "N");
   algorithm
     F := (F_C + (F_S - F_C) / (1.0 + (v / v_S) * (v / v_S))) * smooth_sign(v, v_0);

@@ -2,14 +2,14 @@ within EMLA;
 block Inverter "Mean voltages of an inverter: within its limit, less what dead time takes"
   extends Interfaces.Block;
   parameter Real u_max(unit = "V", min = 1e-3) = 445.0 "Longest voltage vector of the inverter";
-  parameter Real dead_time(unit = "s", min = 0.0) = 0.0 "Dead time of the inverter's legs that nothing makes up for";
+  parameter Real dead_time(unit = "s", min = 0.0) = 0.0 "Uncompensated dead time of the inverter's legs";
   parameter Real f_PWM(unit = "Hz", min = 0.0) = 8e3 "Switching frequency";
-  parameter Real i_0(unit = "A", min = 1e-9) = 0.5 "Phase current within which dead time takes less voltage";
+  parameter Real i_0(unit = "A", min = 1e-9) = 0.5 "Phase current below which dead time takes less voltage";
   Interfaces.RealInput demand_q(unit = "V", nominal = 100.0) "q-axis voltage demanded"
     annotation(Placement(transformation(extent = {{-120, 80}, {-100, 100}})));
   Interfaces.RealInput demand_d(unit = "V", nominal = 100.0) "d-axis voltage demanded"
     annotation(Placement(transformation(extent = {{-120, 40}, {-100, 60}})));
-  Interfaces.RealInput sag "Part of the supply's voltage that is missing"
+  Interfaces.RealInput sag "Missing fraction of the supply voltage"
     annotation(Placement(transformation(extent = {{-120, 0}, {-100, 20}})));
   Interfaces.RealInput i_q(unit = "A", nominal = 10.0) "q-axis stator current"
     annotation(Placement(transformation(extent = {{-120, -30}, {-100, -10}})));
@@ -23,7 +23,7 @@ block Inverter "Mean voltages of an inverter: within its limit, less what dead t
     annotation(Placement(transformation(extent = {{100, -10}, {120, 10}})));
   Interfaces.RealOutput saturated "1 while the demanded voltage exceeds the limit"
     annotation(Placement(transformation(extent = {{100, -60}, {120, -40}})));
-  Interfaces.RealOutput u_available(unit = "V", nominal = 100.0) "Longest voltage vector that the supply allows, as the drive measures it"
+  Interfaces.RealOutput u_available(unit = "V", nominal = 100.0) "Longest voltage vector that the supply allows, as measured by the drive"
     annotation(Placement(transformation(extent = {{100, -90}, {120, -70}})));
 protected
   Real scale "Factor on the demanded vector";

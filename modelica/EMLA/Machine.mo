@@ -6,8 +6,8 @@ partial block Machine "Lift boom, outer boom and telescoping inner boom, moved b
     Real a(unit = "m", min = 1e-3) = 1.15 "Distance of the fixed pin from the turning point";
     Real b(unit = "m", min = 1e-3) = 0.42 "Distance of the boom pin from the turning point";
     Real L_0(unit = "m", min = 1e-3) = 0.85 "Distance of the pins at stroke 0";
-    Real delta(unit = "rad") = -70.0 * pi / 180.0 "Direction of the fixed pin against what carries the turning point";
-    Real epsilon(unit = "rad") = -10.0 * pi / 180.0 "Direction of the boom pin against the boom";
+    Real delta(unit = "rad") = -70.0 * pi / 180.0 "Direction of the fixed pin relative to the carrier of the turning point";
+    Real epsilon(unit = "rad") = -10.0 * pi / 180.0 "Direction of the boom pin relative to the boom";
   end Chain;
 
   record LiftBoom "From O1 to O2"
@@ -40,17 +40,17 @@ partial block Machine "Lift boom, outer boom and telescoping inner boom, moved b
   end Housing;
 
   record Tube "Tubes"
-    Real share(min = 0.0, max = 1.0) = 0.3 "Part of M_BS that is the tube, which moves with the screw";
+    Real share(min = 0.0, max = 1.0) = 0.3 "Fraction of M_BS in the tube, which moves with the screw";
     Real c[3](each unit = "m") = {0.34, 0.40, 0.75} "Centre of mass of the tube behind the boom pin (telescope: behind the tip)";
     Real J[3](each unit = "kg.m2", each min = 0.0) = {2.8, 2.1, 0.8} "Inertia of the tube about its centre of mass";
   end Tube;
 
   record Tip "Where the payload is"
-    Real x(unit = "m") "Tip from O1, horizontally";
-    Real y(unit = "m") "Tip from O1, upwards";
+    Real x(unit = "m") "Horizontal position of the tip from O1";
+    Real y(unit = "m") "Height of the tip above O1";
   end Tip;
 
-  Interfaces.RealInput payload_m(unit = "kg", nominal = 100.0, min = 0.0) "Mass that the tip carries"
+  Interfaces.RealInput payload_m(unit = "kg", nominal = 100.0, min = 0.0) "Mass at the tip"
     annotation(Placement(transformation(extent = {{-120, -100}, {-100, -80}})));
 
   parameter Chain lift "Lift";

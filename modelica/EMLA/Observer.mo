@@ -3,10 +3,10 @@ block Observer "Adaptive robust observer of screw position and speed"
   extends Interfaces.Block;
 
   record Known "The actuator as the observer knows it"
-    Integer N_p(min = 1) = 8 "Number of pole pairs, as the observer knows it";
-    Real Phi_PM(unit = "Wb") = 0.15 "Magnet flux, as the observer knows it";
-    Real A_eq(unit = "kg.m", min = 1e-9) = 35.26 "Equivalent inertia, as the observer knows it";
-    Real B_eq(unit = "kg.m/s", min = 0.0) = 3.67 "Equivalent friction, as the observer knows it";
+    Integer N_p(min = 1) = 8 "Number of pole pairs in the observer's model";
+    Real Phi_PM(unit = "Wb") = 0.15 "Magnet flux in the observer's model";
+    Real A_eq(unit = "kg.m", min = 1e-9) = 35.26 "Equivalent inertia in the observer's model";
+    Real B_eq(unit = "kg.m/s", min = 0.0) = 3.67 "Equivalent friction in the observer's model";
   end Known;
 
   record Start "Where the estimate begins"
@@ -31,7 +31,7 @@ block Observer "Adaptive robust observer of screw position and speed"
   parameter Real m_decay(unit = "1/s", min = 1e-12) = 1e-3 "Decay of m(t), so that (22) holds";
   parameter Real ell(min = 0.0) = 1.0 "Adaptation gain of (23)";
   parameter Boolean use_model = true "Include B u + g of (20): commanded torque and viscous friction";
-  parameter Boolean use_measured_current = false "Take the torque of B u from the measured current, not from the commanded one";
+  parameter Boolean use_measured_current = false "Compute the torque of B u from the measured instead of the commanded current";
   parameter Real omega_d(unit = "1/s", min = 0.0) = 0.0 "Bandwidth of the estimated disturbance d_hat; 0 is none";
   parameter Known known "The actuator as the observer knows it";
   parameter Start start "Start";

@@ -28,7 +28,7 @@ block Plant "PMSM-driven electromechanical linear actuator with inverter and sen
     extends GearboxData;
     Real J_GB(unit = "kg.m2", min = 0.0) = 0.0 "Gearbox inertia at the motor";
     Real eta_GB(min = 1e-3, max = 1.0) = 0.9 "Efficiency of gearbox and screw";
-    Boolean directional = false "Whether losses of gearbox and screw go against the motion, whoever drives";
+    Boolean directional = false "Whether losses of gearbox and screw always oppose the motion";
     Real eta_back(max = 1.0) = 0.0 "Efficiency where the load drives, used with directional; 0 is 2 - 1 / eta_GB";
   end Gearbox;
 
@@ -44,9 +44,9 @@ block Plant "PMSM-driven electromechanical linear actuator with inverter and sen
 
   record Friction "Friction at the screw"
     Real F_C(unit = "N", min = 0.0) = 0.0 "Coulomb friction at the screw";
-    Real F_S(unit = "N", min = 0.0) = 0.0 "Friction that breaks away at the screw";
+    Real F_S(unit = "N", min = 0.0) = 0.0 "Breakaway friction at the screw";
     Real v_S(unit = "m/s", min = 1e-9) = 5e-3 "Speed at which friction is halfway between F_S and F_C";
-    Real v_0(unit = "m/s", min = 1e-9) = 1e-4 "Speed within which friction is like a damper";
+    Real v_0(unit = "m/s", min = 1e-9) = 1e-4 "Speed below which friction acts like a damper";
   end Friction;
 
   record EndStop "Stops at the ends of the stroke"

@@ -5,12 +5,12 @@ block Reference "Quintic rest-to-rest moves between way-points with dwells, and 
 
   record Move "When the moves take place"
     Real start[moves](each unit = "s") = {0.0, NEVER, NEVER, NEVER, NEVER, NEVER, NEVER, NEVER} "Time at which a move begins";
-    Real duration[moves](each unit = "s", each min = 1e-6) = fill(1.0, moves) "Time that a move takes";
+    Real duration[moves](each unit = "s", each min = 1e-6) = fill(1.0, moves) "Duration of a move";
   end Move;
 
   parameter Real waypoint[moves + 1](each unit = "m") = fill(0.0, moves + 1) "Way-point";
   parameter Move move "When the moves take place";
-  parameter Real period(unit = "s", min = 0.0) = 0.0 "Time after which all repeats; 0 is never";
+  parameter Real period(unit = "s", min = 0.0) = 0.0 "Period of repetition; 0 is none";
   Interfaces.RealOutput x_d(unit = "m", nominal = 0.1) "Reference position"
     annotation(Placement(transformation(extent = {{100, 50}, {120, 70}})));
   Interfaces.RealOutput v_d(unit = "m/s", nominal = 0.1) "Reference speed"

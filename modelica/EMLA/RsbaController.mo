@@ -7,22 +7,22 @@ block RsbaController "Robust subsystem-based adaptive (RSBA) control of one EMLA
     Real i_max(unit = "A", min = 1e-6) = 105.0 "Largest q-axis current";
     Real u_max(unit = "V", min = 1e-6) = 445.0 "Longest voltage vector";
     Real v_max(unit = "m/s", min = 1e-9) = 0.136 "Largest screw speed";
-    Real u_reserve(min = 0.0, max = 0.9) = 0.1 "Part of the voltage that weaken_field keeps for changes of current";
-    Real i_reserve(min = 0.0, max = 0.9) = 0.0 "Part of i_max that is kept for what noise and delay add";
+    Real u_reserve(min = 0.0, max = 0.9) = 0.1 "Fraction of the voltage that weaken_field reserves for changes of current";
+    Real i_reserve(min = 0.0, max = 0.9) = 0.0 "Fraction of i_max reserved for noise and delay";
     Real theta_max(min = 0.0) = 1e6 "Largest adaptation parameter";
     Real band(min = 1e-9) = 1e-3 "Excess of the limit, as a fraction, over which adaptation comes to a stop; 0 in the FMU";
   end Limit;
 
   record Known "The actuator as the controller knows it"
-    Real R_s(unit = "Ohm", min = 0.0) = 0.14 "Stator resistance, as known";
-    Real L_d(unit = "H", min = 1e-9) = 2.4e-3 "d-axis inductance, as known";
-    Real L_q(unit = "H", min = 1e-9) = 2.4e-3 "q-axis inductance, as known";
-    Real Phi_PM(unit = "Wb", min = 1e-9) = 0.15 "Magnet flux, as known";
-    Integer N_p(min = 1) = 8 "Number of pole pairs, as known";
-    Real alpha_RL(unit = "rad/m", min = 1e-9) = 2199.0 "Motor angle per travel, as known";
-    Real A_eq(unit = "kg.m", min = 1e-9) = 35.26 "Equivalent inertia, as known";
-    Real B_eq(unit = "kg.m/s", min = 0.0) = 3.67 "Equivalent friction, as known";
-    Real C_eq(unit = "N", min = 0.0) = 0.0 "Torque per travel, as known";
+    Real R_s(unit = "Ohm", min = 0.0) = 0.14 "Stator resistance in the model";
+    Real L_d(unit = "H", min = 1e-9) = 2.4e-3 "d-axis inductance in the model";
+    Real L_q(unit = "H", min = 1e-9) = 2.4e-3 "q-axis inductance in the model";
+    Real Phi_PM(unit = "Wb", min = 1e-9) = 0.15 "Magnet flux in the model";
+    Integer N_p(min = 1) = 8 "Number of pole pairs in the model";
+    Real alpha_RL(unit = "rad/m", min = 1e-9) = 2199.0 "Motor angle per travel in the model";
+    Real A_eq(unit = "kg.m", min = 1e-9) = 35.26 "Equivalent inertia in the model";
+    Real B_eq(unit = "kg.m/s", min = 0.0) = 3.67 "Equivalent friction in the model";
+    Real C_eq(unit = "N", min = 0.0) = 0.0 "Torque per travel in the model";
   end Known;
 
   record Solver "Only to approach theta_max as the FMU does"
@@ -53,16 +53,16 @@ block RsbaController "Robust subsystem-based adaptive (RSBA) control of one EMLA
   parameter Real delta[4](each min = 0.0) = {100.0, 100.0, 110.0, 110.0} "Adaptation rate of (32)";
   parameter Real sigma[4](each min = 0.0) = {0.001, 0.001, 0.01, 0.01} "Adaptation leak of (32)";
 
-  parameter Boolean x_2d_in_a_1 = true "Keep -x_2d in (31), as printed; it makes the position lag";
+  parameter Boolean x_2d_in_a_1 = true "Keep -x_2d in (31), as printed; the position then lags";
   parameter Boolean feed_acceleration = false "Add a_d / A_2 to (39)";
   parameter Boolean limit_acceleration = false "Keep the approach speed to what a_max can brake";
   parameter Boolean limit_current = false "Keep i_q* within i_max";
   parameter Boolean limit_voltage = false "Keep the voltage vector within u_max";
   parameter Boolean freeze_adaptation = false "Stop adapting while saturated and at theta_max";
   parameter Boolean limit_speed = false "Keep the approach within v_max and the base speed";
-  parameter Boolean compensate = false "Take d_hat / A_2 off u_2";
-  parameter Boolean weaken_field = false "Ask for i_d < 0 where back-EMF needs it";
-  parameter Boolean measure_supply = false "Take u_available for the voltage limit";
+  parameter Boolean compensate = false "Subtract d_hat / A_2 from u_2";
+  parameter Boolean weaken_field = false "Use i_d < 0 when the back-EMF requires it";
+  parameter Boolean measure_supply = false "Use u_available as the voltage limit";
   parameter Real omega_u(unit = "1/s", min = 0.0) = 0.0 "Bandwidth of the estimated voltage disturbances d_3 and d_4; 0 is none";
   parameter Limit limit "Limits";
   parameter Known known "The actuator as the controller knows it";

@@ -9,15 +9,15 @@ block Sensor "Position sensor with noise and rounding, and current sensors"
     annotation(Placement(transformation(extent = {{-20, -90}, {20, -50}})));
   Interfaces.RealInput x(unit = "m", nominal = 0.1) "Screw position"
     annotation(Placement(transformation(extent = {{-120, -10}, {-100, 10}})));
-  Interfaces.RealOutput x_measured(unit = "m", nominal = 0.1) "Position as the sensor gives it"
+  Interfaces.RealOutput x_measured(unit = "m", nominal = 0.1) "Measured position"
     annotation(Placement(transformation(extent = {{100, -10}, {120, 10}})));
   Interfaces.RealInput i_q(unit = "A", nominal = 10.0) "q-axis stator current"
     annotation(Placement(transformation(extent = {{-120, -60}, {-100, -40}})));
   Interfaces.RealInput i_d(unit = "A", nominal = 10.0) "d-axis stator current"
     annotation(Placement(transformation(extent = {{-120, -100}, {-100, -80}})));
-  Interfaces.RealOutput i_q_measured(unit = "A", nominal = 10.0) "q-axis current as the sensors give it"
+  Interfaces.RealOutput i_q_measured(unit = "A", nominal = 10.0) "Measured q-axis current"
     annotation(Placement(transformation(extent = {{100, -60}, {120, -40}})));
-  Interfaces.RealOutput i_d_measured(unit = "A", nominal = 10.0) "d-axis current as the sensors give it"
+  Interfaces.RealOutput i_d_measured(unit = "A", nominal = 10.0) "Measured d-axis current"
     annotation(Placement(transformation(extent = {{100, -100}, {120, -80}})));
   discrete Real random(start = seed, fixed = true) "State of the noise generator";
   discrete Real noise(start = 0.0, fixed = true) "Present draw from N(0, 1)";

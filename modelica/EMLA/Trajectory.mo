@@ -4,14 +4,14 @@ block Trajectory "B-spline of three strokes with its exact derivatives, held bef
   constant Integer coefficients = 48 "How many coefficients a spline can have";
   constant Integer knots = 54 "How many knots it has then";
 
-  record Coefficient "Control points of the strokes; the last one fills up"
-    Real lift[coefficients](each unit = "m") = cat(1, fill(0.244, 3), fill(0.270, 45)) "Coefficient (control point) of the stroke of lift; the last one fills up";
-    Real tilt[coefficients](each unit = "m") = cat(1, fill(0.389, 3), fill(0.442, 45)) "Coefficient (control point) of the stroke of tilt; the last one fills up";
-    Real telescope[coefficients](each unit = "m") = cat(1, fill(0.499, 3), fill(0.348, 45)) "Coefficient (control point) of the stroke of telescope; the last one fills up";
+  record Coefficient "Control points of the strokes; fill up with the last one"
+    Real lift[coefficients](each unit = "m") = cat(1, fill(0.244, 3), fill(0.270, 45)) "Coefficient (control point) of the stroke of lift; fill up with the last one";
+    Real tilt[coefficients](each unit = "m") = cat(1, fill(0.389, 3), fill(0.442, 45)) "Coefficient (control point) of the stroke of tilt; fill up with the last one";
+    Real telescope[coefficients](each unit = "m") = cat(1, fill(0.499, 3), fill(0.348, 45)) "Coefficient (control point) of the stroke of telescope; fill up with the last one";
   end Coefficient;
 
   parameter Integer degree(min = 1, max = 5) = 5 "Degree of the polynomials";
-  parameter Real knot[knots](each unit = "s") = cat(1, fill(0.0, 6), fill(37.7, 48)) "Knots in increasing order, first and last degree + 1 times; the last one fills up";
+  parameter Real knot[knots](each unit = "s") = cat(1, fill(0.0, 6), fill(37.7, 48)) "Knots in increasing order, first and last degree + 1 times; fill up with the last one";
   parameter Coefficient coefficient "Control points of the strokes";
   Interfaces.RealOutput x_d[3](each unit = "m", each nominal = 0.1) "Reference position of lift, tilt and telescope"
     annotation(Placement(transformation(extent = {{100, 50}, {120, 70}})));

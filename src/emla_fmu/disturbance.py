@@ -1,4 +1,4 @@
-"""What acts on a joint from outside: load force, disturbances of torque and voltage."""
+"""Load force and disturbances of torque and voltage that act on a joint."""
 
 import math
 from collections.abc import Callable
@@ -27,11 +27,11 @@ from fmublock.noise import lehmer, uniform
 from .schedule import NEVER
 
 LEVELS = 6
-"""How many levels a load profile can have."""
+"""Number of levels of a load profile."""
 
 
 class DisturbanceReading(IntEnum):
-    """What (82) is: the paper announces newtons, but lets it enter (26) as an acceleration."""
+    """How to read (82): the paper says newtons, but uses it as an acceleration in (26)."""
 
     ACCELERATION = 1
     FORCE = 2
@@ -41,8 +41,8 @@ class Disturbance(Block):
     """Load force profile and the disturbances (82) and (83) of one joint.
 
     d_2 is a sum of sines, a decaying arctan of the speed, and a uniform random value held for a
-    sample time. Read as a force, it is taken off F_L instead, so that positive values push the
-    actuator out either way.
+    sample time. If it is read as a force, it is subtracted from F_L instead. Positive values push the
+    actuator out in both cases.
     """
 
     default_experiment = DefaultExperiment(stop_time=10.0, step_size=1e-4)
@@ -58,7 +58,7 @@ class Disturbance(Block):
         unit="s",
         name="load.start",
         symbol="t_i",
-        description="Time at which a level begins (the first: always)",
+        description="Time at which a level begins; the first level holds from the beginning",
     )
     ramp = Parameter(
         0.5,
@@ -116,7 +116,7 @@ class Disturbance(Block):
         minimum=1e-9,
         name="d_2.sample_time",
         symbol="T_d",
-        description="Time for which a random value holds",
+        description="Time for which a random value is held",
     )
     seed = Parameter(
         1690412731, minimum=1, maximum=2147483646, name="d_2.seed", description="Start of the random sequence"
@@ -145,7 +145,7 @@ class Disturbance(Block):
         maximum=0.99,
         name="supply.depth",
         symbol="D",
-        description="Part of the supply's voltage that a sag takes",
+        description="Fraction of the supply voltage by which a sag lowers it",
     )
     sag_start = Parameter(
         NEVER, unit="s", name="supply.start", symbol="t_s", description="Time at which the sag begins"
@@ -156,7 +156,7 @@ class Disturbance(Block):
         minimum=0.0,
         name="supply.duration",
         symbol="T_s",
-        description="Time that the sag lasts",
+        description="Duration of the sag",
     )
 
     random = DiscreteState(seed, name="d_2.random", symbol="r", description="State of the random generator")
@@ -171,15 +171,15 @@ class Disturbance(Block):
     sag = Output(
         name="supply.sag",
         symbol=r"\sigma_u",
-        description="Part of the supply's voltage that is missing",
+        description="Missing fraction of the supply voltage",
         terminal="load",
     )
 
     def update(self, v: Any) -> dict[str, Any]:
-        """A new random value once a sample time has passed (at most one per communication step).
+        """Draw a random value after each sample time, at most one per communication step.
 
         Samples count from t = 0. A run that starts earlier holds the first value until the end of
-        the first sample, so that from t = 0 on it draws what every other run draws.
+        the first sample, so that from t = 0 on its values are those of all other runs.
         """
         sample = floor(v.time / v.sample_time + 1e-6)
         return {
@@ -188,7 +188,7 @@ class Disturbance(Block):
         }
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """The load force and (82), (83) at the present time."""
+        """Return the load force, (82) and (83) at the present time."""
         d_2 = self.acceleration_disturbance(v)
         as_force = where(v.reading == DisturbanceReading.FORCE, 1.0, 0.0)
         d_3 = 0.0
@@ -203,7 +203,7 @@ class Disturbance(Block):
         }
 
     def load(self, v: Any) -> Any:
-        """Load force in N: ramps from level to level, with a ripple."""
+        """Return the load force in N: ramps from level to level, with a ripple."""
         force = v.level[0]
         for i in range(1, LEVELS):
             risen = clamp((v.time - v.level_start[i]) / v.ramp, 0.0, 1.0)
@@ -211,12 +211,12 @@ class Disturbance(Block):
         return force + wave(0.5 * v.ripple, sin, v.ripple_omega * v.time)
 
     def sag_of_supply(self, v: Any) -> Any:
-        """Missing part of the supply's voltage: a rectangle in time."""
+        """Return the missing fraction of the supply voltage: a rectangle in time."""
         lasts = logical_and(v.time >= v.sag_start, v.time < v.sag_start + v.sag_duration)
         return where(lasts, v.sag_depth, 0.0)
 
     def acceleration_disturbance(self, v: Any) -> Any:
-        """(82) in m/s2, or in N if read as a force."""
+        """Return (82) in m/s2, or in N if it is read as a force."""
         decaying = v.arctan_2 * arctan(v.v_L) * exp(-v.decay_2 * v.time)
         d_2 = where(v.arctan_2 == 0.0, 0.0, decaying)
         for i in range(2):
@@ -225,5 +225,5 @@ class Disturbance(Block):
 
 
 def wave(amplitude: Any, shape: Callable[[Any], Any], angle: Any) -> Any:
-    """A sine or a cosine of an angle in rad, of which nothing is computed where it has no amplitude."""
+    """Return a sine or cosine of an angle in rad; it is not computed if the amplitude is 0."""
     return where(amplitude == 0.0, 0.0, amplitude * shape(angle))

@@ -1,4 +1,4 @@
-"""Realistic drives: what the plant's switches are set to, by one rule for all joints.
+"""Realistic drives: parameters of the plant's options by one rule for all joints.
 
 The paper has none of these numbers. "assumed" is our choice; the sources are
 
@@ -9,7 +9,7 @@ The paper has none of these numbers. "assumed" is our choice; the sources are
 - LEM, digital HO and HLSR transducers: 12 bits effective after the filter of the converter;
 - K. H. Hunt and F. R. E. Crossley, J. Appl. Mech. 42 (1975): damping of a contact from its restitution.
 
-Fields carry the names of the plant's variables, so that the block takes them as they are.
+Fields have the names of the plant's variables.
 """
 
 import math
@@ -23,16 +23,16 @@ ENCODER_STEPS = 2**20
 
 @dataclass(frozen=True)
 class DriveParameters:
-    """What one drive has beside the paper's plant. d-q quantities are amplitude-invariant (peak)."""
+    """Properties of a drive that the paper's plant lacks. d-q quantities are amplitude-invariant (peak)."""
 
     delay: float
     """Time after which a demanded voltage takes effect, s."""
     dead_time: float
-    """Dead time of the inverter's legs that nothing makes up for, s."""
+    """Uncompensated dead time of the inverter's legs, s."""
     f_PWM: float
     """Switching frequency, Hz."""
     i_0: float
-    """Phase current within which dead time takes less voltage, A."""
+    """Phase current below which dead time takes less voltage, A."""
     sigma: float
     """Standard deviation of the position noise, m."""
     resolution: float
@@ -44,15 +44,15 @@ class DriveParameters:
     F_C: float
     """Coulomb friction at the screw, N."""
     F_S: float
-    """Friction that breaks away at the screw, N."""
+    """Breakaway friction at the screw, N."""
     v_S: float
     """Speed at which friction is halfway between F_S and F_C, m/s."""
     v_0: float
-    """Speed within which friction is like a damper, m/s."""
+    """Speed below which friction acts like a damper, m/s."""
     directional: bool
-    """Whether losses of gearbox and screw go against the motion, whoever drives."""
+    """Whether losses of gearbox and screw always oppose the motion."""
     eta_back: float
-    """Efficiency where the load drives; 0 is 2 - 1 / eta_GB."""
+    """Efficiency when the load drives; 0 is 2 - 1 / eta_GB."""
     stop_stiffness: float
     """Force of an end stop per squared depth, N/m2."""
     stop_damping: float
@@ -60,25 +60,25 @@ class DriveParameters:
     i_N: float
     """Rated current (peak), A."""
     permitted_rise: float
-    """Temperature rise of the winding that the rated current ends at, K."""
+    """Steady temperature rise of the winding at the rated current, K."""
     tau_th: float
     """Thermal time constant of the winding, s."""
 
 
 def drive(emla: EmlaParameters, i_N: float) -> DriveParameters:
-    """The drive of an EMLA with this rated current, by one rule for all."""
+    """Return the drive of an EMLA with the rated current i_N in A (peak)."""
     alpha = emla.alpha_RL
     step = emla.rho * emla.lead / ENCODER_STEPS
     no_load = 0.01 * emla.tau_max * alpha  # assumed: 1 % of the largest motor torque, at the screw
-    inertia, depth, restitution = alpha * emla.A_eq, 0.01, 0.5  # of the stops assumed: 10 mm, 0.5
+    inertia, depth, restitution = alpha * emla.A_eq, 0.01, 0.5  # stops, assumed: 10 mm, 0.5
     return DriveParameters(
         delay=1e-4,  # one sample of a current controller at 10 kHz
-        dead_time=0.2 * 2e-6,  # 2 us, of which the drive itself makes up for 80 % (assumed)
-        f_PWM=10e3,  # one period a sample
+        dead_time=0.2 * 2e-6,  # 2 us, of which the drive compensates 80 % (assumed)
+        f_PWM=10e3,  # one period per sample
         i_0=0.02 * emla.i_max,  # assumed
-        sigma=step,  # assumed: one step, as of encoders with more bits than are used
+        sigma=step,  # assumed: one step, as for encoders with more bits than are used
         resolution=step,
-        # 12 bits effective over plus and minus the range, sampled by 14: noise of 2^12 steps' rounding
+        # 12 effective bits over plus and minus the range, sampled with 14: noise of 2^12 steps' rounding
         sigma_i=2.0 * emla.i_range / 2**12 / math.sqrt(12.0),
         resolution_i=2.0 * emla.i_range / 2**14,
         F_C=no_load,
@@ -86,8 +86,8 @@ def drive(emla: EmlaParameters, i_N: float) -> DriveParameters:
         v_S=10.0 / alpha,  # assumed: 10 rad/s of the motor
         v_0=0.1 / alpha,  # assumed: 0.1 rad/s of the motor
         directional=True,
-        eta_back=0.0,  # a screw with the same friction either way
-        # a bumper that takes up all inertia at the largest speed (assumed)
+        eta_back=0.0,  # a screw with the same friction in both directions
+        # a bumper that stops the whole inertia at the largest speed (assumed)
         stop_stiffness=1.5 * inertia * emla.v_max * emla.v_max / (depth * depth * depth),
         stop_damping=1.5 * (1.0 - restitution) / emla.v_max,
         i_N=i_N,

@@ -1,7 +1,7 @@
 """The electrical half of an EMLA, motor with inverter and sensors: functions of the plant's values `v`.
 
-It needs of the mechanical half position and speed of the screw, `v.x_L` and `v.v_L`, and gives it the torque.
-Quantities are amplitude-invariant d-q quantities.
+Its inputs from the mechanical half are position and speed of the screw, `v.x_L` and `v.v_L`. Its output to
+that half is the torque. Quantities are amplitude-invariant d-q quantities.
 """
 
 from enum import IntEnum
@@ -13,7 +13,7 @@ from . import inverter, motion_law, sensors, thermal
 
 
 class TorqueSource(IntEnum):
-    """Which q-axis current drives the screw."""
+    """The q-axis current that drives the screw."""
 
     CURRENT = 1
     """The actual current (3): physics."""
@@ -22,7 +22,7 @@ class TorqueSource(IntEnum):
 
 
 def derivatives(v: Any) -> dict[str, Any]:
-    """The currents of (9) with the disturbances of (26) and the uncertainties of (84); the winding's heat."""
+    """Return the derivatives of the currents (9) with (26) and (84), and of the winding's temperature."""
     u_q, u_d, _ = terminal_voltage(v)
     omega_e = v.N_p * motion_law.alpha_RL(v) * v.v_L
     g_3 = (-v.R_s * v.i_q - omega_e * (v.i_d * v.L_d + v.Phi_PM)) / v.L_q
@@ -35,15 +35,15 @@ def derivatives(v: Any) -> dict[str, Any]:
 
 
 def update(v: Any) -> dict[str, Any]:
-    """Sensor noise, the voltage of the next communication step, and what the supply allows.
+    """Return sensor noise, the voltages of the next communication step, and the supply's voltage limit.
 
-    The last one is sampled, so that who is told of the supply need not wait for who disturbs it.
+    The limit is sampled, so that a controller that reads it need not wait for the disturbance.
     """
     return {**sensors.drawn(v), **inverter.delayed(v), "u_measured": inverter.available_voltage(v)}
 
 
 def outputs(v: Any) -> dict[str, Any]:
-    """Sensors, torque, voltages after the inverter, electrical power, and phase currents."""
+    """Return sensors, torque, voltages after the inverter, electrical power, and phase currents."""
     u_q, u_d, saturated = terminal_voltage(v)
     i_q_measured, i_d_measured = sensors.measured_currents(v)
     i_a, i_b, i_c = inverter.phase_currents(v)
@@ -66,21 +66,21 @@ def outputs(v: Any) -> dict[str, Any]:
 
 
 def terminal_voltage(v: Any) -> tuple[Any, Any, Any]:
-    """Voltage at the motor in V: what the inverter gives, plus disturbance; and if it was limited."""
+    """Return the motor's u_q and u_d in V, inverter plus disturbance, and whether they are limited."""
     u_q, u_d, saturated = inverter.motor_voltage(v)
     return u_q + v.d_3, u_d + v.d_4, saturated
 
 
 def torque(v: Any) -> Any:
-    """tau_m of (3) in N m, with the magnet's current chosen by torque_source."""
+    """Return tau_m of (3) in N m, with the magnet's current chosen by torque_source."""
     return magnet_torque(v) + reluctance_torque(v)
 
 
 def magnet_torque(v: Any) -> Any:
-    """Part of tau_m in N m that the permanent magnet makes with i_q or i_q*."""
+    """Return the part of tau_m in N m from the permanent magnet with i_q or i_q*."""
     return 1.5 * v.N_p * v.Phi_PM * where(v.torque_source == TorqueSource.COMMAND, v.i_q_ref, v.i_q)
 
 
 def reluctance_torque(v: Any) -> Any:
-    """Part of tau_m in N m that comes of L_d and L_q being different."""
+    """Return the part of tau_m in N m from the difference of L_d and L_q."""
     return 1.5 * v.N_p * v.i_q * v.i_d * (v.L_d - v.L_q)

@@ -6,7 +6,7 @@ from fmublock import maximum, where
 
 
 def stop_force(v: Any) -> Any:
-    """Force of both end stops on the screw in N, positive where it pushes the actuator out."""
+    """Return the force of both end stops on the screw in N, positive if it pushes the actuator out."""
     inward = maximum(v.q_LB - v.x_L, 0.0)
     outward = maximum(v.x_L - v.q_UB, 0.0)
     return where(inward > 0.0, _contact(v, inward, -v.v_L), 0.0) - where(
@@ -15,10 +15,11 @@ def stop_force(v: Any) -> Any:
 
 
 def _contact(v: Any, depth: Any, approach: Any) -> Any:
-    """Force in N of a stop that is pressed in by `depth` m at the speed `approach` (Hunt and Crossley, 1975).
+    """Return the force in N of a stop pressed in by `depth` m at the speed `approach` in m/s.
 
-    k depth^2 (1 + c approach) would pull where it is released faster than 1 / c; there
-    1 / (1 - c approach) takes the factor's place, which continues it smoothly and stays above zero.
+    k depth^2 (1 + c approach) (Hunt and Crossley, 1975) would pull if the stop is released faster than 1 / c.
+    On release the factor is therefore 1 / (1 - c approach), which continues smoothly and stays
+    above zero.
     """
     damping = v.stop_damping * approach
     size = abs(damping)

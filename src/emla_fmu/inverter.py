@@ -1,4 +1,4 @@
-"""The inverter as an average over a PWM period: computing delay, voltage limit, dead time.
+"""The inverter, averaged over a PWM period: computing delay, voltage limit, dead time.
 
 Functions of the plant's values `v`. Voltages and currents are amplitude-invariant d-q quantities.
 """
@@ -11,19 +11,19 @@ from fmublock import cos, floor, limit_magnitude, maximum, minimum, sin, sqrt, w
 from . import motion_law
 
 LONGEST_DELAY = 32
-"""Most communication steps by which a voltage can come late."""
+"""Largest delay of a voltage in communication steps."""
 
 _OLDER = LONGEST_DELAY - 1
 _ROOT_3 = math.sqrt(3.0)
 
 
 def available_voltage(v: Any) -> Any:
-    """Longest voltage vector in V that the inverter can make of the present supply."""
+    """Return the longest voltage vector in V that the inverter can generate with the present supply."""
     return v.u_max * (1.0 - v.sag)
 
 
 def motor_voltage(v: Any) -> tuple[Any, Any, Any]:
-    """What the inverter gives, u_q and u_d in V, and whether it had to shorten what takes effect now."""
+    """Return the inverter's u_q and u_d in V, and whether the voltage that takes effect now is limited."""
     late = v.delay > 0.0
     demand_q, demand_d = where(late, v.u_q_late, v.u_q), where(late, v.u_d_late, v.u_d)
     u_q, u_d, saturated = limit_magnitude(demand_q, demand_d, available_voltage(v))
@@ -32,9 +32,9 @@ def motor_voltage(v: Any) -> tuple[Any, Any, Any]:
 
 
 def dead_time_error(v: Any) -> tuple[Any, Any]:
-    """Mean voltage in V, of q and d, that dead time takes: against each phase's current, through (2).
+    """Return the mean q- and d-axis voltage in V that dead time takes: against each phase's current, by (2).
 
-    A phase loses the dead time's part of U_dc in each period. A linear modulation reaches
+    In each period a phase loses U_dc times the fraction of the dead time. Linear modulation reaches
     u_max = U_dc / sqrt(3).
     """
     size = v.dead_time * v.f_PWM * _ROOT_3 * available_voltage(v)
@@ -47,7 +47,7 @@ def dead_time_error(v: Any) -> tuple[Any, Any]:
 
 
 def phase_axes(v: Any) -> tuple[tuple[Any, Any], ...]:
-    """Cosine and sine of theta, theta - 2 pi / 3 and theta + 2 pi / 3, theta the electrical angle."""
+    """Return cosine and sine of the electrical angle theta, theta - 2 pi / 3 and theta + 2 pi / 3."""
     theta = v.N_p * motion_law.alpha_RL(v) * v.x_L
     c, s = cos(theta), sin(theta)
     b = -0.5 * c + 0.5 * _ROOT_3 * s, -0.5 * s - 0.5 * _ROOT_3 * c
@@ -55,21 +55,20 @@ def phase_axes(v: Any) -> tuple[tuple[Any, Any], ...]:
 
 
 def phase_currents(v: Any) -> tuple[Any, ...]:
-    """i_a, i_b, i_c in A: (1) backwards, without zero sequence."""
+    """Return i_a, i_b, i_c in A: the inverse of (1), without zero sequence."""
     return tuple(v.i_d * cosine - v.i_q * sine for cosine, sine in phase_axes(v))
 
 
 def _saturated(i: Any, i_0: Any) -> Any:
-    """A smooth sign of a phase's current: linear within i_0, where the legs' capacitances take over."""
+    """Return a smooth sign of a phase's current: linear below i_0, where the legs' capacitances dominate."""
     return i / sqrt(i * i + i_0 * i_0)
 
 
 def delayed(v: Any) -> dict[str, Any]:
-    """The delay line after a communication step, and the demand that takes effect in the next one.
+    """Return the delay line after a communication step, and the demand that takes effect in the next one.
 
-    `u_q_line[0]` is the demand of the step before this one, and so on. The delay in steps is what is
-    nearest with steps as long as this one, at least one; beyond the line it is infinite, which
-    discards the step.
+    `u_q_line[0]` is the demand of the step before this one, and so on. The delay is rounded to whole steps
+    of this length, at least one. A delay beyond the line is infinite, which discards the step.
     """
     h = v.time - v.delay_clock
     steps = maximum(floor(v.delay / where(h > 0.0, h, 1.0) + 0.5), 1.0)
@@ -86,7 +85,7 @@ def delayed(v: Any) -> dict[str, Any]:
 
 
 def _chosen(steps: Any, newest: Any, line: Any) -> Any:
-    """What was demanded so many steps ago, counted from 1."""
+    """Return the demand of `steps` steps ago, counted from 1."""
     total = (steps == 1.0) * newest
     for i in range(_OLDER):
         total = total + (steps == i + 2.0) * line[i]

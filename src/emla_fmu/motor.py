@@ -1,4 +1,4 @@
-"""The electrical half of the actuator, for a machine whose motion is computed elsewhere."""
+"""The electrical half of the actuator, for a machine whose motion another FMU computes."""
 
 from typing import Any
 
@@ -12,8 +12,8 @@ class EmlaMotor(Block):
     """Motor, inverter and sensors of an `EmlaPlant`: the screw's position and speed in, motor torque out.
 
     For a joint whose mechanical half is part of a whole machine. Equations (1) to (3) and the currents of
-    (9) of the paper, disturbances as in (26), uncertainties as in (84). All variables but the motion are
-    those of the plant.
+    (9) of the paper, disturbances as in (26), uncertainties as in (84). Apart from the motion, all
+    variables are those of the plant.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
@@ -52,13 +52,13 @@ class EmlaMotor(Block):
     i_a, i_b, i_c = EmlaPlant.i_a, EmlaPlant.i_b, EmlaPlant.i_c
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """Currents and the winding's heat."""
+        """Return the derivatives of the currents and of the winding's temperature."""
         return electrics.derivatives(v)
 
     def update(self, v: Any) -> dict[str, Any]:
-        """What is sampled."""
+        """Return the sampled values."""
         return electrics.update(v)
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Sensors, torque, voltages after the inverter, electrical power, and phase currents."""
+        """Return sensors, torque, voltages after the inverter, electrical power, and phase currents."""
         return electrics.outputs(v)

@@ -23,27 +23,27 @@ from fmublock import (
 class EmlaObserver(Block):
     """Adaptive robust observer of screw position and speed, (17) to (25) of the paper.
 
-    Everything that acts on the screw's acceleration and is not modelled counts as K in (17); f
-    and eta_hat work against it. p is the solution of the Lyapunov equation (18) for the given
-    alpha and Q: Algorithm 1 draws Q at random, which only p's size would notice.
+    K in (17) contains all accelerations of the screw that are not modelled; f and eta_hat compensate
+    it. p is the solution of the Lyapunov equation (18) for alpha and Q. Algorithm 1 draws Q at random,
+    but only the size of p depends on it.
 
-    With `use_model` B u + g is the torque of i_q*, and the viscous friction of the estimated speed;
+    With `use_model`, B u + g is the torque of i_q* and the viscous friction at the estimated speed.
     C_eq and the reluctance torque of g_2 are left out.
 
-    Departures, each a switch of its own:
+    Departures from the paper, each with its own parameter:
 
-    - `use_measured_current`: the torque of (20) is that of the measured current, which the motor
-      has whatever was asked of it.
-    - `omega_d`: an estimate d_hat of everything that the model does not know, load included, is
-      added to (20). It integrates the innovation, d_hat' = omega_d alpha_2 y_bar, so that a
-      constant K leaves no error of position or speed; with alpha_1 = 3 p, alpha_2 = 3 p^2 and
-      omega_d = p / 3 all three poles are at -p. Needs `use_model`.
-    - `interpolate`: y and i_q are held by who steps this block, and held at the end of the step
-      they put x_hat half a step ahead. They move on a straight line from their last values
-      instead. The first step, and one of another length than the last, see what is held.
+    - `use_measured_current`: the torque of (20) is that of the measured current, which may differ from
+      the commanded one.
+    - `omega_d`: an estimate d_hat of all unmodelled accelerations, with that of the load, is added to
+      (20). It integrates the innovation, d_hat' = omega_d alpha_2 y_bar, so that a constant K causes no
+      error of position or speed. With alpha_1 = 3 p, alpha_2 = 3 p^2 and omega_d = p / 3, all three
+      poles are at -p. Needs `use_model`.
+    - `interpolate`: inputs are held during a step. If the master holds the values of the step's end,
+      x_hat is half a step ahead. With this option, y and i_q move on a straight line from their last
+      values. In the first step, and when the step size changes, they are held.
 
-    Norms: the paper calls ||.|| the squared norm (after (19)). Here ||y_bar|| is the absolute
-    value in (21) and (23): only then is |f| <= eta_hat H, as (25) and the stability proof need.
+    Norms: the paper calls ||.|| the squared norm (after (19)). Here ||y_bar|| is the absolute value in
+    (21) and (23). Only then does |f| <= eta_hat H hold, which (25) and the stability proof need.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
@@ -79,31 +79,31 @@ class EmlaObserver(Block):
         description="Include B u + g of (20): commanded torque and viscous friction",
     )
     use_measured_current = Parameter(
-        False, description="Take the torque of B u from the measured current, not from the commanded one"
+        False, description="Compute the torque of B u from the measured instead of the commanded current"
     )
     omega_d = Parameter(
         0.0, unit="1/s", minimum=0.0, description="Bandwidth of the estimated disturbance d_hat; 0 is none"
     )
-    interpolate = Parameter(False, description="Let y and i_q move on a line during a step")
+    interpolate = Parameter(False, description="Interpolate y and i_q linearly during a step")
     N_p = Parameter(
-        8, minimum=1, name="model.N_p", description="Number of pole pairs, as the observer knows it"
+        8, minimum=1, name="model.N_p", description="Number of pole pairs in the observer's model"
     )
     Phi_PM = Parameter(
-        0.15, unit="Wb", name="model.Phi_PM", description="Magnet flux, as the observer knows it"
+        0.15, unit="Wb", name="model.Phi_PM", description="Magnet flux in the observer's model"
     )
     A_eq = Parameter(
         35.26,
         unit="kg.m",
         minimum=1e-9,
         name="model.A_eq",
-        description="Equivalent inertia, as the observer knows it",
+        description="Equivalent inertia in the observer's model",
     )
     B_eq = Parameter(
         3.67,
         unit="kg.m/s",
         minimum=0.0,
         name="model.B_eq",
-        description="Equivalent friction, as the observer knows it",
+        description="Equivalent friction in the observer's model",
     )
     x_hat_start = Parameter(
         0.24, unit="m", name="start.x_hat", description="Initial estimate of the position"
@@ -142,7 +142,7 @@ class EmlaObserver(Block):
     f = Output(description="Robust term of (21)")
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """(20) with A = [0 1; 0 0], C = [1 0], and (23)."""
+        """Return (20) with A = [0 1; 0 0] and C = [1 0], and (23)."""
         y = self.moving(v, v.y, v.y_before)
         y_bar = y - v.x_hat
         f = self.robust_term(v, y)
@@ -160,43 +160,43 @@ class EmlaObserver(Block):
         }
 
     def update(self, v: Any) -> dict[str, Any]:
-        """What `interpolate` needs of the step that ends."""
+        """Return the values of the ending step that `interpolate` needs."""
         return {"y_before": v.y, "i_before": v.i_q, "t_before": v.time, "h_before": v.time - v.t_before}
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Innovation and robust term, to see whether f acts."""
+        """Return innovation and robust term, which show whether f acts."""
         return {"y_bar": v.y - v.x_hat, "f": self.robust_term(v, v.y)}
 
     def moving(self, v: Any, held: Any, before: Any) -> Any:
-        """A held input on its way from the value that it had when the step began."""
+        """Interpolate a held input from its value at the beginning of the step."""
         part = clamp((v.time - v.t_before) / maximum(v.h_before, 1e-12), 0.0, 1.0)
         return where(self.moves(v), before + part * (held - before), held)
 
     def moves(self, v: Any) -> Any:
-        """Whether held inputs are on their way."""
+        """Return whether held inputs are interpolated."""
         return logical_and(v.interpolate, v.h_before > 0.0)
 
     def robust_term(self, v: Any, y: Any) -> Any:
-        """Robust term f of (21): bounded by eta_hat H, linear in the innovation where that is small."""
+        """Return the robust term f of (21): at most eta_hat H, linear in small innovations."""
         y_bar = y - v.x_hat
         bound = v.eta_hat * self.H(v, y)
         return bound * bound * y_bar / (bound * abs(y_bar) + self.m(v))
 
     def H(self, v: Any, y: Any) -> Any:
-        """Bound of the uncertainty by (86); that of the held position once per step."""
+        """Return the bound of the uncertainty by (86); for a held position it is computed once per step."""
         return where(self.moves(v), self.bound(v, y), self.bound(v, v.y))
 
     def bound(self, v: Any, y: Any) -> Any:
-        """H(y) of (86)."""
+        """Return H(y) of (86)."""
         c, s = cos(y), sin(y)
         return v.H_0 * (c * c * c * c + s * s * s * s)
 
     def m(self, v: Any) -> Any:
-        """Decaying term of (21) and (23), whose integral is bounded (22)."""
+        """Return the decaying term of (21) and (23), whose integral is bounded (22)."""
         return v.m_0 * exp(-v.m_decay * v.time)
 
     def lyapunov_solution(self, v: Any) -> tuple[Any, Any, Any]:
-        """p_11, p_12, p_22 of the solution p of (18) for A_bar = [-alpha_1 1; -alpha_2 0]."""
+        """Return p_11, p_12, p_22 of the solution p of (18) for A_bar = [-alpha_1 1; -alpha_2 0]."""
         p_12 = -0.5 * v.Q_22
         p_11 = (v.Q_11 + v.alpha_2 * v.Q_22) / (2.0 * v.alpha_1)
         p_22 = (p_11 - v.alpha_1 * p_12 + v.Q_12) / v.alpha_2

@@ -1,11 +1,11 @@
-"""Gains of the observer by rule, as published and repaired; joint files have the numbers."""
+"""Rules for the gains of the observer, as published and improved; joint files have the numbers."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class ObserverGains:
-    """Gains of `EmlaObserver`, named as its parameters; units there."""
+    """Gains of `EmlaObserver`, with the names and units of its parameters."""
 
     alpha_1: float
     alpha_2: float
@@ -25,10 +25,10 @@ class ObserverGains:
 
 
 def published(eta_hat_start: float) -> ObserverGains:
-    """(85) to (87) as printed.
+    """Return the gains of (85) to (87) as printed.
 
-    The poles are at -0.16 +- 0.54j, and m also multiplies the leak in (23), so eta_hat decays
-    within milliseconds and f does nothing.
+    The poles are at -0.16 +- 0.54j. As m also multiplies the leak in (23), eta_hat decays within
+    milliseconds, and f has no effect.
     """
     return ObserverGains(
         alpha_1=0.3192,
@@ -46,12 +46,11 @@ def published(eta_hat_start: float) -> ObserverGains:
 
 
 def robust(w: float = 4000.0) -> ObserverGains:
-    """The same structure with both poles at -w rad/s, and m and H such that f acts.
+    """Return gains with both poles at -w rad/s, and m and H such that f has an effect.
 
     With Q = I the second element of p^-1 C' is 8, so f saturates at 8 eta_hat H m/s2, about the
-    accelerations that the model does not know; below that f / y_bar = H^2 eta_hat^2 / m adds
-    w^2 / 2 to alpha_2. The commanded torque is left out: without the load it would be a wrong
-    model.
+    accelerations that the model lacks. Below that, f / y_bar = H^2 eta_hat^2 / m adds w^2 / 2 to
+    alpha_2. The commanded torque is left out: without the load the model would be wrong.
     """
     return ObserverGains(
         alpha_1=2.0 * w,
@@ -69,9 +68,9 @@ def robust(w: float = 4000.0) -> ObserverGains:
 
 
 def compensated(p: float) -> ObserverGains:
-    """An estimate of the disturbance, from the measured current and the position: all poles at -p rad/s.
+    """Return gains with all poles at -p rad/s that estimate the disturbance from current and position.
 
-    f is off: what it is to bound, d_hat takes away, and its kink lets noise through.
+    f is off: d_hat compensates the disturbance that f would bound, and the kink of f lets noise through.
     """
     return ObserverGains(
         alpha_1=3.0 * p,
@@ -92,7 +91,7 @@ def compensated(p: float) -> ObserverGains:
 
 
 def with_poles(gains: ObserverGains, p: float) -> ObserverGains:
-    """Gains of the same kind with their poles at -p rad/s; those as published have no such choice."""
+    """Return gains of the same kind with their poles at -p rad/s; the published ones stay unchanged."""
     if gains.omega_d > 0.0:
         return compensated(p)
     return gains if gains.use_model else robust(p)

@@ -1,7 +1,7 @@
 """The parameter set that plant, observer and controllers share.
 
-"assumed" is in neither the paper nor a public data sheet of the part. Fields have the names of the
-blocks' variables, so that a block takes from a set what it declares.
+"assumed" marks values that are in neither the paper nor a public data sheet of the part. Fields have the
+names of the blocks' variables, so that a block can take its parameters from a set.
 """
 
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ class EmlaParameters:
     def i_range(self) -> float:
         """Range of the motor's d-q currents, A.
 
-        Assumed, and generous: a controller that keeps i_q* within i_max overshoots it by some
-        per cent, and drives trip well above it.
+        Assumed, with a margin: a controller that keeps i_q* within i_max exceeds it by some per cent, and
+        drives trip well above it.
         """
         return 1.5 * self.i_max

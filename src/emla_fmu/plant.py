@@ -14,9 +14,9 @@ class EmlaPlant(Block):
     Equations (3) to (9) of the paper, disturbances as in (26), uncertainties as in (84).
     Amplitude-invariant d-q quantities; x_L grows as the actuator extends.
 
-    What a drive has beside that is off by default, each by a parameter of its own: computing delay and
-    dead time of the inverter, noise and resolution of the sensors, friction, an efficiency that depends
-    on the direction of power, end stops, and the temperature of the winding.
+    Further properties of drives are off by default, each with its own parameters: computing delay and
+    dead time of the inverter, noise and resolution of the sensors, friction, end stops, and the
+    temperature of the winding. The efficiency can depend on the direction of power.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
@@ -46,7 +46,7 @@ class EmlaPlant(Block):
     sag = Input(
         name="supply.sag",
         symbol=r"\sigma_u",
-        description="Part of the supply's voltage that is missing",
+        description="Missing fraction of the supply voltage",
         terminal="load",
     )
 
@@ -79,7 +79,7 @@ class EmlaPlant(Block):
     directional = Parameter(
         False,
         name="gearbox.directional",
-        description="Whether losses of gearbox and screw go against the motion, whoever drives",
+        description="Whether losses of gearbox and screw always oppose the motion",
     )
     eta_back = Parameter(
         0.0,
@@ -119,7 +119,7 @@ class EmlaPlant(Block):
         unit="A",
         minimum=0.0,
         name="motor.i_N",
-        description="Rated current (peak) that the winding bears for ever; 0 is no heating",
+        description="Rated continuous current (peak) of the winding; 0 is no heating",
     )
     permitted_rise = Parameter(
         100.0,
@@ -127,7 +127,7 @@ class EmlaPlant(Block):
         minimum=1e-3,
         name="motor.permitted_rise",
         symbol=r"\vartheta_N",
-        description="Temperature rise of the winding that the rated current ends at",
+        description="Steady temperature rise of the winding at the rated current",
     )
     tau_th = Parameter(
         100.0,
@@ -141,7 +141,7 @@ class EmlaPlant(Block):
         0.0, unit="N", minimum=0.0, name="friction.F_C", description="Coulomb friction at the screw"
     )
     F_S = Parameter(
-        0.0, unit="N", minimum=0.0, name="friction.F_S", description="Friction that breaks away at the screw"
+        0.0, unit="N", minimum=0.0, name="friction.F_S", description="Breakaway friction at the screw"
     )
     v_S = Parameter(
         5e-3,
@@ -155,7 +155,7 @@ class EmlaPlant(Block):
         unit="m/s",
         minimum=1e-9,
         name="friction.v_0",
-        description="Speed within which friction is like a damper",
+        description="Speed below which friction acts like a damper",
     )
     stop_stiffness = Parameter(
         0.0,
@@ -194,7 +194,7 @@ class EmlaPlant(Block):
         minimum=0.0,
         name="inverter.dead_time",
         symbol="T_d",
-        description="Dead time of the inverter's legs that nothing makes up for",
+        description="Uncompensated dead time of the inverter's legs",
     )
     f_PWM = Parameter(8e3, unit="Hz", minimum=0.0, name="inverter.f_PWM", description="Switching frequency")
     i_0 = Parameter(
@@ -202,7 +202,7 @@ class EmlaPlant(Block):
         unit="A",
         minimum=1e-9,
         name="inverter.i_0",
-        description="Phase current within which dead time takes less voltage",
+        description="Phase current below which dead time takes less voltage",
     )
     torque_source = Parameter(
         TorqueSource.CURRENT,
@@ -269,7 +269,7 @@ class EmlaPlant(Block):
     random = DiscreteState(seed, name="sensor.random", symbol="r", description="State of the noise generator")
     noise = DiscreteState(0.0, name="sensor.noise", symbol="n", description="Present draw from N(0, 1)")
     u_measured = DiscreteState(
-        u_max, unit="V", name="inverter.u_measured", description="Voltage that the supply last allowed"
+        u_max, unit="V", name="inverter.u_measured", description="Last voltage that the supply allowed"
     )
     random_i = DiscreteState(
         seed_i, name="sensor.current.random", description="State of the currents' noise generator"
@@ -282,7 +282,7 @@ class EmlaPlant(Block):
     delay_steps = DiscreteState(
         0.0,
         name="inverter.delay_in_steps_of_at_most_32",
-        description="Delay in communication steps; infinite, which ends the run, beyond 32",
+        description="Delay in communication steps; more than 32 ends the run",
     )
     u_q_late = DiscreteState(
         0.0, unit="V", name="inverter.u_q_late", description="Delayed q-axis voltage demanded"
@@ -295,30 +295,24 @@ class EmlaPlant(Block):
         shape=inverter.LONGEST_DELAY - 1,
         unit="V",
         name="inverter.u_q_line",
-        description="q-axis voltages demanded before, the last one first",
+        description="Earlier demanded q-axis voltages, the latest first",
     )
     u_d_line = DiscreteState(
         0.0,
         shape=inverter.LONGEST_DELAY - 1,
         unit="V",
         name="inverter.u_d_line",
-        description="d-axis voltages demanded before, the last one first",
+        description="Earlier demanded d-axis voltages, the latest first",
     )
 
-    x_measured = Output(
-        unit="m", nominal=0.1, description="Position as the sensor gives it", terminal="sensor"
-    )
-    i_q_measured = Output(
-        unit="A", nominal=10.0, description="q-axis current as the sensors give it", terminal="drive.i_q"
-    )
-    i_d_measured = Output(
-        unit="A", nominal=10.0, description="d-axis current as the sensors give it", terminal="drive.i_d"
-    )
+    x_measured = Output(unit="m", nominal=0.1, description="Measured position", terminal="sensor")
+    i_q_measured = Output(unit="A", nominal=10.0, description="Measured q-axis current", terminal="drive.i_q")
+    i_d_measured = Output(unit="A", nominal=10.0, description="Measured d-axis current", terminal="drive.i_d")
     u_available = Output(
         unit="V",
         nominal=100.0,
         name="inverter.u_available",
-        description="Longest voltage vector that the supply allows, as the drive measures it",
+        description="Longest voltage vector that the supply allows, as measured by the drive",
         terminal="drive.u_available",
     )
     a_L = Output(unit="m/s2", description="Screw acceleration")
@@ -351,19 +345,19 @@ class EmlaPlant(Block):
     i_c = Output(unit="A", name="phase.i_c", description="Current of phase c")
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """(9) with the disturbances of (26) and the uncertainties of (84)."""
+        """Return (9) with the disturbances of (26) and the uncertainties of (84)."""
         return {"x_L": v.v_L, "v_L": self.acceleration(v), **electrics.derivatives(v)}
 
     def update(self, v: Any) -> dict[str, Any]:
-        """What is sampled."""
+        """Return the sampled values."""
         return electrics.update(v)
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Sensors, torque, voltages after the inverter, powers, phase currents, and acceleration."""
+        """Return sensors, torque, voltages after the inverter, powers, phase currents, and acceleration."""
         return {**electrics.outputs(v), "a_L": self.acceleration(v), "P_L": v.F_L * v.v_L}
 
     def acceleration(self, v: Any) -> Any:
-        """Second line of (9) in m/s2, with F_2, d_2, and what friction and end stops add."""
+        """Return the second line of (9) in m/s2, with F_2, d_2, friction and end stops."""
         A_eq = motion_law.A_eq(v)
         g_2 = (electrics.reluctance_torque(v) - motion_law.B_eq(v) * v.v_L - v.C_eq * v.x_L) / A_eq
         magnet = electrics.magnet_torque(v) / A_eq

@@ -1,4 +1,4 @@
-"""The motion that a joint shall follow."""
+"""The reference motion of a joint."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from fmublock import Block, DefaultExperiment, Output, Parameter, clamp, floor, 
 from .schedule import NEVER
 
 MOVES = 8
-"""How many moves a reference can have."""
+"""Number of moves of a reference."""
 
 
 class Reference(Block):
@@ -34,10 +34,10 @@ class Reference(Block):
         minimum=1e-6,
         name="move.duration",
         symbol="T_i",
-        description="Time that a move takes",
+        description="Duration of a move",
     )
     period = Parameter(
-        0.0, unit="s", minimum=0.0, symbol="T_p", description="Time after which all repeats; 0 is never"
+        0.0, unit="s", minimum=0.0, symbol="T_p", description="Period of repetition; 0 is none"
     )
 
     x_d = Output(unit="m", nominal=0.1, description="Reference position", terminal="reference")
@@ -45,7 +45,7 @@ class Reference(Block):
     a_d = Output(unit="m/s2", description="Reference acceleration", terminal="reference")
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Sum of all moves, each at its own progress r between 0 and 1."""
+        """Return the sum of all moves, each at its own progress r between 0 and 1."""
         period = where(v.period > 0.0, v.period, 1.0)
         t = where(v.period > 0.0, v.time - period * floor(v.time / period), v.time)
         x_d, v_d, a_d = v.x[0], 0.0, 0.0
@@ -59,7 +59,7 @@ class Reference(Block):
 
 
 def rest_to_rest(x_i: float, x_f: float, v_peak: float) -> dict[str, Any]:
-    """Parameters of a single move from x_i to x_f (m) with this peak speed (m/s), then hold."""
+    """Return the parameters of one move from x_i to x_f (m) with this peak speed (m/s), then hold."""
     return {
         "x": [x_i] + [x_f] * MOVES,
         "start": [0.0] + [NEVER] * (MOVES - 1),
@@ -68,5 +68,5 @@ def rest_to_rest(x_i: float, x_f: float, v_peak: float) -> dict[str, Any]:
 
 
 def quintic_duration(distance: float, v_peak: float) -> float:
-    """Time in s that a quintic move of `distance` m takes to peak at `v_peak` m/s: 15 d / (8 v)."""
+    """Return the duration in s of a quintic move of `distance` m with peak `v_peak` m/s: 15 d / (8 v)."""
     return 15.0 * abs(distance) / (8.0 * v_peak)

@@ -1,4 +1,4 @@
-"""Times at which something begins."""
+"""Start times of scheduled events."""
 
 NEVER = 1e9
-"""Start in s of what does not happen unless somebody says when: beyond any run."""
+"""Start in s of events that are not scheduled: later than the end of any run."""

@@ -8,10 +8,10 @@ from fmublock.noise import lehmer, normal, uniform
 
 
 def drawn(v: Any) -> dict[str, Any]:
-    """The noise of the next communication step: one draw for the position, one for each current.
+    """Draw the noise of the next communication step: one value for the position, one for each current.
 
-    The currents have a generator of their own, so that the position's draws do not depend on them. Nothing
-    is drawn for sensors without noise.
+    The currents have their own generator, so that the position's noise does not depend on them. Sensors
+    without noise draw no values.
     """
     first = lehmer(v.random)
     second = lehmer(first)
@@ -30,17 +30,17 @@ def drawn(v: Any) -> dict[str, Any]:
 
 
 def measured_position(v: Any) -> Any:
-    """Screw position in m as the sensor gives it."""
+    """Return the measured screw position in m."""
     return quantized(v.x_L + v.sigma * v.noise, v.resolution)
 
 
 def measured_currents(v: Any) -> tuple[Any, Any]:
-    """i_q and i_d in A as the sensors give them, in d-q: noise and steps are those after (2)."""
+    """Return the measured i_q and i_d in A; noise and resolution apply to the d-q currents, after (2)."""
     i_q = quantized(v.i_q + v.sigma_i * v.noise_q, v.resolution_i)
     return i_q, quantized(v.i_d + v.sigma_i * v.noise_d, v.resolution_i)
 
 
 def quantized(x: Any, resolution: Any) -> Any:
-    """The value rounded to a resolution; 0 is no rounding."""
+    """Round a value to a resolution; 0 is no rounding."""
     step = where(resolution > 0.0, resolution, 1.0)
     return where(resolution > 0.0, step * floor(x / step + 0.5), x)

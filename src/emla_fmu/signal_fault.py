@@ -1,4 +1,4 @@
-"""A signal that fails on its way, as that of an encoder that freezes or jumps."""
+"""Faults of a signal, such as an encoder's that freezes or jumps."""
 
 from enum import IntEnum
 from typing import Any
@@ -8,11 +8,11 @@ from fmublock import Block, DefaultExperiment, DiscreteState, Input, Output, Par
 from .schedule import NEVER
 
 _ROUNDING = 1e-9
-"""By so much in s a communication point may miss the beginning or the end."""
+"""Rounding in s of a communication point at the fault's beginning or end."""
 
 
 class FaultKind(IntEnum):
-    """What becomes of the signal."""
+    """Kinds of faults."""
 
     NONE = 1
     FREEZE = 2
@@ -22,34 +22,34 @@ class FaultKind(IntEnum):
 
 
 class SignalFault(Block):
-    """Passes a signal on, but for a time during which it fails.
+    """Passes a signal on, except during a fault.
 
-    Before and after, y is u to the last bit. A freeze keeps the value of the communication point before
-    it begins; one that begins at the start of a run keeps that of the first point after.
+    Before and after the fault, y has the same bits as u. A freeze keeps the value of the communication
+    point before the fault. If the fault begins at the start of a run, it keeps that of the first point.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-3)
 
-    u = Input(0.0, description="Signal as it is")
+    u = Input(0.0, description="Signal before the fault")
 
-    kind = Parameter(FaultKind.NONE, description="What becomes of the signal")
+    kind = Parameter(FaultKind.NONE, description="Kind of fault")
     start = Parameter(NEVER, unit="s", symbol="t_0", description="Time at which the fault begins")
-    duration = Parameter(NEVER, unit="s", minimum=0.0, symbol="T", description="Time that it lasts")
+    duration = Parameter(NEVER, unit="s", minimum=0.0, symbol="T", description="Duration of the fault")
     value = Parameter(0.0, symbol="w", description="Offset, gain or constant")
 
-    frozen = DiscreteState(0.0, symbol="u_-", description="Value that a freeze keeps")
-    known = DiscreteState(0.0, description="1 once there is such a value")
+    frozen = DiscreteState(0.0, symbol="u_-", description="Frozen value")
+    known = DiscreteState(0.0, description="1 when the frozen value is known")
 
-    y = Output(description="Signal as its receivers get it")
+    y = Output(description="Signal after the fault")
     active = Output(description="1 while the fault lasts")
 
     def update(self, v: Any) -> dict[str, Any]:
-        """Remember the signal as long as it is good."""
+        """Store the signal while there is no fault."""
         keeps = logical_and(self.lasts(v), v.known > 0.0)
         return {"frozen": where(keeps, v.frozen, v.u), "known": 1.0}
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """The signal as factor u - less, of which neither changes a bit of u while there is no fault."""
+        """Return the signal as factor * u - less, which keeps all bits of u while there is no fault."""
         lasts = self.lasts(v)
         freezes = logical_and(v.kind == FaultKind.FREEZE, v.known > 0.0)
         constant = v.kind == FaultKind.CONSTANT
@@ -62,6 +62,6 @@ class SignalFault(Block):
         }
 
     def lasts(self, v: Any) -> Any:
-        """Whether the present time is within the fault's."""
+        """Return whether the fault is active at the present time."""
         since = v.time - v.start + _ROUNDING
         return logical_and(since >= 0.0, since < v.duration)

@@ -1,11 +1,11 @@
 """Write a block once, run it in process, and build it as an FMI 2.0 co-simulation FMU.
 
-A block is a class: typed variables beside the equations that use them. What a block file
-needs is imported from here; it needs nothing but the standard library, so that the same text
-can run inside a PythonFMU FMU. What builds FMUs is imported when it is first used.
+A block is a class that declares typed variables and the equations that use them. A block file
+imports its functions from here. They need the standard library only, so that the same file can
+run inside a PythonFMU FMU. The functions that build FMUs are imported when they are first used.
 
-    fmublock.Instance(Drive())           runs it in process
-    fmublock.build(Drive, "Drive.fmu")   makes the FMU
+    fmublock.Instance(Drive())           # run the block in this process
+    fmublock.build(Drive, "Drive.fmu")   # build the FMU
 """
 
 from importlib import import_module
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from .recipe import Documents as Documents
     from .recipe import Producer as Producer
 
-# what a block file needs, which `from fmublock import *` gives also inside an FMU
+# the names that a block file needs; `from fmublock import *` also works inside an FMU
 __all__ = [
     "Block",
     "BlockError",
@@ -96,7 +96,10 @@ _LATER = {
 
 
 def __getattr__(name: str) -> Any:
-    """What builds FMUs, imported on first use; None inside an FMU, whose block may import it in vain."""
+    """Import the names that build FMUs on first use.
+
+    Inside an FMU they are None, so that a block file that imports them still runs there.
+    """
     if name not in _LATER:
         raise AttributeError(f"module 'fmublock' has no attribute '{name}'")
     module = f"{__name__}.{_LATER[name]}"

@@ -1,4 +1,4 @@
-"""`python -m fmublock build mine.py:Drive`: FMUs of blocks, from any folder."""
+"""`python -m fmublock build mine.py:Drive`: build FMUs of blocks in any folder."""
 
 import argparse
 import sys
@@ -20,7 +20,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _check_place(path: Path, overwrite: bool) -> None:
-    """Raise LoadError, as the command is wrong, where the FMU may not be written."""
+    """Raise LoadError if the FMU may not be written there: the command is wrong."""
     try:
         check_replaceable(path, overwrite)
     except BuildError as error:
@@ -28,30 +28,34 @@ def _check_place(path: Path, overwrite: bool) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns 0, 1 where an FMU could not be built, 2 where the command is wrong."""
+    """Run the command.
+
+    Returns:
+        The exit code: 0, 1 if an FMU could not be built, 2 if the command is wrong.
+    """
     parser = _Parser("python -m fmublock", description="Build blocks as FMI 2.0 FMUs.")
     command = parser.add_subparsers(required=True, metavar="build", parser_class=_Parser).add_parser(
         "build", help="build FMUs of blocks", description="Build FMUs of blocks."
     )
     command.add_argument("blocks", nargs="+", metavar="FILE.py:BLOCK", help="file and class of a block")
-    command.add_argument("--flavour", choices=FLAVOURS, default="native", help="native without")
+    command.add_argument(
+        "--flavour", choices=FLAVOURS, default="native", help="kind of FMU (default: native)"
+    )
     command.add_argument(
         "--platform",
         action="append",
         choices=TARGETS,
         default=[],
-        help="FMI platform of a native FMU's binaries (repeatable); this machine's without",
+        help="FMI platform of a native FMU's binaries, repeatable (default: this machine's)",
     )
     command.add_argument(
         "--output",
         type=Path,
         default=Path(),
         metavar="DIR",
-        help="folder to write BLOCK.fmu to; this one without",
+        help="folder to write BLOCK.fmu to (default: the current folder)",
     )
-    command.add_argument(
-        "--overwrite", action="store_true", help="replace files of these names that were not built here"
-    )
+    command.add_argument("--overwrite", action="store_true", help="replace files that fmublock did not build")
     options = parser.parse_args(arguments)
     try:
         if options.platform and options.flavour != "native":

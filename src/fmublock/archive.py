@@ -12,16 +12,16 @@ from .errors import BuildError
 from .files import real_place, write_atomically
 
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
-_KEY = "fmublock key "  # a zip's comment is no part of the FMU; repacking leaves it out
+_KEY = "fmublock key "  # in the zip's comment, which is not part of the FMU; repacking drops it
 
 
 def content_guid(files: Mapping[str, bytes]) -> str:
-    """A GUID that is a hash of names and contents: {8-4-4-4-12 hexadecimal digits}."""
+    """Return the hash of names and contents as a GUID: {8-4-4-4-12 hexadecimal digits}."""
     return "{" + str(uuid.UUID(bytes=_digest(files)[:16])) + "}"
 
 
 def content_hash(files: Mapping[str, bytes]) -> str:
-    """Twelve hexadecimal digits that tell these files from others."""
+    """Return the hash of names and contents as twelve hexadecimal digits."""
     return _digest(files).hex()[:12]
 
 
@@ -34,21 +34,24 @@ def _digest(files: Mapping[str, bytes]) -> bytes:
 
 
 def key_comment(key: str) -> bytes:
-    """The zip comment that holds an FMU's key."""
+    """Return the zip comment that holds an FMU's key."""
     return f"{_KEY}{key}".encode()
 
 
 @dataclass(frozen=True)
 class BuiltFmu:
-    """An FMU file as it was built: its key, and the platforms that it has binaries for."""
+    """What an FMU file says about its build: its key, and the platforms of its binaries."""
 
     key: str | None = None
     platforms: frozenset[str] = frozenset()
 
 
 def read_built(path: Path) -> BuiltFmu:
-    """What a file tells without being unpacked; nothing if it is missing, cut off, or no zip."""
-    if not os.path.isfile(path):  # noqa: PTH113 (it raises nothing); a pipe would have to be waited for
+    """Read key and platforms of an FMU without unpacking it.
+
+    The result is empty if the file is missing, truncated, or not a zip.
+    """
+    if not os.path.isfile(path):  # noqa: PTH113 (never raises); opening a pipe would block
         return BuiltFmu()
     try:
         with zipfile.ZipFile(path) as archive:
@@ -61,9 +64,15 @@ def read_built(path: Path) -> BuiltFmu:
 
 
 def check_replaceable(path: Path, overwrite: bool = False) -> None:
-    """Raise BuildError where an FMU would replace a file that fmublock did not build.
+    """Check that an FMU may be written to `path`.
 
-    With `overwrite` any regular file may be replaced, but never a link, a folder, a device or a pipe.
+    Args:
+        path: Where the FMU will be written.
+        overwrite: Whether it may replace a file that fmublock did not build. It never replaces a
+            link, a folder, a device or a pipe.
+
+    Raises:
+        BuildError: The FMU may not be written there.
     """
     try:
         place = real_place(path)
@@ -72,16 +81,23 @@ def check_replaceable(path: Path, overwrite: bool = False) -> None:
         raise BuildError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
     if not (overwrite or is_new or read_built(place).key):
         raise BuildError(
-            f"'{path}' was not built here. Choose another folder for the FMU, or use --overwrite."
+            f"'{path}' was not built by fmublock. Choose another folder for the FMU, or use --overwrite."
         )
 
 
 def write_archive(
     path: Path, files: Mapping[str, bytes], comment: bytes = b"", stored: Collection[str] = ()
 ) -> None:
-    """Zip the files to `path`, those that are `stored` as they are; a reader never sees half a file there.
+    """Zip files to `path`. A reader never sees an incomplete file there.
 
-    Raises OSError.
+    Args:
+        path: The zip file; missing folders are created.
+        files: Contents by name.
+        comment: The zip's comment.
+        stored: Names of the files that are not compressed.
+
+    Raises:
+        OSError: The file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with write_atomically(path) as stream, zipfile.ZipFile(stream, "w") as archive:

@@ -1,4 +1,4 @@
-"""A block: typed variables, states and equations, written once."""
+"""The base class of blocks: typed variables, states and equations."""
 
 import re
 import sys
@@ -17,7 +17,7 @@ _STRUCTURED_NAME = re.compile(rf"{_NAME}(\.{_NAME})*", re.ASCII)
 class DefaultExperiment:
     """Stop time and communication step in s that suit a block, for its model description.
 
-    `tolerance` is the relative tolerance for whoever integrates the block through Model Exchange.
+    `tolerance` is the relative tolerance for tools that integrate the block through Model Exchange.
     """
 
     stop_time: float = 1.0
@@ -28,8 +28,8 @@ class DefaultExperiment:
 class Values:
     """One value per variable of a block, by attribute name, and `time` in s.
 
-    Values are floats when the block runs, symbols when it is exported; vectors are lists, matrices
-    lists of rows.
+    Values are floats when the block runs and symbols when it is exported. Vectors are lists, matrices
+    are lists of rows.
     """
 
     time: Any
@@ -40,7 +40,7 @@ class Values:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where every scalar variable of a block lives: its value reference is its place in `scalars`.
+    """The scalar variables of a block; a value reference is the index in `scalars`.
 
     The order is inputs, parameters, continuous states, discrete states, outputs.
     """
@@ -53,12 +53,12 @@ class Layout:
     scalars: tuple[ScalarVariable, ...]
 
     def references(self, variables: tuple[Variable, ...]) -> range:
-        """Value references of one of the groups above; groups are contiguous."""
+        """Return the value references of one of these groups; each group is contiguous."""
         chosen = [i for i, s in enumerate(self.scalars) if s.variable in variables]
         return range(chosen[0], chosen[-1] + 1) if chosen else range(0)
 
     def reference(self, name: str) -> int:
-        """Value reference of the scalar variable with this FMI name; KeyError if there is none."""
+        """Return the value reference of a scalar variable by FMI name; KeyError if there is none."""
         return self._references[name]
 
     @cached_property
@@ -67,7 +67,7 @@ class Layout:
 
     @cached_property
     def arrays(self) -> "dict[str, Variable]":
-        """Vectors and matrices by their FMI names."""
+        """Vectors and matrices by FMI name."""
         return {str(s.variable.name): s.variable for s in self.scalars if s.index}
 
     @property
@@ -76,7 +76,7 @@ class Layout:
         return tuple(Derivative.of(self.scalars[r]) for r in self.references(self.states))
 
     def start_reference(self, reference: int) -> int:
-        """Value reference of what a variable starts from: a parameter's element, or the variable itself."""
+        """Return the value reference of a variable's start value: a parameter's element, or the variable."""
         variable = self.scalars[reference].variable
         parameter = variable.start_parameter
         if parameter is None:
@@ -85,7 +85,7 @@ class Layout:
         return self.references((parameter,))[element]
 
     def limit_references(self, reference: int) -> tuple[int, int] | None:
-        """Value references of the parameters that limit a variable; see `Variable.limit_parameters`."""
+        """Return the value references of the lower and upper limit of a variable, if it has limits."""
         limits = self.scalars[reference].variable.limit_parameters
         if limits is None:
             return None
@@ -96,7 +96,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a block was defined: its module's name and file (None without one), and when (s since 1970)."""
+    """Where a block was defined: its module's name, its file if there is one, and when (s since 1970)."""
 
     module: str
     file: str | None
@@ -108,13 +108,14 @@ class Block:
 
     `derivatives`, `update` and `outputs` take a `Values` and return a dict from attribute name
     to value (a list for a vector, a list of rows for a matrix). They may call helper methods but
-    keep nothing: everything that evolves is a declared state. They use + - * /, abs, comparisons
-    and `fmublock`'s functions only, so that they run on floats and on symbols alike: what depends
-    on a value is chosen by `where`, not by `if`. What gives another result on symbols than on
-    floats ends the export with a sentence.
+    must not store anything: declare all that evolves as a state.
 
-    A division by zero discards the step of a PythonFMU FMU even in the branch that `where` leaves;
-    keep divisors away from zero there.
+    The equations run on floats and on symbols. They can use + - * /, abs, comparisons and
+    `fmublock`'s functions. Choose by a value with `where`, not with `if`. An operation whose result
+    on symbols differs from that on floats stops the export with an error message.
+
+    A division by zero discards the step of a PythonFMU FMU even in the branch that `where` does not
+    choose. Keep divisors away from zero there.
     """
 
     default_experiment: ClassVar[DefaultExperiment] = DefaultExperiment()
@@ -134,33 +135,33 @@ class Block:
         cls.origin = Origin(cls.__module__, file, time.time())
 
     def derivatives(self, v: Values) -> dict[str, Any]:
-        """Time derivatives of the continuous states, per s."""
+        """Return the time derivatives of the continuous states, per s."""
         return {}
 
     def update(self, v: Values) -> dict[str, Any]:
-        """Next values of the discrete states, evaluated at the end of a communication step."""
+        """Return the next values of the discrete states; called at the end of a communication step."""
         return {}
 
     def outputs(self, v: Values) -> dict[str, Any]:
-        """Values of the declared `Output` variables (states are outputs by themselves)."""
+        """Return the values of the declared `Output` variables; states are outputs anyway."""
         return {}
 
     def conditions(self, v: Values) -> dict[str, Any]:
-        """What must hold when initialization ends beside the ranges of single values.
+        """Return the conditions that must hold when initialization ends, beside the variables' ranges.
 
-        From sentences, without a full stop, to comparisons of values: where one does not hold, the
-        instance refuses to start and says the sentence, which therefore names the variables.
+        The keys are error messages without a full stop that name the variables, the values are
+        comparisons. If one is false, the instance does not start and reports its message.
         """
         return {}
 
     @classmethod
     def layout(cls) -> Layout:
-        """All variables of the block in the order of their value references."""
+        """Return all variables of the block in the order of their value references."""
         return _layout(cls)
 
 
 def _variables(owner: type[Block]) -> dict[str, Variable]:
-    """The variables that a class declares itself."""
+    """Return the variables that a class declares itself, without those of its bases."""
     return {attribute: x for attribute, x in vars(owner).items() if isinstance(x, Variable)}
 
 
@@ -169,7 +170,9 @@ def _layout(block: type[Block]) -> Layout:
     declared: dict[str, Variable] = {}
     for base in reversed(block.__mro__[:-2]):
         declared.update(_variables(base))
-    for attribute, setting in _variables(Block).items():  # the solver's come last, also a block's own
+    for attribute, setting in _variables(
+        Block
+    ).items():  # the solver's parameters come last, also if a block redeclares them
         declared[attribute] = declared.pop(attribute, setting)
 
     def group(kind: type[Variable]) -> tuple[Variable, ...]:

@@ -1,4 +1,4 @@
-"""From a block to the FMU's file."""
+"""Build the FMU of a block."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -26,17 +26,26 @@ def build(
     advance: Callable[[], None] = lambda: None,
     overwrite: bool = False,
 ) -> Path:
-    """Build the FMU of a block, a class or an instance of it; returns its file.
+    """Build the FMU of a block. The same block, documents and tools give the same bytes.
 
-    `flavour` is native (C, compiled) or python (PythonFMU). `platforms` are the FMI platforms of a
-    native FMU's binaries ("linux64", "win64", "darwin64", "aarch64-linux", "aarch64-darwin"); none
-    is this machine's. `documents` are its page and licence; without them the page is the class's
-    docstring and the table of its variables. `advance` is called for each binary as it is compiled.
-    The same block, documents and tools give the same bytes. A file that fmublock did not build is only
-    replaced with `overwrite`.
+    Args:
+        block: A block class or an instance of one.
+        path: The file to write.
+        flavour: "native" (C, compiled) or "python" (PythonFMU).
+        platforms: FMI platforms of a native FMU's binaries: "linux64", "win64", "darwin64",
+            "aarch64-linux", "aarch64-darwin". Default: this machine's.
+        documents: Page and licence. Without a page, the class's docstring is used. The table of
+            variables is added to either.
+        producer: The tool that the FMU names.
+        advance: Called after each binary is compiled.
+        overwrite: Whether to replace a file that fmublock did not build.
 
-    Raises BuildError, one sentence, where anything is wrong with these, where the equations would
-    not mean the same in C and in Python, or where the file cannot be written.
+    Returns:
+        The file.
+
+    Raises:
+        BuildError: An argument is wrong, the equations would give different results in C and in
+            Python, or the file cannot be written.
     """
     recipe = Recipe.of(block, flavour, producer, documents)
     if platforms and flavour != "native":
@@ -48,7 +57,7 @@ def build(
 
 
 def draft_of(recipe: Recipe) -> Draft:
-    """The FMU of a recipe, but for its binaries. Raises BuildError."""
+    """Return the FMU of a recipe without its binaries. Raises BuildError."""
     for scalar in recipe.block.layout().scalars:
         try:
             parse_unit(scalar.variable.unit or "1")
@@ -66,10 +75,7 @@ def write_fmu(
     path: Path,
     advance: Callable[[], None] = lambda: None,
 ) -> None:
-    """Add the binaries to a draft and write the FMU, with the key that tells what it is made of.
-
-    Raises BuildError.
-    """
+    """Add the binaries to a draft and write the FMU with its key. Raises BuildError."""
     if flavour == "native":
         binaries = native_binaries(draft, platforms or (host_platform(),), advance)
     else:

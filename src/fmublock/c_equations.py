@@ -1,4 +1,4 @@
-"""A block's equations as C, which computes nothing twice and nothing too often."""
+"""Generate C from a block's equations, in which each value is computed once and only when needed."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from heapq import heappop, heappush
@@ -50,7 +50,7 @@ _TEXTS = {
     casadi.OP_OR: "{0} || {1}",
     CHOICE: "{0} != 0.0 ? {1} : 0.0",
 }
-"""What every operation is in C; comparisons give 0 or 1."""
+"""C expression of each operation; comparisons give 0 or 1."""
 
 _EXPENSIVE = {
     getattr(casadi, f"OP_{name}")
@@ -60,10 +60,10 @@ _EXPENSIVE = {
     )
 }
 _BRANCH = 12
-"""So many operations are worth a branch; a dear one counts as many."""
+"""Least number of operations that is worth a branch; an expensive operation counts as many."""
 
 _HELPERS = """\
-/* As fmublock/functions.py has them, bit by bit. */
+/* These give the same bits as the functions in fmublock/functions.py. */
 static inline double minimum(double x, double y) { return x <= y || y != y ? x : y; }
 static inline double maximum(double x, double y) { return x >= y || y != y ? x : y; }
 static inline double sign(double x) { return x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x; }
@@ -71,12 +71,14 @@ static inline double sign(double x) { return x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x;
 
 
 def c_equations(block: Block, symbolic: SymbolicBlock) -> str:
-    """C functions of the equations, in text that people can read.
+    """Return the equations as readable C functions.
 
-    `fixed_values` computes what parameters decide, `stepwise_values` what is constant while inputs and
-    discrete states are; `derivatives` takes both, all others what is fixed. `update_and_outputs` ends a step:
-    outputs are those of the discrete states that it gives. Raises BuildError for an operation that has no
-    meaning in C.
+    `fixed_values` computes what depends on parameters only, `stepwise_values` what is constant while inputs
+    and discrete states are. `derivatives` uses both, the other functions use the fixed values.
+    `update_and_outputs` ends a step: its outputs belong to the new discrete states.
+
+    Raises:
+        BuildError: An operation does not exist in C.
     """
     layout = block.layout()
     moving = {*layout.references(layout.states)}
@@ -137,7 +139,7 @@ class _Equations:
     def _function(
         self, signature: str, targets: Sequence[tuple[str, int]], known: Mapping[int, str]
     ) -> Iterator[str]:
-        """A function that writes these values to their places, where some are known."""
+        """Return the C function that computes these values from the known ones."""
         wanted = [number for _, number in targets]
         numbers = self._graph.needed(wanted, known)
         arguments = [word.split("*")[-1].split(" ")[-1] for word in signature[:-1].split("(")[1].split(", ")]
@@ -150,7 +152,7 @@ class _Equations:
         yield ""
 
     def _scopes(self, wanted: Sequence[int], numbers: Sequence[int]) -> dict[int, tuple[int, ...]]:
-        """The conditions within which each operation is computed: those that are worth a branch."""
+        """Return the conditions under which each operation is computed, if they are worth a branch."""
         found = conditions(self._graph, wanted, numbers)
         saved = dict.fromkeys((c for inside in found.values() for c in inside), 0)
         for number in numbers:
@@ -161,7 +163,7 @@ class _Equations:
     def _blocks(
         self, numbers: Sequence[int], scopes: Mapping[int, tuple[int, ...]], known: Mapping[int, str]
     ) -> Iterator[str]:
-        """All operations, those under the same conditions together as far as what they take allows."""
+        """Return all operations; those under the same conditions share a branch if their order allows it."""
         blocks = list(self._ordered(numbers, scopes))
         block_of = {number: k for k, (_, block) in enumerate(blocks) for number in block}
         shared = {
@@ -185,7 +187,7 @@ class _Equations:
     def _ordered(
         self, numbers: Sequence[int], scopes: Mapping[int, tuple[int, ...]]
     ) -> Iterator[tuple[tuple[int, ...], list[int]]]:
-        """Blocks of operations under the same conditions, each as large as it can be."""
+        """Return groups of operations under the same conditions, each as large as possible."""
         inside, waits, followers = set(numbers), dict[int, int](), dict[int, list[int]]()
         for number in numbers:
             before = {*self._graph.operations[number].operands, *scopes[number]} & inside

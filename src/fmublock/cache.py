@@ -1,4 +1,4 @@
-"""A folder for what can be made again: built FMUs, and the caches of the tools that build them."""
+"""The cache folder: built FMUs, and the caches of the tools that build them."""
 
 import os
 import tempfile
@@ -12,11 +12,13 @@ VARIABLE = "EMLA_COSIM_CACHE"
 
 
 def cache_folder() -> Path:
-    """The user's cache of ours, which can be written to.
+    """Return a writable cache folder of this user.
 
-    The environment variable's folder; else the user's cache of the operating system; else, where
-    there is no home or it cannot be written to (containers), a folder of ours among the temporary
-    files. Raises CacheError where the variable's folder cannot be written to.
+    This is the folder of the environment variable, else one in the user's cache of the operating system.
+    Without a writable home (containers) it is one among the temporary files.
+
+    Raises:
+        CacheError: The variable's folder is not writable.
     """
     named = os.environ.get(VARIABLE)
     if named:
@@ -29,7 +31,7 @@ def cache_folder() -> Path:
 
 
 def tool_environment() -> dict[str, str]:
-    """Environment variables that zig and matplotlib need where there is no home to write to."""
+    """Return the environment variables that zig and matplotlib need without a writable home."""
     if _home_cache() is not None:
         return {}
     folder = cache_folder()
@@ -43,8 +45,8 @@ def tool_environment() -> dict[str, str]:
 
 @cache
 def _home_cache() -> Path | None:
-    """The folder of all caches of this user; None if there is none that can be written to."""
-    from platformdirs import user_cache_path  # only where an FMU is not found without the cache
+    """Return the folder of all caches of this user; None if it is not writable."""
+    from platformdirs import user_cache_path  # slow; needed only if the FMU is not found without the cache
 
     folder = user_cache_path()
     return folder if folder.is_absolute() and _is_writable(folder) else None
@@ -52,7 +54,7 @@ def _home_cache() -> Path | None:
 
 @cache
 def _temporary() -> Path:
-    """A folder for temporary files that belongs to this user alone: binaries are loaded from it."""
+    """Return a temporary folder that only this user can write to, as binaries are loaded from it."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
     folder = Path(tempfile.gettempdir()) / f"emla-cosim-{user}"
     try:

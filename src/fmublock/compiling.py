@@ -1,4 +1,4 @@
-"""C sources of FMUs, and the libraries that zig makes of them for any platform."""
+"""C sources of FMUs, and how zig compiles them for any platform."""
 
 import math
 import os
@@ -20,7 +20,7 @@ _FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC"
 
 
 def sources(folder: str) -> dict[str, bytes]:
-    """The C files in a folder of this package, by their path in an FMU."""
+    """Return the C files in a folder of this package, by their path in an FMU."""
     inside = files("fmublock").joinpath(folder)
     return {f"sources/{f.name}": f.read_bytes() for f in inside.iterdir() if f.name.endswith((".c", ".h"))}
 
@@ -32,14 +32,24 @@ def compile_libraries(
     platforms: Sequence[str],
     advance: Callable[[], None] = lambda: None,
 ) -> dict[str, bytes]:
-    """The libraries of an FMU for these FMI platforms, by path; `advance` is called once per library.
+    """Compile the libraries of an FMU.
 
-    `name` is its model identifier, `main` the only one of the sources in its `content` to compile. Raises
-    BuildError where the compiler fails or does not know a platform.
+    Args:
+        name: The model identifier.
+        main: The one source file to compile; it includes the others.
+        content: The FMU's files by path.
+        platforms: FMI platforms.
+        advance: Called after each library.
+
+    Returns:
+        The libraries by path.
+
+    Raises:
+        BuildError: The compiler fails, or a platform is not supported.
     """
     for platform in platforms:
         if platform not in TARGETS:
-            raise BuildError(f"there is no platform '{platform}'; choose from {', '.join(TARGETS)}.")
+            raise BuildError(f"the platform '{platform}' is not supported; choose from {', '.join(TARGETS)}.")
     libraries = {}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         made = pool.map(partial(_compile, name, main, content), platforms)
@@ -70,7 +80,7 @@ def _compile(name: str, main: str, content: Mapping[str, bytes], fmi_platform: s
 
 
 def constants() -> list[str]:
-    """What the shim shares with `Instance`: its numbers, and the phases with their names."""
+    """Return what the shim shares with `Instance` as C: its numbers, and the phases with their names."""
     numbers = {
         "STEP_TOLERANCE": instance.STEP_TOLERANCE,
         "SAME_TIME": instance.SAME_TIME,
@@ -94,7 +104,7 @@ def constants() -> list[str]:
 
 
 def c_number(value: float) -> str:
-    """A number as C has it."""
+    """Return a number as a C literal."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):

@@ -29,8 +29,8 @@ _DERIVATIVE_CAPABILITIES = {"canInterpolateInputs": "true", "maxOutputDerivative
 class FmuFeatures:
     """What an FMU offers beyond plain co-simulation.
 
-    `derivatives` are those in a direction, of inputs and of outputs, and of the states as
-    variables; `source_files` are what a C compiler needs of sources/, if the FMU is C.
+    `derivatives` means directional derivatives, those of inputs and outputs, and the states'
+    derivatives as variables. `source_files` are the files in sources/ that a C compiler needs.
     """
 
     derivatives: bool = False
@@ -39,14 +39,14 @@ class FmuFeatures:
 
 
 def offers_model_exchange(block: Block) -> bool:
-    """Whether a block makes sense without communication steps: it is not sampled only."""
+    """Return whether a block works without communication steps: it has more than sampled states."""
     layout = block.layout()
     return bool(layout.states) or not layout.discrete_states
 
 
 def describe_model(model: str, description: str, producer: Producer, guid: str) -> Element:
-    """The element that all else stands in."""
-    told = {"version": producer.version, "license": producer.license}
+    """Return the root element, without content."""
+    texts = {"version": producer.version, "license": producer.license}
     return Element(
         "fmiModelDescription",
         {},
@@ -54,7 +54,7 @@ def describe_model(model: str, description: str, producer: Producer, guid: str) 
         modelName=model,
         guid=guid,
         description=description,
-        **{attribute: text for attribute, text in told.items() if text is not None},
+        **{attribute: text for attribute, text in texts.items() if text is not None},
         generationTool=producer.tool,
         generationDateAndTime=BUILD_TIME,
         variableNamingConvention="structured",
@@ -64,7 +64,7 @@ def describe_model(model: str, description: str, producer: Producer, guid: str) 
 def model_description(
     block: Block, symbolic: SymbolicBlock, producer: Producer, guid: str, offers: FmuFeatures
 ) -> bytes:
-    """The model description as UTF-8 XML."""
+    """Return the model description as UTF-8 XML."""
     layout = block.layout()
     scalars = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
     name = type(block).__name__
@@ -138,7 +138,7 @@ def _add_units(root: Element, scalars: Sequence[ScalarVariable]) -> None:
 
 
 def _add_types(root: Element, scalars: Sequence[ScalarVariable]) -> None:
-    """One type per quantity, with its unit and display unit, and one per enumeration."""
+    """Add one type per quantity, with its unit and display unit, and one per enumeration."""
     units = QUANTITIES.keys() & {s.variable.unit for s in scalars}
     enumerations = {s.variable.enumeration for s in scalars} - {None}
     if not units and not enumerations:
@@ -158,7 +158,7 @@ def _add_types(root: Element, scalars: Sequence[ScalarVariable]) -> None:
 
 
 def _interface(scalar: ScalarVariable) -> tuple[str, str, str | None]:
-    """Causality, variability and initial of a scalar variable."""
+    """Return causality, variability and initial of a scalar variable."""
     variable = scalar.variable
     real = variable.fmi_type == "Real"
     calculated = variable.start_parameter is not None
@@ -218,9 +218,9 @@ def _number(fmi_type: str, value: float) -> str:
 
 
 def _add_structure(root: Element, block: Block, symbolic: SymbolicBlock, offers: FmuFeatures) -> None:
-    """Outputs and derivatives with what they depend on, and what initialization computes from what.
+    """Add the dependencies of outputs, derivatives and initial unknowns.
 
-    Of an FMU without derivatives the states are no knowns: its outputs depend on inputs only.
+    In an FMU without derivatives the states are not knowns: its outputs depend on inputs only.
     """
     layout = block.layout()
     dependencies = find_dependencies(block, symbolic)

@@ -1,4 +1,4 @@
-"""What a person sees of an FMU: an HTML page with typeset equations, and an icon."""
+"""Documentation inside an FMU: an HTML page with typeset equations, and an icon."""
 
 import inspect
 import io
@@ -37,9 +37,9 @@ mtd[columnalign="right"] {{ text-align: right; }}
 
 
 def html_page(markdown: str, title: str) -> str:
-    """A Markdown text as one HTML page that needs nothing from elsewhere.
+    """Convert Markdown to one self-contained HTML page.
 
-    Equations between $ or $$ become MathML, which browsers typeset by themselves.
+    Equations between $ or $$ become MathML, which browsers can typeset.
     """
 
     def math(content: str, options: dict[str, bool]) -> str:
@@ -50,19 +50,19 @@ def html_page(markdown: str, title: str) -> str:
 
 
 def docstring_page(block: Block) -> str:
-    """The Markdown page of a block that has no other: its name and its docstring."""
+    """Return the default Markdown page of a block: its name and its docstring."""
     return f"# {type(block).__name__}\n\n{inspect.cleandoc(block.__doc__ or '')}\n"
 
 
 def variable_table(block: Block | type[Block]) -> str:
-    """The block's variables as Markdown tables: symbol, name, unit, start value, range, meaning."""
+    """Return the block's variables as Markdown tables: symbol, name, unit, start value, range, meaning."""
     layout = block.layout()
     lines: list[str] = []
     for heading, variables in (
         ("Inputs", layout.inputs),
         ("Outputs", (*layout.states, *layout.outputs)),
         ("Parameters", layout.parameters),
-        ("What it remembers between steps", layout.discrete_states),
+        ("Discrete states", layout.discrete_states),
     ):
         if variables:
             lines += [f"\n### {heading}\n", *_HEADING, *map(_row, variables)]
@@ -72,11 +72,11 @@ def variable_table(block: Block | type[Block]) -> str:
 _HEADING = ["| Symbol | Name | Unit | Start | Range | Meaning |", "|---|---|---|---|---|---|"]
 
 _BEGIN, _END = "<!-- variables begin -->", "<!-- variables end -->"
-"""Between these a page has the table of variables."""
+"""The table of variables is between these marks."""
 
 
 def with_variables(page: str, block: Block | type[Block]) -> str:
-    """A Markdown page with the block's table of variables: at its place, or at the end of a page without."""
+    """Insert the block's table of variables into a Markdown page: between the marks, or at the end."""
     before, begin, rest = page.partition(_BEGIN)
     _, end, after = rest.partition(_END)
     if not (begin and end):
@@ -100,7 +100,7 @@ def _row(variable: Variable) -> str:
 
 
 def _start(variable: Variable) -> str:
-    """What it starts from: a value, one for each element, or a parameter."""
+    """Return the start as text: a value, one for each element, or a parameter."""
     if variable.start_parameter is not None:
         return f"`{variable.start_parameter.name}`"
     if isinstance(variable, Output):
@@ -116,11 +116,11 @@ def _start(variable: Variable) -> str:
 
 
 _MOST_STARTS = 9
-"""Elements of an array whose start values are shown, where they differ."""
+"""Most start values shown for an array whose elements differ."""
 
 
 def _range(variable: Variable) -> str:
-    """What values it may have; nothing where it may have any."""
+    """Return the range as text; empty if any value is allowed."""
     if variable.enumeration is not None:
         return ", ".join(f"`{member.name.lower()}`" for member in variable.enumeration)
     low, high = (None if x is None else _number(x) for x in (variable.minimum, variable.maximum))
@@ -130,14 +130,14 @@ def _range(variable: Variable) -> str:
 
 
 def _number(value: float) -> str:
-    """A number with the digits that people need; a whole one, such as a seed, with all of them."""
+    """Format a number with few digits; a whole number, such as a seed, with all of them."""
     text = f"{value:.9g}"
     return str(int(value)) if float(value).is_integer() and float(text) != value else text
 
 
 def icon(block: Block) -> bytes:
-    """model.png: the block as a box with its inputs on the left and its outputs on the right."""
-    os.environ.update(tool_environment())  # which matplotlib reads when it is imported
+    """Draw model.png: the block as a box with its inputs on the left and its outputs on the right."""
+    os.environ.update(tool_environment())  # matplotlib reads them when it is imported
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,13 +1,13 @@
-"""What goes wrong when a block becomes an FMU."""
+"""Errors when building FMUs."""
 
 
 class BuildError(Exception):
-    """An FMU could not be built; the message is one sentence for the person who asked for it."""
+    """An FMU could not be built."""
 
 
 class LoadError(BuildError):
-    """There is no such block: the file, the class in it, or the file's text is wrong."""
+    """A block could not be loaded: the file, the class in it, or the file's text is wrong."""
 
 
 class CacheError(BuildError):
-    """The folder that was named for what can be made again cannot be written to."""
+    """The cache folder that the environment variable names is not writable."""

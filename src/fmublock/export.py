@@ -1,4 +1,4 @@
-"""What both flavours of an FMU have in common."""
+"""The parts of an FMU that native and PythonFMU FMUs share."""
 
 import hashlib
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from .terminals import terminals_and_icons
 
 @dataclass(frozen=True)
 class Draft:
-    """An FMU before its binaries are made: everything that decides its GUID.
+    """An FMU without its binaries: all content that determines its GUID.
 
     `files` are its finished files by path, without modelDescription.xml and binaries/.
     """
@@ -28,7 +28,7 @@ class Draft:
 
     @property
     def key(self) -> str:
-        """What tells this content from other, for a recipe that has no key of its own."""
+        """The key of this content, for a recipe that has none."""
         return hashlib.sha256(self.guid.encode()).hexdigest()
 
     def write(self, path: Path, binaries: Mapping[str, bytes], key: str) -> None:
@@ -45,7 +45,7 @@ def draft(
     content: Mapping[str, bytes],
     offers: FmuFeatures,
 ) -> Draft:
-    """Describe and document a block whose flavour adds `content`.
+    """Describe and document a block; `content` are the files that its flavour adds.
 
     The GUID is the hash of all of this: the same block, documents and tool give the same GUID.
     """

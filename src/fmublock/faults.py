@@ -1,4 +1,4 @@
-"""Where in a block's text its equations went wrong, as one sentence."""
+"""Error messages that name the place in a block's text at which its equations fail."""
 
 import ast
 import linecache
@@ -27,7 +27,7 @@ class _SourcePlace(NamedTuple):
 
 
 def equation_fault(block: Block, method: str, error: BaseException) -> BuildError:
-    """What an exception in a method of a block means: block, method, results, line and expression."""
+    """Convert an exception in a block's method to a message with block, method, results, line, expression."""
     if isinstance(error, EquationError):
         return BuildError(str(error))
     linecache.checkcache()  # files may have changed since other faults
@@ -35,18 +35,18 @@ def equation_fault(block: Block, method: str, error: BaseException) -> BuildErro
     function = getattr(type(block), method)
     places = list(_places(block, function, error.__traceback__))
     if not places:
-        return BuildError(f"{name} cannot be evaluated: {_told(error)}.")
+        return BuildError(f"{name} cannot be evaluated: {_summary(error)}.")
     first, last = places[0], places[-1]
     results = _results_at(function, first)
     whose = f"{name}, {' and '.join(results)}" if results else name
     where = f"`{last.text}` in line {last.line} of {Path(last.file).name}"
     if isinstance(error, RefusedError):
         return BuildError(f"{whose}: {where} {error}.")
-    return BuildError(f"{whose}: {where} fails: {_told(error)}.")
+    return BuildError(f"{whose}: {where} fails: {_summary(error)}.")
 
 
 def result_line(block: Block, method: str, result: str) -> str:
-    """The line in which a method returns a result, as ` in line 7 of mine.py`; empty if unknown."""
+    """Return where a method returns a result, such as ` in line 7 of mine.py`; empty if unknown."""
     function = getattr(type(block), method)
     for node in ast.walk(_definition(function) or ast.Module([], [])):
         if isinstance(node, ast.Dict):
@@ -56,13 +56,13 @@ def result_line(block: Block, method: str, result: str) -> str:
     return ""
 
 
-def _told(error: BaseException) -> str:
+def _summary(error: BaseException) -> str:
     text = str(error).splitlines()
     return f"{type(error).__name__}: {text[0].rstrip('.')}" if text else type(error).__name__
 
 
 def _places(block: Block, function: Any, traceback: TracebackType | None) -> Iterator[_SourcePlace]:
-    """Where the block's own text was, from the method inwards to the last place that is the user's."""
+    """Yield the places of a traceback in the user's files, from the method inwards."""
     files = {base.origin.file for base in type(block).__mro__ if issubclass(base, Block)}
     folders = {str(Path(file).parent) for file in files if file is not None} - {_OWN}
     code, inside = getattr(function, "__code__", None), False
@@ -88,7 +88,7 @@ def _place(code: CodeType, traceback: TracebackType) -> _SourcePlace:
 
 
 def _definition(function: Callable[..., Any]) -> ast.FunctionDef | None:
-    """The text of a function, parsed; None where there is no text."""
+    """Parse the text of a function; None if there is no text."""
     code = getattr(function, "__code__", None)
     if code is None:
         return None
@@ -105,14 +105,14 @@ def _definition(function: Callable[..., Any]) -> ast.FunctionDef | None:
 
 
 def _results_at(function: Callable[..., Any], place: _SourcePlace) -> list[str]:
-    """The keys of the returned dict whose values come from this place, as far as names tell."""
+    """Return the keys of the returned dict whose values depend on this place, judged by names."""
     definition = _definition(function)
     names: set[str] = set()
     results: list[str] = []
     if definition is None:
         return results
 
-    decided: set[ast.AST] = set()  # whatever stands under a condition that is concerned
+    decided: set[ast.AST] = set()  # statements under a concerned condition
 
     def concerned(node: ast.AST) -> bool:
         used = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
@@ -136,7 +136,7 @@ def _results_at(function: Callable[..., Any], place: _SourcePlace) -> list[str]:
 
 
 def _assigned_names(targets: list[ast.expr]) -> set[str]:
-    """Names that an assignment changes."""
+    """Return the names that an assignment changes."""
     return {n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)}
 
 

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and never in the place of something that is no file."""
+"""Write files completely or not at all, and never in place of something that is not a regular file."""
 
 import os
 import stat
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import IO
 
 UNFINISHED = ".unfinished-"
-"""How names of files begin that are not complete."""
+"""Prefix of the names of incomplete files."""
 
 _KINDS = {
     stat.S_IFLNK: "a symbolic link",
@@ -22,14 +22,17 @@ _KINDS = {
 
 
 class NotAFileError(OSError):
-    """What is at a path is no file, so nothing may be written there."""
+    """The path is taken by something that is not a regular file."""
 
 
 def real_place(path: Path) -> Path:
-    """Return where a file of this name is, or would be: absolute, in the real folder.
+    """Return the absolute path of a file that exists or will be written, in its real folder.
 
-    Links to folders are followed, a link in the place of the file is not. Raises NotAFileError where a
-    link, a folder, a device or the like is in the way, OSError for a name that no file can have.
+    Links to folders are followed. A link in place of the file is not.
+
+    Raises:
+        NotAFileError: A link, a folder, a device or the like has this name.
+        OSError: No file can have this name.
     """
     try:
         is_folder = path.name in ("", "..")
@@ -50,10 +53,14 @@ def real_place(path: Path) -> Path:
 
 @contextmanager
 def write_atomically(path: Path) -> Iterator[IO[bytes]]:
-    """A stream for the content of a file, which appears at the end of the block, complete and on disk.
+    """Open a stream for a file that appears, complete and on disk, at the end of the `with` block.
 
-    Until then, and where the block fails, an earlier file stays as it is. A link is not followed, and not
-    replaced. Raises NotAFileError and OSError.
+    Until then, and if the block fails, an existing file stays unchanged. A link is neither followed nor
+    replaced.
+
+    Raises:
+        NotAFileError: Something that is not a regular file has this name.
+        OSError: The file cannot be written.
     """
     place = real_place(path)
     handle, name = tempfile.mkstemp(dir=place.parent, prefix=UNFINISHED)
@@ -71,7 +78,7 @@ def write_atomically(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _mode(place: Path) -> int:
-    """The rights of the file that was there, or those of a new one."""
+    """Return the permissions of the existing file, or those of a new one."""
     try:
         return stat.S_IMODE(place.stat().st_mode)
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""The operations of a block's equations, each once, and what they depend on."""
+"""The graph of the operations in a block's equations, each stored once."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,24 +9,24 @@ import casadi
 
 CONST, INPUT = casadi.OP_CONST, casadi.OP_INPUT
 CHOICE = casadi.OP_IF_ELSE_ZERO
-"""The second argument where the first is true, else zero."""
+"""The second argument if the first is true, else zero."""
 
 
 class Rank(IntEnum):
-    """What a value depends on, which is how often it has to be computed."""
+    """What a value depends on, and so how often it is computed."""
 
     FIXED = 0
-    """Parameters alone: once per run."""
+    """Parameters only: once per run."""
     STEPWISE = 1
-    """Inputs and discrete states, too: once per step, unless inputs move in it."""
+    """Inputs and discrete states: once per step, unless inputs change within it."""
     MOVING = 2
-    """Time and continuous states: whenever it is asked for."""
+    """Time and continuous states: at every evaluation."""
 
 
 class GraphOperation(NamedTuple):
-    """A function of values that came before, by their numbers.
+    """A function of earlier values, which are given by number.
 
-    An input's operands are the argument and the position in it; a constant has its `value`.
+    An input's operands are the argument and the position in it. A constant has its `value`.
     """
 
     code: int
@@ -36,13 +36,13 @@ class GraphOperation(NamedTuple):
 
 @dataclass
 class Graph:
-    """Operations in an order in which each follows its operands; equal ones are one.
+    """Operations in an order in which each follows its operands; equal ones are stored once.
 
-    `ranks` are those of the operations. Nothing is rearranged, so that all values keep their bits.
+    `ranks` has the rank of each operation. Nothing is rearranged, so that all values keep their bits.
     """
 
     leaf_ranks: Sequence[Sequence[Rank]]
-    """Of the elements of every argument."""
+    """The rank of each element of each argument."""
     operations: list[GraphOperation] = field(default_factory=list)
     ranks: list[Rank] = field(default_factory=list)
     _known: dict[tuple, int] = field(default_factory=dict, repr=False)
@@ -50,9 +50,14 @@ class Graph:
     def results(
         self, function: casadi.Function, instead: Mapping[tuple[int, int], int] | None = None
     ) -> list[int]:
-        """Take the operations of a function of these arguments; the numbers of its results.
+        """Add the operations of a function.
 
-        `instead` has the numbers of what takes the place of an argument's elements.
+        Args:
+            function: A function of the arguments that `leaf_ranks` describes.
+            instead: Numbers of the values that replace elements of arguments, by argument and position.
+
+        Returns:
+            The numbers of the function's results.
         """
         results = [0] * function.nnz_out(0)
         places: dict[int, int] = {}
@@ -70,13 +75,13 @@ class Graph:
             else:
                 places[target[0]] = self._number(self._plain(code, [places[i] for i in operands]))
         zero = self._constant(0.0)
-        dense = [zero] * function.numel_out(0)  # what is zero by structure is no result of an operation
+        dense = [zero] * function.numel_out(0)  # structural zeros are not results of an operation
         for place, number in zip(function.sparsity_out(0).find(), results, strict=True):
             dense[place] = number
         return dense
 
     def _plain(self, code: int, operands: Sequence[int]) -> GraphOperation:
-        """An operation without CasADi's abbreviations, which compute the same bits as what they stand for."""
+        """Replace CasADi's abbreviations by the operations that give the same bits."""
         if code == casadi.OP_SQ:
             return GraphOperation(casadi.OP_MUL, (operands[0], operands[0]))
         if code == casadi.OP_TWICE:
@@ -89,7 +94,7 @@ class Graph:
         return self._number(GraphOperation(CONST, (), value))
 
     def _number(self, operation: GraphOperation) -> int:
-        key = (operation.code, operation.operands, operation.value.hex())  # 0.0 and -0.0 are two
+        key = (operation.code, operation.operands, operation.value.hex())  # tells 0.0 from -0.0
         if key not in self._known:
             self._known[key] = len(self.operations)
             self.operations.append(operation)
@@ -105,11 +110,11 @@ class Graph:
         return max(self.ranks[i] for i in operation.operands)
 
     def is_leaf(self, number: int) -> bool:
-        """Whether a value is a constant or an argument's element, which needs no computing."""
+        """Return whether a value is a constant or an argument's element, which is not computed."""
         return self.operations[number].code in (CONST, INPUT)
 
     def needed(self, results: Sequence[int], known: Mapping[int, object]) -> list[int]:
-        """The operations that these results take, in order, where the values of some are known."""
+        """Return the operations that these results need, in order, when the known values are available."""
         found, waiting = set[int](), [r for r in results if r not in known]
         while waiting:
             number = waiting.pop()
@@ -120,7 +125,7 @@ class Graph:
         return sorted(found)
 
     def frontier(self, results: Sequence[int], rank: Rank, known: Mapping[int, object]) -> list[int]:
-        """The values of this rank, and no leaves, that results or operations of higher rank use directly."""
+        """Return the computed values of this rank that results or operations of higher rank use directly."""
         used = set(results)
         for number in self.needed(results, known):
             if self.ranks[number] > rank:
@@ -130,9 +135,9 @@ class Graph:
 
 
 def conditions(graph: Graph, results: Sequence[int], numbers: Sequence[int]) -> dict[int, frozenset[int]]:
-    """The conditions without which nobody needs each of these operations, by their numbers.
+    """Return for each of these operations the conditions without which no result needs it, by number.
 
-    A choice needs its second operand only where the first one, its condition, holds.
+    A choice needs its second operand only if the first one, its condition, holds.
     """
     inside = set(numbers)
     found = dict.fromkeys(results, frozenset[int]())

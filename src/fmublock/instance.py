@@ -1,8 +1,7 @@
-"""A block as a running co-simulation slave on Python floats.
+"""Run a block as a co-simulation slave on Python floats.
 
-The PythonFMU flavour is this class behind the FMI; tests use it in process. The C shim
-(`shim/fmi2_block.c`) does the same operations in the same order, so that both give the same
-bits.
+PythonFMU FMUs contain this class; tests use it in process. The C shim (`shim/fmi2_block.c`)
+does the same operations in the same order, so that both give the same bits.
 """
 
 import difflib
@@ -15,27 +14,27 @@ from .block import Block, Values
 from .results import Results
 from .variables import Input, Output
 
-# the C shim gets these numbers and the phases from here, in its generated model.h
+# the C shim gets these numbers and the phases from its generated model.h
 STEP_TOLERANCE = 1e-3
-"""By how much of a step the time that a tool passes may differ from the instance's own."""
+"""Largest difference between a tool's time and the instance's own, as a fraction of the step."""
 
 SAME_TIME, SAME_STEP = 1e-6, 1e-9
-"""As a part of the step: what differs by less from the instance's own time and step is rounding."""
+"""Differences in time and step that count as rounding, as a fraction of the step."""
 
 TIME_ROUNDING = 2.0**-50
-"""As a part of the time, four units in its last place: what no tool can be asked to resolve."""
+"""Differences in time that count as rounding, as a fraction of the time: four units in its last place."""
 
 SAME_COUNT = 1e-9
-"""A step that is longer than whole internal steps by less than this part of one needs no further one."""
+"""Fraction of an internal step by which a step may exceed a whole number of them without another one."""
 
 MAXIMUM_SUBSTEPS = 1e9
-"""A step that needs more internal steps is refused: it would seem to hang."""
+"""Most internal steps of a step; with more it would seem to hang, so it is refused."""
 
 
 class Phase(IntEnum):
-    """Where in the FMI state machine an instance is; bits, so that C code can name several.
+    """Phases of the FMI state machine, as bits, so that C code can name several.
 
-    `EVENT` and `CONTINUOUS_TIME` are those of Model Exchange, which native FMUs alone offer.
+    `EVENT` and `CONTINUOUS_TIME` belong to Model Exchange, which only native FMUs support.
     """
 
     INSTANTIATED = 1
@@ -47,21 +46,22 @@ class Phase(IntEnum):
 
 
 class BlockError(Exception):
-    """A call that the block refuses; the instance is as it was before the call."""
+    """A call was refused; the instance is as it was before the call."""
 
 
 class StepDiscardedError(BlockError):
-    """A step that gave no finite result; the instance is as it was before the step."""
+    """A step had a result that is not finite; the instance is as it was before the step."""
 
 
 class Instance:
     """One running instance of a block.
 
-    Variables are addressed by FMI name, `instance["v"]` and `instance["F"] = 3.0` (a vector's or a
-    matrix's own name stands for the list of its values), or by value reference with `get` and
-    `set` (`Block.layout`). Values are floats, Booleans are 0 or 1. Outputs change only while
-    initializing and at the end of a step: they are g(x(t+h), u held over the step), whatever is set
-    afterwards.
+    Address variables by FMI name, `instance["v"]` and `instance["F"] = 3.0`, or by value reference
+    with `get` and `set` (`Block.layout`). The name of a vector or matrix addresses the list of its
+    values. Values are floats, Booleans are 0 or 1.
+
+    Outputs change during initialization and at the end of a step only. Then they are
+    g(x(t+h), u held over the step); values set afterwards do not change them.
 
         instance = Instance(Drive())
         instance["F"] = 3.0
@@ -76,13 +76,13 @@ class Instance:
         self.name = name or type(block).__name__
         self.layout = block.layout()
         self.phase = Phase.INSTANTIATED
-        self._v = Values()  # what equations see: inputs, parameters, states, time
+        self._v = Values()  # the equations' argument: inputs, parameters, states, time
         self._y = Values()  # the frozen outputs
         self._v.time = 0.0
         self._stop_time = math.inf
         # steps of one length since an origin: origin, step and count
         self._clock = (0.0, 0.0, 0.0)
-        # where each scalar lives, as (container, key): an attribute dict or an array's list
+        # where each scalar is stored, as (container, key): an attribute dict or an array's list
         self._slots: list[tuple[Any, Any]] = []
         for scalar in self.layout.scalars:
             variable = scalar.variable
@@ -99,13 +99,13 @@ class Instance:
         self._discrete_states = references(self.layout.discrete_states)
         self._output_references = references(self.layout.outputs)
         self._state_slots = [self._slots[r] for r in self._states]
-        # what evolves: all states and outputs, a contiguous range at the end
+        # all states and outputs, a contiguous range at the end
         evolving = [*self._states, *self._discrete_states, *self._output_references]
         self._evolving = range(evolving[0], evolving[-1] + 1) if evolving else range(0)
         # states that start from parameters, as pairs of value references
         starts = ((r, self.layout.start_reference(r)) for r in (*self._states, *self._discrete_states))
         self._starts = [(r, start) for r, start in starts if r != start]
-        # what has limits: value references of it, and of the parameters that are its limits
+        # value references of variables with limits, and of the parameters that are these limits
         limits = ((r, self.layout.limit_references(r)) for r in self._evolving)
         self._limited = [(r, *found) for r, found in limits if found is not None]
         self._left: set[int] = set()
@@ -120,7 +120,7 @@ class Instance:
         return self._v.time
 
     def __getitem__(self, name: str) -> Any:
-        """Value of the variable with this FMI name; a list, or a list of rows, of an array."""
+        """Return the value of the variable with this FMI name; a list, or a list of rows, for an array."""
         references = self._references_of(name)
         values = self.get(references)
         array = self.layout.arrays.get(name)
@@ -129,21 +129,23 @@ class Instance:
     def __setitem__(self, name: str, value: Any) -> None:
         """Set the variable with this FMI name; a list, or a list of rows, for an array.
 
-        Raises BlockError, and sets nothing, where there is no such variable, where it cannot be set
-        now, or where the value does not fit it.
+        Raises:
+            BlockError: There is no such variable, it cannot be set in this phase, or the value does not
+                fit. Nothing is set then.
         """
         references = self._references_of(name)
         array = self.layout.arrays.get(name)
         try:
             values = [float(x) for x in ([value] if array is None else array.flat(value))]
         except (TypeError, ValueError) as error:
-            raise BlockError(f"{self.name}: {value!r} is no value for {name}: {error}.") from None
+            raise BlockError(f"{self.name}: {value!r} is not a value for {name}: {error}.") from None
         self.set(references, values)
 
     def get(self, references: Sequence[int]) -> list[float]:
-        """Values of the variables with these value references.
+        """Return the values of the variables with these value references.
 
-        Raises BlockError where, during initialization, an output cannot be computed.
+        Raises:
+            BlockError: An output cannot be computed during initialization.
         """
         if self.phase <= Phase.INITIALIZATION:
             self._take_start_values()
@@ -153,7 +155,8 @@ class Instance:
     def set(self, references: Sequence[int], values: Sequence[float]) -> None:
         """Set inputs at any time, parameters and start values of states before the first step.
 
-        Raises BlockError, and sets nothing, where a variable cannot be set now.
+        Raises:
+            BlockError: A variable cannot be set in this phase. Nothing is set then.
         """
         if self.phase == Phase.TERMINATED:
             raise BlockError(f"{self.name}: cannot set values in phase terminated.")
@@ -162,7 +165,7 @@ class Instance:
         self._write(references, [float(x) for x in values])
 
     def setup_experiment(self, start_time: float = 0.0, stop_time: float | None = None) -> None:
-        """Set start and stop time in s; steps past the stop time will be refused."""
+        """Set start and stop time in s; steps past the stop time are refused."""
         self._require(Phase.INSTANTIATED, "set up the experiment")
         if not math.isfinite(start_time):
             raise BlockError(f"{self.name}: the start time {start_time} is not a finite number of seconds.")
@@ -181,12 +184,13 @@ class Instance:
     def exit_initialization(self) -> None:
         """End initialization.
 
-        Raises BlockError if a value is outside its declared range, one of the block's conditions does
-        not hold, or an output cannot be computed.
+        Raises:
+            BlockError: A value is outside its declared range, one of the block's conditions does not
+                hold, or an output cannot be computed.
         """
         self._require(Phase.INITIALIZATION, "exit initialization mode")
         self._take_start_values()
-        for r in (*self._parameters, *self._states):  # before the equations meet what they are not made for
+        for r in (*self._parameters, *self._states):  # before the equations use the values
             self._check_range(r)
         self._check_conditions()
         self._evaluate_first_outputs()
@@ -196,11 +200,12 @@ class Instance:
         """Advance from `time` to `time + step`, both in s, with the inputs held.
 
         A step that begins and ends within rounding of the instance's time does nothing: tools that
-        add their steps up meet such a sliver before the end. Rounding is 1e-6 of this or the last
-        step, whichever is longer, and a few units in the last place of the time.
+        sum up their steps may end with such a sliver. Rounding is 1e-6 of this or the last step,
+        whichever is longer, plus a few units in the last place of the time.
 
-        Raises StepDiscardedError if a state or output becomes infinite or NaN, BlockError if the
-        step makes no sense.
+        Raises:
+            StepDiscardedError: A state or output is infinite or NaN after the step.
+            BlockError: The step is not possible in this phase, at this time or with this size.
         """
         self._require(Phase.STEP, "do a step")
         self._check_step(time, step)
@@ -220,20 +225,20 @@ class Instance:
             )
 
     def left_limits(self) -> list[str]:
-        """A sentence for each variable that is beyond its limits, if none was given for it before."""
-        sentences = []
+        """Return a message for each variable that has left its limits since the start, once each."""
+        messages = []
         for r, *parameters in self._limited:
             value, low, high = self.get((r, *parameters))
             if parameters[0] == parameters[1]:
                 low = -high
             if r not in self._left and not low <= value <= high:
                 self._left.add(r)
-                shown, _ = _told_apart(value, low if value < low else high)
-                sentences.append(
+                shown, _ = _distinct_texts(value, low if value < low else high)
+                messages.append(
                     f"{self.name}: {self.layout.scalars[r].name} = {shown} left its limits, "
                     f"{low:.9g} to {high:.9g}, at t = {self.time:.9g} s."
                 )
-        return sentences
+        return messages
 
     def terminate(self) -> None:
         """End the run; values can still be read."""
@@ -241,7 +246,7 @@ class Instance:
         self.phase = Phase.TERMINATED
 
     def get_state(self) -> dict[str, Any]:
-        """Everything that evolves or was set, as plain values."""
+        """Return all values that evolve or were set, as a dict of plain values."""
         values = [container[key] for container, key in self._slots]
         return {
             "phase": int(self.phase),
@@ -267,12 +272,12 @@ class Instance:
         if not (math.isfinite(time + step) and step > 0.0):
             raise BlockError(f"{self.name}: the step size {step} s is not a positive, finite number.")
         if not abs(time - self.time) <= max(STEP_TOLERANCE * step, self._rounding(time, step)):
-            asked, own = _told_apart(time, self.time)
+            asked, own = _distinct_texts(time, self.time)
             raise BlockError(
                 f"{self.name}: the step starts at t = {asked} s, but the instance is at t = {own} s."
             )
         if time + step > self._stop_time + STEP_TOLERANCE * step + TIME_ROUNDING * abs(time):
-            end, stop = _told_apart(time + step, self._stop_time)
+            end, stop = _distinct_texts(time + step, self._stop_time)
             raise BlockError(f"{self.name}: the step to t = {end} s goes past the stop time {stop} s.")
         if self._states and not step / self._v.internal_step <= MAXIMUM_SUBSTEPS:
             raise BlockError(
@@ -280,14 +285,14 @@ class Instance:
             )
 
     def _rounding(self, time: float, step: float) -> float:
-        """By how much a tool's time may differ from the instance's own through rounding alone."""
+        """Return by how much a tool's time may differ from the instance's own through rounding, in s."""
         _, last, _ = self._clock
         return SAME_TIME * max(step, last) + TIME_ROUNDING * abs(time)
 
     def _is_sliver(self, time: float, step: float) -> bool:
-        """Whether a tool makes a step only because its times are rounded in another way.
+        """Return whether a step exists only because the tool rounds its times in another way.
 
-        A first step is none: it has nothing to make up for, and only a step makes sure of finite outputs.
+        A first step never does: there is no earlier rounding, and only a step checks that outputs are finite.
         """
         rounding = self._rounding(time, step)
         is_there = abs(time - self.time) <= rounding and abs(time + step - self.time) <= rounding
@@ -297,17 +302,17 @@ class Instance:
     def _begin_step(self, time: float, step: float) -> None:
         """Begin a step on the instance's own clock.
 
-        It counts steps of the same length instead of adding them up: results are then the same bits
-        however a tool rounds its times.
+        It counts steps of the same length instead of summing them up, so that the tool's rounding of
+        times does not change a bit of the results.
         """
         origin, same, count = self._clock
-        goes_on = abs(step - same) <= SAME_STEP * same and abs(time - self.time) <= SAME_TIME * step
-        if not goes_on:
+        is_continued = abs(step - same) <= SAME_STEP * same and abs(time - self.time) <= SAME_TIME * step
+        if not is_continued:
             origin, same, count = self._clock = (time, step, 0.0)
         self._v.time = origin + count * same
 
     def _advance(self) -> str | None:
-        """Do the step; returns what is not finite afterwards, if anything."""
+        """Do the step and return a message if a value is not finite afterwards."""
         origin, step, count = self._clock
         self._clock = (origin, step, count + 1.0)
         try:
@@ -361,9 +366,9 @@ class Instance:
             conditions = self.block.conditions(self._v)
         except ArithmeticError as error:
             raise BlockError(f"{self.name}: its conditions cannot be computed: {error}.") from error
-        for sentence, holds in conditions.items():
+        for message, holds in conditions.items():
             if not holds:
-                raise BlockError(f"{self.name}: {sentence}.")
+                raise BlockError(f"{self.name}: {message}.")
 
     def _references_of(self, name: str) -> Sequence[int]:
         array = self.layout.arrays.get(name)
@@ -378,7 +383,7 @@ class Instance:
             raise BlockError(f"{self.name}: there is no variable '{name}'{hint}") from None
 
     def _take_start_values(self) -> None:
-        """Give states the start values that come from parameters."""
+        """Set states to the start values that come from parameters."""
         for reference, start in self._starts:
             container, key = self._slots[start]
             self._write((reference,), (container[key],))
@@ -390,7 +395,7 @@ class Instance:
             raise BlockError(f"{self.name}: the first outputs cannot be computed: {error}.") from error
 
     def _integrate(self, time: float, step: float) -> None:
-        """Classical Runge-Kutta substeps no longer than the block's internal step."""
+        """Integrate by classical Runge-Kutta, in substeps no longer than the block's internal step."""
         slots = self._state_slots
         if not slots:
             return
@@ -428,7 +433,7 @@ class Instance:
         self._write(self._output_references, outputs)
 
 
-def _told_apart(a: float, b: float) -> tuple[str, str]:
-    """Two numbers with as many digits as it takes to see that they differ, but no fewer than 9."""
+def _distinct_texts(a: float, b: float) -> tuple[str, str]:
+    """Format two numbers with enough digits to see that they differ, at least 9."""
     texts = ((f"{a:.{digits}g}", f"{b:.{digits}g}") for digits in range(9, 18))
     return next((pair for pair in texts if pair[0] != pair[1]), (repr(a), repr(b)))

@@ -1,4 +1,4 @@
-"""Blocks out of Python files that are nobody's package: `mine.py:Drive`."""
+"""Load blocks from Python files that are not installed: `mine.py:Drive`."""
 
 import importlib.util
 import re
@@ -15,13 +15,14 @@ from .errors import LoadError
 
 
 def load_block(place: str) -> type[Block]:
-    """The block class that `FILE.py:BLOCK` names.
+    """Return the block class that `FILE.py:BLOCK` names.
 
-    The file is run as if it were imported, and may import what lies beside it; in a folder with an
-    `__init__.py` it is the module of that package. Nothing stays imported under the names of these
-    modules, so that another file of the same name can be loaded afterwards.
+    The file is run as if it were imported, and can import files beside it. In a folder with an
+    `__init__.py` it is a module of that package. These modules do not stay imported, so that another
+    file of the same name can be loaded afterwards.
 
-    Raises LoadError, one sentence, where there is no such file or block, or the file fails.
+    Raises:
+        LoadError: There is no such file or block, or the file fails.
     """
     name, _, block = place.rpartition(":")
     if not name or not block.isidentifier():
@@ -45,7 +46,7 @@ def _is_block(thing: object) -> bool:
 
 
 def _run(file: Path) -> ModuleType:
-    """The file as a module that has been run."""
+    """Run the file and return it as a module."""
     root, parts = file.parent, [re.sub(r"\W", "_", file.stem)]
     while (root / "__init__.py").is_file():
         root, parts = root.parent, [root.name, *parts]
@@ -61,7 +62,9 @@ def _run(file: Path) -> ModuleType:
             spec.loader.exec_module(module)
         except SyntaxError as error:
             culprit = Path(error.filename or file).name
-            raise LoadError(f"'{culprit}' is no Python text: {error.msg} in line {error.lineno}.") from error
+            raise LoadError(
+                f"'{culprit}' is not valid Python: {error.msg} in line {error.lineno}."
+            ) from error
         except (Exception, SystemExit) as error:
             line = _line(error, file)
             text = str(error).splitlines() or [""]
@@ -78,13 +81,13 @@ class _FolderFinder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """The module in the folder; None for one that is not there, or inside a package."""
+        """Find a module in the folder; None if it is not there, or inside a package."""
         return PathFinder.find_spec(fullname, [str(self._folder)], target) if path is None else None
 
 
 @contextmanager
 def _import_from(folder: Path) -> Iterator[None]:
-    """Import from this folder first, and leave no module of its behind."""
+    """Import from this folder first, and forget its modules afterwards."""
 
     def lies_here(module: str) -> bool:
         top = module.split(".")[0]
@@ -107,7 +110,7 @@ def _import_from(folder: Path) -> Iterator[None]:
 
 
 def _line(error: BaseException, file: Path) -> str:
-    """The last line of the file that was run, as ` in line 3`."""
+    """Return the last line of the file that was run, such as ` in line 3`."""
     line, traceback = "", error.__traceback__
     while traceback is not None:
         if traceback.tb_frame.f_code.co_filename == str(file):

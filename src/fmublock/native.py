@@ -16,9 +16,10 @@ _SHIM = "fmi2_block.c"  # the only file to compile; it includes all others
 
 
 def native_draft(block: Block, producer: Producer, documents: Documents) -> Draft:
-    """The FMU without binaries: description, documents and C sources.
+    """Return the FMU without binaries: description, documents and C sources.
 
-    Raises BuildError for equations that fail, or would not mean the same in C and in Python.
+    Raises:
+        BuildError: The equations fail, or would give different results in C and in Python.
     """
     symbolic = evaluate_symbolically(block)
     content = {
@@ -35,15 +36,16 @@ def native_draft(block: Block, producer: Producer, documents: Documents) -> Draf
 def native_binaries(
     draft: Draft, platforms: Sequence[str], advance: Callable[[], None] = lambda: None
 ) -> dict[str, bytes]:
-    """The binaries for these FMI platforms, by path; `advance` is called once per binary.
+    """Return the binaries for these FMI platforms, by path; `advance` is called after each.
 
-    Raises BuildError where the compiler fails or does not know a platform.
+    Raises:
+        BuildError: The compiler fails, or a platform is not supported.
     """
     return compile_libraries(type(draft.block).__name__, _SHIM, draft.files, platforms, advance)
 
 
 def _model_header(block: Block, demands: Sequence[str]) -> str:
-    """Names, types, ranges, start and nominal values as C; everything the shim knows of the block."""
+    """Return names, types, ranges, start and nominal values as C: all that the shim knows of the block."""
     layout = block.layout()
     name = type(block).__name__
     lines = [
@@ -86,14 +88,14 @@ def _model_header(block: Block, demands: Sequence[str]) -> str:
 
 
 def _conditions(demands: Sequence[str]) -> list[str]:
-    """The sentences of the block's conditions, in the order of their values."""
-    rows = [f"    {json.dumps(sentence)}," for sentence in demands]
+    """Return the messages of the block's conditions as C, in the order of their values."""
+    rows = [f"    {json.dumps(message)}," for message in demands]
     table = ["static const char *const demands[] = {", *rows, "};"] if rows else []
     return ["", f"#define N_CONDITIONS {len(rows)}", *table]
 
 
 def _limits(block: Block) -> list[str]:
-    """Which variables have limits, and in which parameters these stand."""
+    """Return the variables with limits as C, and the parameters that are these limits."""
     layout = block.layout()
     found = ((r, layout.limit_references(r)) for r in range(len(layout.scalars)))
     rows = [f"    {{{r}, {low}, {high}}}," for r, (low, high) in ((r, x) for r, x in found if x is not None)]

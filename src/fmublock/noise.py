@@ -1,4 +1,4 @@
-"""Pseudo-random numbers that every flavour of an FMU draws alike.
+"""Pseudo-random numbers that are the same in every flavour of an FMU.
 
 A Lehmer generator (Park and Miller, CACM 31, 1988) is a discrete state of the block:
 x <- 16807 x mod (2^31 - 1) stays below 2^46, so it is exact in doubles on every machine.
@@ -14,20 +14,20 @@ MODULUS = 2147483647.0
 
 
 def lehmer(x: Any) -> Any:
-    """The generator's next state, a whole number between 1 and 2^31 - 2.
+    """Return the generator's next state, a whole number between 1 and 2^31 - 2.
 
-    The product is no multiple of the modulus, a prime, so that its quotient is farther from a whole number
-    (4.7e-10) than rounding brings it (1.8e-12): the remainder by `floor` is that of `mod`, and cheaper.
+    `floor` gives the same remainder as `mod` and is cheaper. The modulus is prime and does not divide the
+    product, so the quotient is 4.7e-10 or more from a whole number. Rounding changes it by 1.8e-12 at most.
     """
     product = MULTIPLIER * x
     return product - MODULUS * floor(product / MODULUS)
 
 
 def uniform(x: Any) -> Any:
-    """The generator's state as a number strictly between 0 and 1."""
+    """Return the generator's state as a number strictly between 0 and 1."""
     return x / MODULUS
 
 
 def normal(x1: Any, x2: Any) -> Any:
-    """Two generator states as one draw from N(0, 1) (Box and Muller, 1958)."""
+    """Return a draw from N(0, 1) for two generator states (Box and Muller, 1958)."""
     return sqrt(-2.0 * log(uniform(x1))) * cos(2.0 * math.pi * uniform(x2))

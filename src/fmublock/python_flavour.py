@@ -1,6 +1,6 @@
-"""PythonFMU FMUs: the block's own Python text behind PythonFMU's FMI library.
+"""PythonFMU FMUs: the block's Python files with PythonFMU's FMI library.
 
-They need a Python of the host's on the library path; what they do is readable inside the FMU.
+They need the host's Python on the library path. The equations are readable inside the FMU.
 """
 
 from importlib.metadata import distribution, version
@@ -16,10 +16,10 @@ from .recipe import Documents, Producer
 from .sources import gather_sources, module_of, move_into_package
 from .symbolic import evaluate_symbolically
 
-_HOST = """This FMU runs Python code. Its host must offer, in the process that loads the FMU,
-libpython of CPython 3.11 or later with its symbols visible to shared libraries (on Linux for
-hosts that are not Python themselves: LD_PRELOAD=libpython3.XX.so). No Python package is needed;
-PythonFMU {pythonfmu} is inside the FMU.
+_HOST = """This FMU runs Python code. The process that loads the FMU needs libpython of CPython 3.11 or
+later, with its symbols visible to shared libraries. On Linux, hosts that are not Python themselves
+can set LD_PRELOAD=libpython3.XX.so. No Python package is needed: PythonFMU {pythonfmu} is inside
+the FMU.
 """
 
 _SLAVE = '''"""PythonFMU slave of {block}; the equations are in {package}/{path}."""
@@ -41,14 +41,18 @@ give_reference(globals())
 
 
 def python_draft(block: Block, producer: Producer, documents: Documents) -> Draft:
-    """The FMU without PythonFMU's binaries.
+    """Return the FMU without PythonFMU's binaries.
 
-    Raises BuildError if the block imports anything beyond the standard library, keeps values of its
-    own, has no file, or has equations that fail or would not mean the same in C.
+    Raises:
+        BuildError: The block imports anything beyond the standard library, has instance attributes, has
+            no file, or its equations fail or would give different results in C.
     """
     name, module = type(block).__name__, module_of(type(block))
     if vars(block):
-        raise BuildError(f"this {name} keeps {', '.join(vars(block))}; in an FMU it would be made without.")
+        raise BuildError(
+            f"this {name} has the attributes {', '.join(vars(block))}, which would be missing in the FMU; "
+            "declare them as parameters."
+        )
     symbolic = evaluate_symbolically(block)
     gathered = gather_sources(type(block), "block", "instance")
     gathered.refuse_foreign()
@@ -76,7 +80,7 @@ def python_draft(block: Block, producer: Producer, documents: Documents) -> Draf
 
 
 def python_binaries(draft: Draft) -> dict[str, bytes]:
-    """PythonFMU's binaries for all its platforms, by path. Raises BuildError without them."""
+    """Return PythonFMU's binaries for all its platforms, by path. Raises BuildError without them."""
     name = type(draft.block).__name__
     binaries = {}
     for file in sorted(_pythonfmu().glob("resources/binaries/*/*")):
@@ -87,5 +91,5 @@ def python_binaries(draft: Draft) -> dict[str, bytes]:
 
 
 def _pythonfmu() -> Path:
-    """The installed package; in a process that runs PythonFMU FMUs the imported one is one of theirs."""
+    """Return the installed package's folder; an imported one may come from a PythonFMU FMU that runs here."""
     return Path(str(distribution("pythonfmu").locate_file("pythonfmu")))

@@ -1,6 +1,6 @@
-"""What an FMU is made of, and the key by which a finished one is known to be up to date.
+"""The content of an FMU, and the key that tells whether a finished one is up to date.
 
-Nothing here needs what builds FMUs: whether one is current is known before CasADi is imported.
+Nothing here imports CasADi, so that an FMU that is up to date costs little time.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ from .sources import gather_sources, module_of
 from .variables import Parameter
 
 FLAVOURS = ("native", "python")
-"""Native FMUs run anywhere; PythonFMU FMUs need a Python host and are readable inside."""
+"""Native FMUs need nothing else to run. PythonFMU FMUs need a Python host and are readable inside."""
 
 _TOOLS = ("casadi", "fmpy", "latex2mathml", "markdown-it-py", "matplotlib", "mdit-py-plugins")
 _FLAVOUR_TOOLS = {"native": ("ziglang",), "python": ("pythonfmu",)}
@@ -24,7 +24,7 @@ _FLAVOUR_TOOLS = {"native": ("ziglang",), "python": ("pythonfmu",)}
 
 @dataclass(frozen=True)
 class Producer:
-    """Who made an FMU: the tool it names, its version, and the licence of its content, if any."""
+    """The tool that made an FMU, its version, and the licence of the FMU's content, if any."""
 
     tool: str = "EMLA-Cosim fmublock"
     version: str | None = None
@@ -33,9 +33,9 @@ class Producer:
 
 @dataclass(frozen=True)
 class Documents:
-    """The texts that go into an FMU: its page (Markdown) and the licence.
+    """The texts in an FMU: its page (Markdown) and the licence.
 
-    Without a page of its own an FMU gets the block's docstring; the variables' table follows either.
+    Without a page, the FMU gets the block's docstring. The variables' table follows in both cases.
     """
 
     readme: str | None = None
@@ -44,7 +44,7 @@ class Documents:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Everything that decides the content of an FMU, except for its platforms."""
+    """All that determines the content of an FMU, except for its platforms."""
 
     block: Block
     flavour: str
@@ -59,22 +59,22 @@ class Recipe:
         producer: Producer | None = None,
         documents: Documents | None = None,
     ) -> "Recipe":
-        """A recipe for what a caller asked for. Raises BuildError where that makes no sense."""
+        """Make a recipe from a caller's arguments. Raises BuildError if they are wrong."""
         if flavour not in FLAVOURS:
-            raise BuildError(f"there is no flavour '{flavour}'; choose from {', '.join(FLAVOURS)}.")
+            raise BuildError(f"the flavour '{flavour}' is not supported; choose from {', '.join(FLAVOURS)}.")
         return cls(_instance(block), flavour, producer or Producer(), documents or Documents())
 
     @property
     def model(self) -> str:
-        """The model's name, which is the block's."""
+        """The model's name: that of the block's class."""
         return type(self.block).__name__
 
     def key(self) -> str | None:
-        """64 hexadecimal digits that change with everything this FMU is made of.
+        """64 hexadecimal digits that change with all that this FMU is made of.
 
-        These are the files of the block and what it declares, the documents, fmublock, and the
-        versions of the tools. None where that is not all that decides: the block keeps values of
-        its own, is not at the top of a file, or imports what is not known here.
+        These are the block's files and declarations, the documents, fmublock, and the versions of the
+        tools. None if other things count, too: the block has instance attributes, is not at the top
+        of a file, or imports modules that are not known here.
         """
         if vars(self.block):
             return None
@@ -96,12 +96,12 @@ class Recipe:
 
 
 def made_by(*tools: str) -> str:
-    """A text that changes with fmublock itself and with the versions of these tools."""
+    """Return a text that changes with fmublock itself and with the versions of these tools."""
     return "\0".join([*_own_files(), *(f"{tool} {_version(tool)}" for tool in tools)])
 
 
 def _instance(block: Block | type[Block]) -> Block:
-    """The block of a class or instance, looked through. Raises BuildError for anything else."""
+    """Return the checked block of a class or instance. Raises BuildError for anything else."""
     try:
         made = block() if isinstance(block, type) and issubclass(block, Block) else block
         if not isinstance(made, Block) or type(made) is Block:
@@ -115,7 +115,7 @@ def _instance(block: Block | type[Block]) -> Block:
 
 
 def _declared(block: Block) -> list[str]:
-    """What the class says now, whatever made it say so: its variables and its texts."""
+    """Return the present declarations of a class: its variables and its texts."""
     layout = block.layout()
     variables = dict.fromkeys(scalar.variable for scalar in layout.scalars)
     own = [{k: _by_name(x) for k, x in vars(v).items()} for v in variables]
@@ -124,7 +124,7 @@ def _declared(block: Block) -> list[str]:
 
 
 def _by_name(value: Any) -> Any:
-    """What a variable says of itself, with parameters by their names."""
+    """Replace parameters in a variable's attributes by their names."""
     if isinstance(value, tuple):
         return tuple(_by_name(x) for x in value)
     return value.attribute if isinstance(value, Parameter) else value
@@ -132,7 +132,7 @@ def _by_name(value: Any) -> Any:
 
 @cache
 def _own_files() -> tuple[str, ...]:
-    """The files of fmublock itself, which make FMUs and are part of them."""
+    """Return the contents of fmublock's own files, which build FMUs and are part of them."""
     folder = Path(__file__).parent
     files = sorted(f for f in folder.rglob("*") if f.suffix in (".py", ".c", ".h"))
     return tuple(f"{f.relative_to(folder).as_posix()}\0{f.read_text(encoding='utf-8')}" for f in files)
@@ -140,7 +140,7 @@ def _own_files() -> tuple[str, ...]:
 
 @cache
 def _version(tool: str) -> str:
-    from importlib.metadata import PackageNotFoundError, version  # takes a while
+    from importlib.metadata import PackageNotFoundError, version  # slow
 
     try:
         return version(tool)

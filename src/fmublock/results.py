@@ -1,4 +1,4 @@
-"""What the methods of a block return, checked against what it declares."""
+"""Check the results of a block's methods against its declarations."""
 
 from typing import Any
 
@@ -7,17 +7,17 @@ from .functions import Symbolic
 from .variables import Variable
 
 METHODS = {"derivatives": "states", "update": "discrete_states", "outputs": "outputs"}
-"""The methods of a block, in the order in which a step uses them, and the variables that each computes."""
+"""The methods of a block in the order of a step, and the kind of variables that each computes."""
 
 
 class EquationError(Exception):
-    """A block's equations do not give what the block declares; a sentence with block and method."""
+    """The results of a block's equations do not match its declarations."""
 
 
 class Results:
-    """The results of one method of a block: `derivatives`, `update` or `outputs`.
+    """Converts the results of a block's method: `derivatives`, `update` or `outputs`.
 
-    `attributes` are the attributes that they belong to, one per element.
+    `attributes` has the attribute that each element of the results belongs to.
     """
 
     def __init__(self, block: Block, method: str) -> None:
@@ -27,10 +27,11 @@ class Results:
         self._method = f"{type(block).__name__}.{method}"
 
     def flat(self, values: Any) -> list[Any]:
-        """The results as one list of floats, or symbols, in the order of their value references.
+        """Return the results as one list of floats or symbols in the order of their value references.
 
-        Raises EquationError unless there is a number for every element of every variable that the
-        method is to compute, and nothing else.
+        Raises:
+            EquationError: A value is missing, is not a number, or belongs to no variable that the method
+                computes.
         """
         if not isinstance(values, dict):
             raise EquationError(f"{self._method} returns {values!r} instead of a dict of results.")
@@ -39,7 +40,7 @@ class Results:
         found: list[Any] = []
         for variable in self._variables:
             value = values[variable.attribute]
-            if type(value) is float and not variable.shape:  # by far the most frequent
+            if type(value) is float and not variable.shape:  # by far the most frequent case
                 found.append(value)
             else:
                 found += self._elements(variable, value)
@@ -57,20 +58,24 @@ class Results:
         if unknown := [str(name) for name in values if name not in self._expected]:
             return f"{self._method} returns {', '.join(unknown)}, not declared as such."
         missing = [x.attribute for x in self._variables if x.attribute not in values]
-        return f"{self._method} gives no value for {', '.join(missing)}."
+        return f"{self._method} returns no value for {', '.join(missing)}."
 
 
 class Conditions:
-    """The results of a block's `conditions`; `attributes` are then the sentences."""
+    """Converts the results of a block's `conditions`; `attributes` are the messages."""
 
     def __init__(self, block: Block) -> None:
         self.attributes: list[str] = []
         self._method = f"{type(block).__name__}.conditions"
 
     def flat(self, values: Any) -> list[Any]:
-        """Whether each sentence holds, as numbers or symbols. Raises EquationError for anything else."""
-        if not isinstance(values, dict) or not all(isinstance(sentence, str) for sentence in values):
-            raise EquationError(f"{self._method} returns {values!r} instead of a dict from sentences.")
+        """Return whether each condition holds, as numbers or symbols.
+
+        Raises:
+            EquationError: The values are not a dict from messages to comparisons.
+        """
+        if not isinstance(values, dict) or not all(isinstance(message, str) for message in values):
+            raise EquationError(f"{self._method} returns {values!r} instead of a dict of conditions.")
         self.attributes = list(values)
         return [_number(self._method, f"'{sentence}'", value) for sentence, value in values.items()]
 
@@ -80,4 +85,4 @@ def _number(method: str, name: str, value: Any) -> Any:
         return value
     if isinstance(value, (float, int)):
         return float(value)
-    raise EquationError(f"{method}: {name} is {value!r}, which is no number.")
+    raise EquationError(f"{method}: {name} is {value!r}, which is not a number.")

@@ -1,4 +1,4 @@
-"""An `Instance` behind the PythonFMU interface; part of every PythonFMU FMU."""
+"""The PythonFMU interface of an `Instance`; part of every PythonFMU FMU."""
 
 import atexit
 import ctypes
@@ -22,31 +22,31 @@ _TYPES = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boole
 
 
 def give_reference(thing: object) -> None:
-    """Count one reference more to a Python object, for PythonFMU 0.7.0 to release.
+    """Add a reference to a Python object, which PythonFMU 0.7.0 will release.
 
-    It releases references that it does not own: the globals of an FMU's main module whenever an
-    instance is made (it runs the module's text again each time), and the slave, its class and
-    its log whenever a call raises. Without this the process crashes after some instances.
+    PythonFMU releases references that it does not own. When it makes an instance, it runs the text of
+    the FMU's main module again and releases the module's globals. When a call raises, it releases the
+    slave, its class and its log. Without this the process crashes after some instances.
     """
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
 
 
 @cache
 def release_interpreter_at_exit(binary: Path) -> None:
-    """Let PythonFMU 0.7.0's library give up the interpreter before the process ends, and only once.
+    """Let PythonFMU 0.7.0's library release the interpreter before the process ends, and only once.
 
-    At the end of a process its C++ object and its own destructor both release the same count, the second
-    one in memory that is free by then; the C library may find its lists damaged and abort.
+    At the end of a process its C++ object and its destructor both release the same reference count. The
+    second does so in freed memory, and the C library may find its lists damaged and abort.
     """
     if sys.platform == "linux":
-        # a host that runs a copy of the library is left as it is, and a library that has nothing to release
+        # skip hosts that run a copy of the library, and libraries that have nothing to release
         with suppress(OSError, AttributeError):
             library = ctypes.CDLL(str(binary), mode=os.RTLD_LAZY | os.RTLD_NOLOAD)
             atexit.register(library.finalizePythonInterpreter)
 
 
 def _survivable(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Let a call that raises leave the slave alive; see `give_reference`."""
+    """Keep the slave alive when a call raises; see `give_reference`."""
 
     @wraps(method)
     def guarded(self: "BlockSlave", *args: Any) -> Any:
@@ -63,8 +63,8 @@ def _survivable(method: Callable[..., Any]) -> Callable[..., Any]:
 class BlockSlave(Fmi2Slave):
     """Base of the slave class in an FMU's main module, which names the block and the content's hash.
 
-    Value references are the block's own. A step that fails is discarded. In other calls PythonFMU
-    knows one way to report an exception: it logs the text and returns fmi2Fatal.
+    Value references are those of the block. A step that fails is discarded. In other calls PythonFMU
+    logs the text of an exception and returns fmi2Fatal.
     """
 
     block: type[Block]
@@ -84,7 +84,7 @@ class BlockSlave(Fmi2Slave):
     def setup_experiment(
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
-        """Take start and stop time in s; the tolerance is not needed, `solver.internal_step` decides."""
+        """Set start and stop time in s; the tolerance is not used, `solver.internal_step` decides."""
         self.instance.setup_experiment(start_time, stop_time)
 
     @_survivable
@@ -94,14 +94,15 @@ class BlockSlave(Fmi2Slave):
 
     @_survivable
     def exit_initialization_mode(self) -> None:
-        """Check what was set; raises BlockError if a value is outside its range."""
+        """End initialization; raises BlockError if a value is outside its range."""
         self.instance.exit_initialization()
         self._report_limits()
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Advance by a step; False, with a log message, if anything at all prevents it.
+        """Do a step.
 
-        The instance is then as it was before the step.
+        Returns:
+            False, with a log message, if the step fails. The instance is then as it was before.
         """
         try:
             self.instance.do_step(current_time, step_size)
@@ -125,15 +126,15 @@ class BlockSlave(Fmi2Slave):
         self.instance.terminate()
 
     def get_real(self, vrs: list[int]) -> list[float]:
-        """Values of Real variables."""
+        """Return the values of Real variables."""
         return self._get(vrs, "Real")
 
     def get_integer(self, vrs: list[int]) -> list[int]:
-        """Values of Integer and Enumeration variables."""
+        """Return the values of Integer and Enumeration variables."""
         return [int(x) for x in self._get(vrs, "Integer")]
 
     def get_boolean(self, vrs: list[int]) -> list[bool]:
-        """Values of Boolean variables."""
+        """Return the values of Boolean variables."""
         return [x != 0.0 for x in self._get(vrs, "Boolean")]
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
@@ -182,6 +183,6 @@ class BlockSlave(Fmi2Slave):
 
     @staticmethod
     def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
-        """Read a serialized state; what is none becomes a state that `_set_fmu_state` refuses."""
+        """Read a serialized state; other bytes become a state that `_set_fmu_state` refuses."""
         checksum, text = bytes(state[:8]), bytes(state[8:])
         return json.loads(text) if checksum == b"%08x" % zlib.crc32(text) else {}

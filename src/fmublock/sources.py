@@ -1,4 +1,4 @@
-"""The Python files that a block needs, gathered so that they can run from inside an FMU."""
+"""Gather the Python files that a block needs to run inside an FMU."""
 
 import ast
 import importlib.util
@@ -20,17 +20,17 @@ _ELSEWHERE = {_OWN, *sys.stdlib_module_names}
 
 @dataclass
 class Sources:
-    """Texts of Python files by path relative to the import root, and what else they import.
+    """Texts of Python files by path relative to the import root, and the other modules they import.
 
-    `foreign` are the names of modules that are neither among the files nor of the standard library,
-    by the module that imports them.
+    `foreign` has the modules that are neither among the files nor in the standard library, by the name
+    of the module that imports them.
     """
 
     texts: dict[str, str] = field(default_factory=dict)
     foreign: dict[str, set[str]] = field(default_factory=dict)
 
     def refuse_foreign(self) -> None:
-        """Raise BuildError if anything foreign is imported: an FMU's host need not have it."""
+        """Raise BuildError if a file imports a foreign module, which an FMU's host may not have."""
         for module, names in self.foreign.items():
             raise BuildError(
                 f"{module} imports {', '.join(sorted(names))}; a block may import the standard library only."
@@ -38,17 +38,22 @@ class Sources:
 
 
 def module_of(block: type[Block]) -> str:
-    """The name by which a block's module is imported inside an FMU; a script has its file's name."""
+    """Return the module name of a block inside an FMU; for a script, its file's name."""
     name, file = block.origin.module, block.origin.file
     return re.sub(r"\W", "_", Path(file).stem) if name == "__main__" and file is not None else name
 
 
 def gather_sources(block: type[Block], *more: str) -> Sources:
-    """The file that defines a block, and those that it and its base classes import.
+    """Gather the file that defines a block, and those that it and its base classes import.
 
-    These are files of their packages, files beside a module that is in no package, and, if there
-    are `more` modules of fmublock, these with all that they import. Raises BuildError where a block
-    has no file, or where a file has changed since the block was defined.
+    These are files of their packages, and files beside a module that is in no package.
+
+    Args:
+        block: The block class.
+        more: Further modules of fmublock, which are added with all that they import.
+
+    Raises:
+        BuildError: A block has no file, or a file has changed since the block was defined.
     """
     bases = [base for base in block.__mro__ if issubclass(base, Block) and base is not Block]
     files: dict[str, Path] = {}
@@ -77,9 +82,9 @@ def gather_sources(block: type[Block], *more: str) -> Sources:
 
 
 def move_into_package(sources: Mapping[str, str], package: str) -> dict[str, str]:
-    """The same files inside `package`, with their imports of each other rewritten.
+    """Move the files into `package` and rewrite their imports of each other.
 
-    Two FMUs in one process then never run each other's modules, nor the installed ones.
+    Without this, two FMUs in one process could run each other's modules, or the installed ones.
     """
     roots = {path.split("/")[0].removesuffix(".py") for path in sources}
     moved = {f"{package}/{path}": _rewrite_imports(text, package, roots) for path, text in sources.items()}
@@ -101,7 +106,7 @@ class _Search:
                 self._beside.append(file.parent)
 
     def find(self, module: str) -> Path | None:
-        """The file of a module, if it belongs to the block."""
+        """Return the file of a module, if it belongs to the block."""
         if module in self._files:
             return self._files[module]
         top = module.split(".")[0]
@@ -114,7 +119,7 @@ class _Search:
         return None
 
     def is_foreign(self, name: str) -> bool:
-        """Whether a name that is no file of the block is somebody else's module."""
+        """Return whether a name that is not a file of the block is a foreign module."""
         top = name.split(".")[0]
         return top not in _ELSEWHERE and self.find(top) is None
 
@@ -133,7 +138,7 @@ def _path_of(module: str, file: Path) -> str:
 
 
 def _read(file: Path, origin: Origin | None) -> str:
-    """The text of a file, which must not have changed since the block's origin, if there is one."""
+    """Read a file, which must not have changed since the block's origin, if there is one."""
     if origin is not None and file.stat().st_mtime > origin.time:
         raise BuildError(
             f"'{file}' has changed since {origin.module} was imported; import it again, in a new process."
@@ -141,15 +146,15 @@ def _read(file: Path, origin: Origin | None) -> str:
     try:
         return file.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise BuildError(f"'{file}' is not encoded in UTF-8.") from None
+        raise BuildError(f"'{file}' is not encoded as UTF-8.") from None
 
 
 def _list_imports(text: str, package: str, file: Path) -> Iterator[str]:
-    """Names of modules that a text imports; of `from a import b` both a and a.b."""
+    """Yield the names of modules that a text imports; for `from a import b` both a and a.b."""
     try:
         statements = _import_statements(text)
     except SyntaxError as error:
-        raise BuildError(f"'{file}' is no Python text: {error.msg} in line {error.lineno}.") from None
+        raise BuildError(f"'{file}' is not valid Python: {error.msg} in line {error.lineno}.") from None
     for level, base, names in statements:
         if level < 0:
             yield from names
@@ -161,7 +166,7 @@ def _list_imports(text: str, package: str, file: Path) -> Iterator[str]:
 
 @cache
 def _classes(text: str) -> frozenset[str]:
-    """Names of the classes at the top of a text; none where that is not Python."""
+    """Return the names of the classes at the top of a text; none if it is not valid Python."""
     try:
         body = ast.parse(text).body
     except SyntaxError:
@@ -171,7 +176,7 @@ def _classes(text: str) -> frozenset[str]:
 
 @cache
 def _import_statements(text: str) -> Sequence[tuple[int, str, tuple[str, ...]]]:
-    """Imports of a text: dots before the module (-1 for `import a`), the module, and the names."""
+    """Return the imports of a text: dots before the module (-1 for `import a`), module, and names."""
     found = []
     for node in _nodes(ast.parse(text)):
         names = tuple(alias.name for alias in getattr(node, "names", ()) if isinstance(alias, ast.alias))
@@ -183,7 +188,7 @@ def _import_statements(text: str) -> Sequence[tuple[int, str, tuple[str, ...]]]:
 
 
 def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    """All nodes but those that only type checkers see."""
+    """Yield all nodes except those that only type checkers see."""
     yield tree
     for child in ast.iter_child_nodes(tree):
         if isinstance(child, ast.If) and ast.unparse(child.test).endswith("TYPE_CHECKING"):
@@ -194,7 +199,7 @@ def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def _rewrite_imports(text: str, package: str, roots: set[str]) -> str:
-    """A text whose absolute imports of `roots` are imports from inside `package`."""
+    """Rewrite absolute imports of `roots` to imports from inside `package`."""
     lines = text.encode().splitlines(keepends=True)
     nodes = [n for n in ast.walk(ast.parse(text)) if isinstance(n, (ast.Import, ast.ImportFrom))]
     for node in sorted(nodes, key=lambda n: (n.lineno, n.col_offset), reverse=True):

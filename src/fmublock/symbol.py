@@ -1,8 +1,8 @@
-"""What a block's equations run on while an FMU is built, so that they cannot mean two things.
+"""The symbols on which a block's equations run while an FMU is built.
 
-CasADi's own symbols answer too willingly: float(x) is NaN, and x % y or x ** 2 is not the
-arithmetic of Python's floats. These wrap them, do what gives the same bits on floats, and
-refuse the rest.
+CasADi's own symbols allow too much: float(x) is NaN, and x % y or x ** 2 differs from the
+arithmetic of Python's floats. These symbols wrap them, allow the operations that give the same bits
+as on floats, and refuse the others.
 """
 
 import builtins
@@ -17,17 +17,17 @@ from .functions import Symbolic
 
 
 class RefusedError(Exception):
-    """An operation that would give another result on symbols than on floats.
+    """An operation would give another result on symbols than on floats.
 
-    The message goes on after the expression: "`v.x ** 2` <message>".
+    The message continues after the expression: "`v.x ** 2` <message>".
     """
 
 
 _BRANCH = (
-    "decides by a value that only a run knows; "
+    "branches on a value that is known only in a run; "
     "use where, logical_and, logical_or, logical_not, minimum or maximum"
 )
-_NUMBER = "needs a number that only a run knows; use fmublock's own functions (sin, sqrt, floor, ...)"
+_NUMBER = "needs a number that is known only in a run; use fmublock's own functions (sin, sqrt, floor, ...)"
 
 
 def _refused(message: str) -> Callable[..., NoReturn]:
@@ -38,7 +38,7 @@ def _refused(message: str) -> Callable[..., NoReturn]:
 
 
 def _binary(operation: "Callable[[Symbol, Symbol], Symbol]", reflected: bool = False) -> Callable[..., Any]:
-    """An operator of two numbers, whose order is turned round where Python reflects it."""
+    """Make an operator method for two numbers; `reflected` exchanges them."""
 
     def apply(self: "Symbol", other: Any) -> Any:
         if not isinstance(other, (Symbol, float, int)):
@@ -75,22 +75,22 @@ def _comparison(operation: Callable[[Any, Any], casadi.SX]) -> Callable[..., Any
 
 
 class Symbol(Symbolic):
-    """A number that only a run knows.
+    """A number that is known only in a run.
 
-    `whole` tells that Python would have a bool or an int here (a comparison, or a sum of them),
-    which know no negative zero.
+    `whole` means that Python would have a bool or an int here (a comparison, or a sum of them), which
+    have no negative zero.
     """
 
     __slots__ = ("sx", "whole")
     __hash__ = None  # type: ignore[assignment]
-    __array_ufunc__ = None  # NumPy's scalars leave the operation to the symbol
+    __array_ufunc__ = None  # lets the symbol do operations with NumPy's scalars
 
     def __init__(self, sx: casadi.SX, whole: bool = False) -> None:
         self.sx = sx
         self.whole = whole
 
     def call(self, name: str, arguments: Sequence[Any]) -> "Symbol":
-        """CasADi's function of this name."""
+        """Call CasADi's function of this name."""
         results = getattr(casadi, name)(*(_wrapped(x).sx for x in arguments))
         return Symbol(results, whole=name.startswith("logic_"))
 
@@ -118,21 +118,19 @@ class Symbol(Symbolic):
     __bool__ = _refused(_BRANCH)
     __float__ = __int__ = __complex__ = __index__ = _refused(_NUMBER)
     __round__ = __floor__ = __ceil__ = __trunc__ = __array__ = _refused(_NUMBER)
-    __format__ = _refused("makes a text of a value that only a run knows")  # type: ignore[assignment]
-    __pow__ = __rpow__ = _refused("may be rounded otherwise in C; write a product, or use sqrt, exp and log")
-    __mod__ = __rmod__ = _refused("is rounded otherwise in C; use mod(x, y)")
-    __floordiv__ = __rfloordiv__ = _refused("is rounded otherwise in C; use floor(x / y)")
-    __divmod__ = __rdivmod__ = _refused(
-        "is not rounded alike in Python and C; use floor(x / y) and mod(x, y)"
-    )
+    __format__ = _refused("formats a value that is known only in a run")  # type: ignore[assignment]
+    __pow__ = __rpow__ = _refused("may round differently in C; write a product, or use sqrt, exp and log")
+    __mod__ = __rmod__ = _refused("rounds differently in C; use mod(x, y)")
+    __floordiv__ = __rfloordiv__ = _refused("rounds differently in C; use floor(x / y)")
+    __divmod__ = __rdivmod__ = _refused("rounds differently in C; use floor(x / y) and mod(x, y)")
 
 
 def _wrapped(x: Any) -> Symbol:
-    """A symbol, or a number as one. Raises RefusedError for what is neither, and for NaN."""
+    """Return a symbol, or convert a number to one. Raises RefusedError for other types and NaN."""
     if isinstance(x, Symbol):
         return x
     if not isinstance(x, (float, int)):
-        raise RefusedError(f"calculates with {x!r}, which is no number")
+        raise RefusedError(f"calculates with {x!r}, which is not a number")
     if math.isnan(x):
         raise RefusedError("holds the constant NaN")
     return Symbol(casadi.SX(float(x)), isinstance(x, int))
@@ -140,14 +138,14 @@ def _wrapped(x: Any) -> Symbol:
 
 @contextmanager
 def refusing_sum() -> Iterator[None]:
-    """Refuse `sum` of symbols meanwhile: since Python 3.12 it adds floats more exactly than + does."""
+    """Refuse `sum` of symbols in this context: since Python 3.12 it is more exact on floats than +."""
     original = builtins.sum
 
     def checked(values: Any, /, start: Any = 0) -> Any:
         values = list(values)
         if any(isinstance(x, Symbolic) for x in (*values, start)):
             raise RefusedError(
-                "adds otherwise in C and newer Pythons; add with + in a loop, or use dot(a, b)"
+                "rounds differently in C and in newer Pythons; add with + in a loop, or use dot(a, b)"
             )
         return original(values, start)
 

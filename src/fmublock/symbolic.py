@@ -1,4 +1,4 @@
-"""A block's equations as CasADi functions: for C code, and for what depends on what."""
+"""Convert a block's equations to CasADi functions, for C code and for dependencies."""
 
 import math
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ class SymbolicBlock:
 
     `values` holds all scalars in the order of their value references, so that generated code
     can work on an instance's memory directly. `references` are the value references of the
-    results: those of the states for `derivatives`, and so on. `conditions` gives 0 for each of the
-    sentences in `demands` that does not hold.
+    results: those of the states for `derivatives`, and so on. `conditions` gives 0 for each condition
+    that does not hold; `demands` has their messages.
     """
 
     derivatives: casadi.Function
@@ -33,7 +33,7 @@ class SymbolicBlock:
     demands: tuple[str, ...]
 
     def functions(self) -> tuple[casadi.Function, ...]:
-        """Those of a step in its order, the tangents of the continuous ones, and any conditions."""
+        """Return the functions of a step in its order, tangents of the continuous ones, and conditions."""
         tangents = tangent(self.derivatives), tangent(self.outputs)
         conditions = (self.conditions,) if self.demands else ()
         return self.derivatives, self.update, self.outputs, *tangents, *conditions
@@ -42,12 +42,12 @@ class SymbolicBlock:
 def evaluate_symbolically(block: Block) -> SymbolicBlock:
     """Run the block's equations on symbols.
 
-    CasADi's simplifications are switched off meanwhile: x + 0 or x / 3 stay as the block writes
-    them, so that C code and Python give the same bits.
+    CasADi's simplifications are off: x + 0 or x / 3 stay as written, so that C code and Python give the
+    same bits.
 
-    Raises BuildError, naming block, method and line, for equations that fail, that would mean
-    something else on floats, or that are other equations when asked again (random numbers, or
-    something kept between calls).
+    Raises:
+        BuildError: The equations fail, would give other results on floats, or differ when called again
+            (random numbers, or values stored between calls). The message names block, method and line.
     """
     simplify = casadi.GlobalOptions.getSimplificationOnTheFly()
     casadi.GlobalOptions.setSimplificationOnTheFly(False)
@@ -58,11 +58,11 @@ def evaluate_symbolically(block: Block) -> SymbolicBlock:
         casadi.GlobalOptions.setSimplificationOnTheFly(simplify)
     functions = [function for function, _ in found]
     for method, function, (other, _) in zip(_METHODS, functions, again, strict=True):
-        # a symbol kept from the first time is free in the second
+        # a symbol stored in the first call is free in the second
         if other.has_free() or function.serialize() != other.serialize():
             raise BuildError(
-                f"{type(block).__name__}.{method} gives other equations when asked again; "
-                "what evolves must be a declared state, and randomness come from fmublock.noise."
+                f"{type(block).__name__}.{method} gives different equations in a second call; "
+                "declare what evolves as a state, and draw random numbers with fmublock.noise."
             )
     derivatives, update, outputs, conditions = functions
     _, demands = found[-1]
@@ -73,11 +73,11 @@ class _SymbolicValues(Values):
     """A block's values as symbols, which equations cannot change."""
 
     def __setattr__(self, attribute: str, value: Any) -> None:
-        raise RefusedError("changes a value of the block; what evolves must be a declared state")
+        raise RefusedError("changes a value of the block; declare what evolves as a state")
 
 
 def _function(block: Block, method: str) -> tuple[casadi.Function, list[str]]:
-    """One method of the block as a function of time and all values, and what its results belong to."""
+    """Convert a method of the block to a function of time and all values; return it and its attributes."""
     name, layout = f"{type(block).__name__}.{method}", block.layout()
     time = casadi.SX.sym("time")
     symbols = [casadi.SX.sym(scalar.name) for scalar in layout.scalars]
@@ -92,7 +92,7 @@ def _function(block: Block, method: str) -> tuple[casadi.Function, list[str]]:
     except Exception as error:
         raise equation_fault(block, method, error) from error
     if repr(vars(v)) != given:
-        raise BuildError(f"{name} changes a value of the block; what evolves must be a declared state.")
+        raise BuildError(f"{name} changes a value of the block; declare what evolves as a state.")
     for attribute, value in zip(results.attributes, values, strict=True):
         if isinstance(value, float) and math.isnan(value):
             line = result_line(block, method, attribute)
@@ -105,9 +105,9 @@ def _function(block: Block, method: str) -> tuple[casadi.Function, list[str]]:
 
 
 def find_dependencies(block: Block, symbolic: SymbolicBlock) -> dict[int, list[int]]:
-    """Value references that each `Output` and each state's derivative depends on directly.
+    """Return the value references that each `Output` and each state's derivative depends on directly.
 
-    The keys are value references, too.
+    The keys are the value references of outputs and states.
     """
     layout = block.layout()
     first_derivative = len(layout.scalars)

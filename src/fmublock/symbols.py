@@ -1,4 +1,4 @@
-"""What equations call a variable: its symbol, as LaTeX writes it."""
+"""Derive a variable's LaTeX symbol from its attribute."""
 
 import re
 
@@ -6,17 +6,17 @@ _LETTERS = re.compile(
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|nu|xi|rho|sigma|tau|phi|chi|psi|omega|"
     "varphi|varpi|ell|Gamma|Delta|Theta|Lambda|Xi|Phi|Psi|Omega"
 )
-"""Those that have a name in LaTeX."""
+"""Greek letters with a LaTeX command."""
 _ACCENTS = ("hat", "bar")
 _WORDS = ("max", "min", "measured", "available")
-"""Words that may stand below a symbol; another one makes an attribute a name, as `x_L_start`."""
+"""Words that may be subscripts; any other word makes an attribute a plain name, such as `x_L_start`."""
 
 
 def symbol_of(attribute: str, dimensions: int = 0) -> str:
-    r"""The symbol that an attribute is, such as `\hat{x}` of x_hat; empty where it is a word.
+    r"""Return the symbol of an attribute, such as `\hat{x}` for x_hat; empty if the attribute is a word.
 
-    One letter, or the name of a Greek one, with what stands below it, as `M_BS` and `alpha_RL`; `_hat` and
-    `_bar` are accents, `_ref` is a star. Arrays have an index for each of their `dimensions`.
+    A symbol is a letter, or the name of a Greek one, with subscripts, such as `M_BS` and `alpha_RL`. `_hat`
+    and `_bar` are accents, `_ref` is a star. Arrays have an index for each of their `dimensions`.
     """
     head, *below = attribute.split("_")
     symbol = head if len(head) == 1 else f"\\{head}" if _LETTERS.fullmatch(head) else ""

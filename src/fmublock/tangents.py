@@ -14,10 +14,10 @@ _COMPARISONS = {
 
 
 def tangent(function: casadi.Function) -> casadi.Function:
-    """The derivative of function(time, values) in a direction.
+    """Return the directional derivative of function(time, values) as a function.
 
-    Takes (time, values, direction of time, direction of values); returns one derivative per
-    result. Where the function has a kink, it is one between the derivatives of both sides.
+    Its arguments are (time, values, direction of time, direction of values). It gives one derivative per
+    result. At a kink this lies between the derivatives of both sides.
     """
     at = casadi.SX.sym("time"), casadi.SX.sym("values", function.size1_in(1))
     direction = casadi.SX.sym("d_time"), casadi.SX.sym("d_values", function.size1_in(1))
@@ -28,15 +28,15 @@ def tangent(function: casadi.Function) -> casadi.Function:
 
 
 def _gated(function: casadi.Function) -> casadi.SX:
-    """The function's result with every product `comparison * x` turned into a choice.
+    """Replace every product `comparison * x` in the function's result by a choice.
 
-    Minimum and maximum differentiate to such products. Where the side not taken has no finite
-    derivative (the square root at zero), 0 * inf would spoil the side that is taken.
+    The derivatives of minimum and maximum are such products. If the side not taken has no finite
+    derivative (the square root at zero), 0 * inf would make the result NaN.
     """
     arguments = function.sx_in()
     result = casadi.SX(function.sparsity_out(0))
     work: dict[int, casadi.SX] = {}
-    gates: set[int] = set()  # places in `work` that are zero where a comparison does not hold
+    gates: set[int] = set()  # places in `work` that are zero if a comparison does not hold
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         inputs, outputs = function.instruction_input(k), function.instruction_output(k)

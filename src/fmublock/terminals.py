@@ -1,6 +1,6 @@
-"""terminalsAndIcons.xml: inputs and outputs that belong together, connected in one go.
+"""terminalsAndIcons.xml: groups of inputs and outputs that are connected together.
 
-FMI 2.0.4 takes this file over from FMI 3.0 (section 2.4.9 there).
+FMI 2.0.4 adopts this file from FMI 3.0 (section 2.4.9 there).
 """
 
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -10,7 +10,7 @@ from .variables import ScalarVariable
 
 
 def terminals_and_icons(block: Block) -> bytes:
-    """The file as UTF-8 XML; two terminals of the same name connect by the names of their members."""
+    """Return the file as UTF-8 XML. Terminals of the same name connect members of the same name."""
     root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = SubElement(root, "GraphicalRepresentation")
     square = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}

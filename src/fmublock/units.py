@@ -1,7 +1,7 @@
-"""Units of measurement: what they are made of, the table of their names, and how names are read.
+"""Units of measurement: their base units, the table of their names, and the parser for names.
 
-The grammar is that of Modelica 3.6, 19.1: `kg.m2/s`, `mm`, `kN`. Names are not standardized in FMI 2.0, so
-that only names that can mean one thing are understood.
+The grammar is that of Modelica 3.6, 19.1: `kg.m2/s`, `mm`, `kN`. FMI 2.0 does not standardize names, so only
+unambiguous names are accepted.
 """
 
 import math
@@ -18,9 +18,9 @@ _EXPONENT = re.compile(r"\^?([+-]?[0-9]{1,2})")
 
 @dataclass(frozen=True)
 class SiUnit:
-    """A unit by its name; a value in SI base units is factor value + offset.
+    """A unit with a name; a value in SI base units is factor * value + offset.
 
-    `exponents` are those of `BASE_UNITS`, None where nobody says what the unit is made of.
+    `exponents` are those of `BASE_UNITS`; None if they are unknown.
     """
 
     name: str
@@ -33,17 +33,17 @@ class SiUnit:
 
     @property
     def si(self) -> "SiUnit":
-        """The unit made of SI base units that measures the same."""
+        """The SI unit of the same dimension."""
         return replace(self, name="", factor=1.0, offset=0.0)
 
     @property
     def powers(self) -> dict[str, int]:
-        """Exponents other than 0 by base unit, as modelDescription.xml has them."""
+        """Exponents other than 0 by base unit, as in modelDescription.xml."""
         pairs = zip(BASE_UNITS, self.exponents or (), strict=False)
         return {base: exponent for base, exponent in pairs if exponent}
 
     def measures_as(self, other: "SiUnit") -> bool:
-        """Whether both are the same but for their names."""
+        """Return whether both units are the same except for their names."""
         return replace(self, name="") == replace(other, name="")
 
 
@@ -78,7 +78,7 @@ _COHERENT = {
     "l": _unit(1e-3, m=3),
     "L": _unit(1e-3, m=3),
 }
-"""Units that take prefixes, with symbols of one meaning."""
+"""Units that accept prefixes and have unambiguous symbols."""
 
 _ALONE = {
     "Hz": _unit(s=-1),
@@ -98,7 +98,7 @@ _ALONE = {
     "degF": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
     "°F": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
 }
-"""Units that take none."""
+"""Units that accept no prefixes."""
 
 _PREFIXES = {
     "T": 1e12,
@@ -116,19 +116,20 @@ _PREFIXES = {
     "p": 1e-12,
 }
 _AMBIGUOUS = {"C", "F", "g", "dT", "cd"}
-"""Names that people use for something else too: `C` often is a temperature, and `g` an acceleration."""
+"""Ambiguous names: `C` is often a temperature, and `g` an acceleration."""
 _TURNS = ("Hz", "kHz", "MHz", "rpm", "krpm", "rev")
 
 
 def find_unit(name: str) -> SiUnit | None:
-    """Return the unit of this name; None where the name does not say it, or may say two things."""
+    """Return the unit of this name; None if the name is unknown or ambiguous."""
     return None if name in _AMBIGUOUS else _read(name)
 
 
 def parse_unit(name: str) -> SiUnit:
     """Return the coherent SI unit of this name, with one "/" at most: "m/s2", "N.m.s/rad", "1/s".
 
-    Raises ValueError for any other name.
+    Raises:
+        ValueError: The name is anything else.
     """
     found = _read(name)
     if found is None or (found.factor, found.offset) != (1.0, 0.0) or name.count("/") > 1:
@@ -137,7 +138,7 @@ def parse_unit(name: str) -> SiUnit:
 
 
 def counts_turns(name: str) -> bool:
-    """Whether something in the name counts turns, which some give as 1 and some as 2 pi rad."""
+    """Return whether the name contains a turn, which is 1 for some tools and 2 pi rad for others."""
     return any(word in _TURNS for word in re.findall(r"[^\W\d_]+", name))
 
 
@@ -160,7 +161,7 @@ class _UnknownNameError(Exception):
 
 
 def _tokens(name: str) -> list[str]:
-    """The parts of a name, the first one last."""
+    """Split a name into its parts, in reverse order."""
     parts = _TOKEN.findall(name)
     if "".join(parts) != name:
         raise _UnknownNameError(name)
@@ -168,7 +169,7 @@ def _tokens(name: str) -> list[str]:
 
 
 def _expression(tokens: list[str]) -> SiUnit:
-    """Numerator, and at most one denominator."""
+    """Parse a numerator, and at most one denominator."""
     if tokens and tokens[-1] == "1":
         tokens.pop()
         found = _unit()
@@ -200,14 +201,14 @@ def _factor(tokens: list[str]) -> SiUnit:
 
 
 def _times(one: SiUnit, other: SiUnit, power: int = 1) -> SiUnit:
-    """The product of a unit and a power of another; it has no offset, as it measures differences."""
+    """Multiply a unit by a power of another; the product has no offset, as it measures differences."""
     pairs = zip(one.exponents or (), other.exponents or (), strict=True)
     exponents = tuple(mine + power * theirs for mine, theirs in pairs)
     return SiUnit("", exponents, one.factor * other.factor**power)
 
 
 def _symbol(symbol: str) -> SiUnit:
-    """A symbol with or without a prefix; an offset is lost, as a part of a unit measures differences."""
+    """Parse a symbol with or without a prefix, without offset: a part of a unit measures differences."""
     if symbol in _COHERENT:
         return _COHERENT[symbol]
     if symbol in _ALONE:
@@ -224,7 +225,7 @@ def _symbol(symbol: str) -> SiUnit:
 
 @dataclass(frozen=True)
 class QuantityKind:
-    """What a unit measures: its name in ISO 80000, and the unit that people like to read.
+    """What a unit measures: its name in ISO 80000, and the unit for display.
 
     A value in SI units times `factor` is the value in the display unit.
     """
@@ -252,4 +253,4 @@ QUANTITIES = {
     "H": QuantityKind("Inductance", "mH", 1e3),
     "Wb": QuantityKind("MagneticFlux", "mWb", 1e3),
 }
-"""Units that measure one thing only; of the others (1/s, kg.m) the variable's description tells."""
+"""Units that measure one kind of quantity; for others (1/s, kg.m), the variable's description says it."""

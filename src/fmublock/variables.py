@@ -1,4 +1,4 @@
-"""The variables of a block, declared as class attributes beside the equations."""
+"""The variables of a block, declared as class attributes."""
 
 import math
 import re
@@ -12,23 +12,30 @@ from .symbols import symbol_of
 
 
 class Variable:
-    """What every variable of a block has.
+    """Base of the variables of a block.
 
-    `start` is the value before anybody sets another; for a state it may be a `Parameter` of
-    the same block, whose value is then taken when initialization ends. Its type is the
-    variable's: float is Real, int Integer, bool Boolean, an `IntEnum` member Enumeration.
-    `unit` is written as in Modelica ("N.m/rad", "m/s2"). `name` is the FMI name, the
-    attribute's own unless given. `shape` makes a vector (`shape=3`) or a matrix (`shape=(3, 3)`):
-    the equations see a list, or a list of rows, and the FMI names are x[1], x[2], ... or M[1,1],
-    M[1,2], ..., row by row. Its start is one value for all elements, or a list of this shape.
-    `symbol` is what the block's equations call it, as LaTeX, where the attribute does not say so.
-    `terminal` bundles inputs and outputs that are connected together ("drive"); where the partner
-    has another name for the variable, that follows after a dot ("sensor.x_measured").
-    `limits` are two parameters of the block, the lowest and the highest value that a state or an output
-    is meant to have, or one for both directions; they are scalar, or have the variable's shape. A value
-    beyond them stops nothing, but an instance reports it, the first time.
+    Args:
+        start: Start value; its type is that of the variable: float is Real, int Integer, bool Boolean, an
+            `IntEnum` member Enumeration. An array takes one value for all elements, or a list of its
+            shape. A state can have a `Parameter` of the same block, whose value it gets when
+            initialization ends.
+        unit: As in Modelica ("N.m/rad", "m/s2").
+        description: One line for the model description.
+        symbol: LaTeX symbol in the block's equations. Default: derived from the attribute.
+        name: FMI name. Default: the attribute.
+        shape: Makes a vector (`shape=3`) or a matrix (`shape=(3, 3)`). The equations use a list, or a list
+            of rows. The FMI names are x[1], x[2], ... or M[1,1], M[1,2], ..., row by row.
+        minimum: Lowest value allowed.
+        maximum: Highest value allowed.
+        nominal: Typical magnitude.
+        terminal: Groups inputs and outputs that are connected together ("drive"). If the partner's
+            variable has another name, that follows after a dot ("sensor.x_measured").
+        limits: Parameters of the block with the lowest and the highest intended value of a state or an
+            output, or one for both directions. They are scalar or have the variable's shape. An instance
+            reports the first value beyond them, and continues.
 
-    Raises TypeError for a start value that does not fit.
+    Raises:
+        TypeError: The start value, the shape or the limits do not fit.
     """
 
     def __init__(
@@ -83,12 +90,12 @@ class Variable:
 
     @property
     def symbol(self) -> str:
-        """What equations call it, as LaTeX: as declared, or as the attribute says; empty for a word."""
+        """LaTeX symbol in equations: as declared, or derived from the attribute; empty for a word."""
         return symbol_of(self.attribute, len(self.shape)) if self._symbol is None else self._symbol
 
     @property
     def start_parameter(self) -> "Parameter | None":
-        """The parameter that the start value is taken from, if it is not a value itself."""
+        """The parameter that gives the start value, if it is not a value itself."""
         return self.start if isinstance(self.start, Parameter) else None
 
     @property
@@ -101,7 +108,7 @@ class Variable:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Lowest and highest value allowed, infinite where none is declared."""
+        """Lowest and highest value allowed; infinite if none is declared."""
         low = -math.inf if self.minimum is None else self.minimum
         return low, math.inf if self.maximum is None else self.maximum
 
@@ -125,7 +132,7 @@ class Variable:
         return type(self.start) if isinstance(self.start, IntEnum) else None
 
     def scalars(self) -> "list[ScalarVariable]":
-        """The variable itself, or the elements of an array, row by row."""
+        """Return the variable itself, or the elements of an array, row by row."""
         assert self.name is not None
         places = list(product(*(range(n) for n in self.shape)))
         return [
@@ -134,18 +141,18 @@ class Variable:
         ]
 
     def flat(self, value: Any) -> list[Any]:
-        """Elements of a value of this variable's shape, row by row. Raises ValueError for another shape."""
+        """Return the elements of a value, row by row. Raises ValueError for another shape."""
         return _flat(value, self.shape)
 
     def nested(self, elements: Sequence[Any]) -> Any:
-        """The value that has these elements: the opposite of `flat`."""
+        """Return the value that has these elements: the inverse of `flat`."""
         return _nested(list(elements), self.shape)
 
     def _element_name(self, place: tuple[int, ...]) -> str:
         return f"{self.name}[{','.join(str(i + 1) for i in place)}]" if place else str(self.name)
 
     def _starts(self) -> list[float]:
-        """Start values of all elements."""
+        """Return the start values of all elements."""
         parameter = self.start_parameter
         if parameter is not None:
             if parameter.shape not in ((), self.shape):
@@ -181,16 +188,16 @@ def _nested(elements: list[Any], shape: tuple[int, ...]) -> Any:
 
 
 def _count(shape: tuple[int, ...]) -> str:
-    """A shape in words: one value, 3 values, 3 x 3 values."""
+    """Return a shape in words: one value, 3 values, 3 x 3 values."""
     return f"{' x '.join(str(n) for n in shape)} values" if shape else "one value"
 
 
 class Input(Variable):
-    """A quantity that the block's surroundings set; held over a communication step."""
+    """A quantity that other components set; held over a communication step."""
 
 
 class Parameter(Variable):
-    """A quantity fixed during a run, settable before initialization ends."""
+    """A quantity that is fixed during a run and can be set before initialization ends."""
 
 
 class State(Variable):
@@ -198,11 +205,11 @@ class State(Variable):
 
 
 class Derivative(Variable):
-    """The time derivative of a continuous state; declared by nobody, offered by native FMUs."""
+    """The time derivative of a continuous state; made for native FMUs, not declared in blocks."""
 
     @classmethod
     def of(cls, state: "ScalarVariable") -> "ScalarVariable":
-        """The derivative of one scalar state, named der(...) with the unit per second."""
+        """Make the derivative of one scalar state, named der(...) with the unit per second."""
         unit = state.variable.unit
         name = f"der({state.name})"
         description = f"Time derivative of {state.name}"
@@ -222,9 +229,9 @@ class Output(Variable):
 class ScalarVariable:
     """One scalar FMI variable: a variable of a block, or one element of an array variable.
 
-    `index` is the element's place, counted from 0 in each dimension, and empty for what is no
-    array; `name` is the FMI name (elements count from 1), `start` is the value as a float (Booleans
-    0 or 1, enumerations their number).
+    `index` is the element's place, counted from 0 in each dimension, and empty for a scalar. `name` is
+    the FMI name, in which elements count from 1. `start` is the value as a float: Booleans are 0 or 1,
+    enumerations their number.
     """
 
     variable: Variable
@@ -234,7 +241,7 @@ class ScalarVariable:
 
 
 def per_second(name: str) -> str:
-    """The unit of a time derivative: "m" gives "m/s", "m/s" gives "m/s2", "V" gives "V/s"."""
+    """Return the unit of a time derivative: "m/s" for "m", "m/s2" for "m/s", "V/s" for "V"."""
     numerator, _, denominator = name.partition("/")
     terms = denominator.strip("()").split(".") if denominator else []
     powers = {term.rstrip("0123456789"): int(re.sub(r"\D", "", term) or 1) for term in terms}

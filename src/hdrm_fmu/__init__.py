@@ -1,7 +1,7 @@
-"""The paper's manipulator of lift, tilt and telescope, which three EMLAs move.
+"""The paper's manipulator of lift, tilt and telescope, moved by three EMLAs.
 
-Closed-chain kinematics, inverse and forward dynamics and the motion along a B-spline as functions, and as
-blocks. The paper is the one that `emla_fmu` names; numbers in parentheses are those of its equations as
+Closed-chain kinematics, inverse and forward dynamics, and the motion along a B-spline are functions and
+blocks. The paper is the one that `emla_fmu` names. Numbers in parentheses are those of its equations as
 printed.
 """
 

@@ -1,6 +1,6 @@
-"""What the manipulator's bodies weigh, gathered along the four axes on which they lie.
+"""Masses and moments of the manipulator's bodies along their four axes.
 
-`p` is anything with the attributes of HdrmParameters.
+`p` is any object with the attributes of HdrmParameters.
 """
 
 from collections.abc import Sequence
@@ -21,26 +21,26 @@ class Moments(NamedTuple):
 
 
 def body(m: Any, s: Any, J: Any) -> Moments:
-    """A body of mass m with its centre of mass at s, and the inertia J about that."""
+    """Return the moments of a body of mass m with the centre of mass s and the inertia J about it."""
     return Moments(m, m * s, J + m * s * s)
 
 
 def together(a: Moments, b: Moments) -> Moments:
-    """Bodies on the same axis as one."""
+    """Add the moments of bodies on the same axis."""
     return Moments(a.m + b.m, a.S + b.S, a.J + b.J)
 
 
 class Slider(NamedTuple):
-    """An axis with bodies that turn with it, some of which slide along it with an actuator's stroke."""
+    """An axis with bodies that turn with it; some slide along it with an actuator's stroke."""
 
     all: Moments
-    """All bodies, with those that slide at their present places."""
+    """All bodies, with sliding ones at their present places."""
     m: Any
-    """Mass that slides, kg."""
+    """Mass of the sliding bodies, kg."""
     S: Any
-    """Sum of mass times place of what slides, kg m."""
+    """Sum of mass times place of the sliding bodies, kg m."""
     m_own: Any
-    """Mass whose inertia along the axis against the axis is the manipulator's: no tube of an actuator, kg."""
+    """Sliding mass whose inertia along the axis counts in the manipulator: without an actuator's tube, kg."""
 
 
 class Bodies(NamedTuple):
@@ -57,7 +57,7 @@ class Bodies(NamedTuple):
 
 
 def bodies(p: Any, at: Posture, q: Sequence[Any], payload: Any) -> Bodies:
-    """The bodies in a posture, which is that of the strokes q in m, with a payload in kg."""
+    """Return the bodies in the posture `at` of the strokes q in m, with a payload in kg."""
     return Bodies(
         body(p.lift_m, p.lift_c, p.lift_J),
         _boom(p, p.reach + q[2], payload),
@@ -67,7 +67,7 @@ def bodies(p: Any, at: Posture, q: Sequence[Any], payload: Any) -> Bodies:
 
 
 def _boom(p: Any, tip: Any, payload: Any) -> Slider:
-    """Outer and inner boom with the telescope actuator, the tip being at `tip` m from O2."""
+    """Return outer and inner boom with the telescope actuator and the tip at `tip` m from O2."""
     outer = body(p.outer_m, p.outer_c, p.outer_J)
     inner = body(p.inner_m, tip - p.inner_c, p.inner_J)
     carried = together(inner, body(payload, tip, payload * p.payload_J))
@@ -78,7 +78,7 @@ def _boom(p: Any, tip: Any, payload: Any) -> Slider:
 
 
 def _actuator(p: Any, i: int, L: Any) -> Slider:
-    """An actuator between pins that are L m apart."""
+    """Return an actuator between pins that are L m apart."""
     tube = _tube(p, i, L)
     return Slider(together(_housing(p, i), tube), tube.m, tube.S, 0.0)
 

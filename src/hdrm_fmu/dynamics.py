@@ -1,13 +1,12 @@
 """Motion and forces of the manipulator: inverse and forward dynamics, and energy.
 
-`p` is anything with the attributes of HdrmParameters; `q`, `v`, `a` are stroke, speed and acceleration of
-lift, tilt and telescope in m, m/s and m/s2; the payload is in kg. Forces are those that the screws have to
-give, in N, positive against extension: (M(q) a + bias(q, v)) = f.
+`p` is any object with the attributes of HdrmParameters. `q`, `v`, `a` are stroke, speed and acceleration of
+lift, tilt and telescope in m, m/s and m/s2. The payload is in kg. Forces are those of the screws in N,
+positive against extension: M(q) a + bias(q, v) = f.
 
-**What belongs to whom.** The paper's A_eq has the inertia of the whole M_BS along the screw, so the
-manipulator leaves that of the tubes out: here they have weight, and inertia across the screw and through
-the motion of what carries them, but their acceleration against their housing costs no force. Otherwise
-motor and manipulator would both push the same mass.
+The inertia of the tubes is shared. The paper's A_eq contains the inertia of the whole M_BS along the screw,
+so it must not count again here. In the manipulator the tubes have weight, inertia across the screw, and
+inertia through the motion of their carriers. Their acceleration relative to their housings needs no force.
 """
 
 from collections.abc import Sequence
@@ -31,7 +30,7 @@ class _Motion(NamedTuple):
 
 
 class _Wrench(NamedTuple):
-    """Force in N and moment about an axis' origin in N m that the motion of bodies takes."""
+    """Force in N, and moment about an axis' origin in N m, that the motion of bodies requires."""
 
     force: Vector
     moment: Any
@@ -42,19 +41,26 @@ _AT_REST = _Motion((0.0, 0.0), 0.0, 0.0)
 
 
 def inverse_dynamics(p: Any, q: Sequence[Any], v: Sequence[Any], a: Sequence[Any], payload: Any) -> list[Any]:
-    """Forces f_L of the three screws in N that a motion takes.
+    """Return the forces f_L of the three screws in N for a motion.
 
-    (v_L, f_L) = RNEA(q, q', q'') of the paper; q being strokes, v_L is `v`. Recursive Newton-Euler: outwards
-    from O1 accelerations, inwards from the tip the forces and moments that they take. The base accelerates
-    upwards instead of gravity pulling down. A triangle's actuator turns what it moves with its lever arm,
-    and takes part of its own weight and inertia to the boom pin.
+    This is (v_L, f_L) = RNEA(q, q', q'') of the paper. As q are strokes, v_L is `v`. The recursive
+    Newton-Euler algorithm computes accelerations outwards from O1, then forces and moments inwards from the
+    tip. Gravity is an upward acceleration of the base. A triangle's actuator turns its boom with its lever
+    arm. Part of its own weight and inertia acts at the boom pin.
+
+    Args:
+        p: Parameters.
+        q: Strokes, m.
+        v: Speeds, m/s.
+        a: Accelerations, m/s2.
+        payload: Payload, kg.
     """
     at = posture(p, q)
     return _newton_euler(at, bodies(p, at, q, payload), p.gravity, v, a)
 
 
 def _newton_euler(at: Posture, masses: Bodies, gravity: Any, v: Sequence[Any], a: Sequence[Any]) -> list[Any]:
-    """The recursion of `inverse_dynamics`."""
+    """Run the recursion of `inverse_dynamics`."""
     ground = _Motion((0.0, gravity), 0.0, 0.0)
 
     # outwards
@@ -79,14 +85,14 @@ def _newton_euler(at: Posture, masses: Bodies, gravity: Any, v: Sequence[Any], a
 
 
 def bias(p: Any, q: Sequence[Any], v: Sequence[Any], payload: Any) -> list[Any]:
-    """Forces in N that weight and speed take: those of the motion without acceleration."""
+    """Return the forces in N for weight and speed, without acceleration."""
     return inverse_dynamics(p, q, v, _NONE, payload)
 
 
 def mass_matrix(p: Any, q: Sequence[Any], payload: Any) -> Matrix:
-    """M(q) in kg, a list of rows: kinetic energy is v^T M v / 2.
+    """Return M(q) in kg as a list of rows; the kinetic energy is v^T M v / 2.
 
-    Written out from the kinetic energy of the four axes, whose speeds are proportional to strokes'.
+    It follows from the kinetic energy of the four axes, whose speeds are proportional to the strokes' speeds.
     """
     at = posture(p, q)
     return _mass_matrix(at, bodies(p, at, q, payload))
@@ -100,10 +106,10 @@ def forward_dynamics(
     payload: Any,
     reflected: Sequence[Any] = _NONE,
 ) -> list[Any]:
-    """Accelerations in m/s2 under the forces of the screws in N.
+    """Return the accelerations in m/s2 under the forces of the screws in N.
 
-    `reflected` is the inertia in kg that each stroke has beside the manipulator's, such as A_eq/D_eq of
-    its motor: (M + diag(reflected)) a = force - bias.
+    `reflected` is a further inertia in kg of each stroke, such as A_eq/D_eq of its motor:
+    (M + diag(reflected)) a = force - bias.
     """
     at = posture(p, q)
     masses = bodies(p, at, q, payload)
@@ -120,7 +126,7 @@ def energy(
     payload: Any,
     reflected: Sequence[Any] = _NONE,
 ) -> Any:
-    """Kinetic and potential energy in J, the latter against all masses at the height of O1.
+    """Return the kinetic and potential energy in J; the latter is 0 with all masses at the height of O1.
 
     `reflected` as in `forward_dynamics`.
     """
@@ -132,7 +138,7 @@ def energy(
 
 
 def solve(M: Matrix, b: Sequence[Any]) -> list[Any]:
-    """Solve M x = b for a symmetric, positive definite 3 x 3 matrix: M = L D L^T, written out."""
+    """Solve M x = b for a symmetric, positive definite 3 x 3 matrix by M = L D L^T."""
     d_1 = M[0][0]
     l_21, l_31 = M[1][0] / d_1, M[2][0] / d_1
     d_2 = M[1][1] - l_21 * M[1][0]
@@ -149,14 +155,14 @@ def solve(M: Matrix, b: Sequence[Any]) -> list[Any]:
 
 
 def _boom_motion(carrier: _Motion, chain: Triangle, v: Any, a: Any) -> _Motion:
-    """Motion of a boom that an actuator turns: v = r gamma', where dr/dgamma = -d (1 - d/L)."""
+    """Return the motion of a boom that an actuator turns: v = r gamma', with dr/dgamma = -d (1 - d/L)."""
     rate = v / chain.r
     growth = (a + chain.d * (1.0 - chain.d / chain.L) * rate * rate) / chain.r
     return _Motion(carrier.a, carrier.omega + rate, carrier.alpha + growth)
 
 
 def _actuator_motion(carrier: _Motion, chain: Triangle, v: Any, a: Any) -> _Motion:
-    """Motion of the actuator itself, which turns about its fixed pin: L psi' = d gamma'."""
+    """Return the motion of the actuator itself, which turns about its fixed pin: L psi' = d gamma'."""
     boom = _boom_motion(_AT_REST, chain, v, a)
     rate = boom.omega * chain.d / chain.L
     growth = (boom.alpha * chain.d + v * (boom.omega - 2.0 * rate)) / chain.L
@@ -164,7 +170,7 @@ def _actuator_motion(carrier: _Motion, chain: Triangle, v: Any, a: Any) -> _Moti
 
 
 def _carried(carrier: _Motion, place: Vector) -> _Motion:
-    """Motion of a place that a boom carries, in m from the boom's origin."""
+    """Return the motion of a point on a boom, given in m from the boom's origin."""
     across = scaled(carrier.alpha, normal(place))
     inward = scaled(-carrier.omega * carrier.omega, place)
     return _Motion(added(carrier.a, added(across, inward)), carrier.omega, carrier.alpha)
@@ -174,12 +180,12 @@ def _carried(carrier: _Motion, place: Vector) -> _Motion:
 
 
 def _moment(masses: Moments, axis: Vector, motion: _Motion) -> Any:
-    """Moment about the origin that the motion of bodies takes which stay where they are on the axis."""
+    """Return the moment about the origin for the motion of bodies that do not slide on their axis."""
     return masses.S * cross(axis, motion.a) + masses.J * motion.alpha
 
 
 def _slider_wrench(slider: Slider, axis: Vector, motion: _Motion, v: Any, a: Any) -> tuple[_Wrench, Any]:
-    """Force and moment that the motion of a slider takes, and the force along it on what slides."""
+    """Return force and moment for the motion of a slider, and the force along it on the sliding bodies."""
     coriolis = 2.0 * motion.omega * v
     squared = motion.omega * motion.omega
     along = slider.m * a - slider.all.S * squared
@@ -190,15 +196,15 @@ def _slider_wrench(slider: Slider, axis: Vector, motion: _Motion, v: Any, a: Any
 
 
 def _moment_at_base(wrench: _Wrench, place: Vector) -> Any:
-    """Moment about O1 of a wrench whose origin is at this place."""
+    """Return the moment about O1 of a wrench whose origin is at this place."""
     return wrench.moment + cross(place, wrench.force)
 
 
 def _screw_force(chain: Triangle, boom: Any, actuator: Any, axial: Any) -> Any:
-    """Force of a screw that turns a boom, in N.
+    """Return the force of a screw that turns a boom, in N.
 
-    `boom` is the moment about the boom's turning point that the boom and all that it carries take,
-    `actuator` the one about the fixed pin that the actuator takes, `axial` the tube's force along it.
+    `boom` is the moment about the boom's turning point for the boom and all that it carries, `actuator` the
+    moment about the fixed pin for the actuator. `axial` is the tube's force along it.
     """
     return (boom + chain.d / chain.L * actuator) / chain.r + axial
 
@@ -207,7 +213,7 @@ def _screw_force(chain: Triangle, boom: Any, actuator: Any, axial: Any) -> Any:
 
 
 def _mass_matrix(at: Posture, masses: Bodies) -> Matrix:
-    """M of `mass_matrix`: the axes' inertias against the angles, times angle per stroke."""
+    """Return M of `mass_matrix`: the axes' inertias over the angles, times angle per stroke."""
     g_1, g_2 = 1.0 / at.lift.r, 1.0 / at.tilt.r  # booms' angles per stroke, rad/m
     k_1, k_2 = at.lift.d / at.lift.L * g_1, at.tilt.d / at.tilt.L * g_2  # actuators'
     boom, actuator = masses.boom, masses.tilt_actuator
@@ -227,7 +233,7 @@ def _mass_matrix(at: Posture, masses: Bodies) -> Matrix:
 
 
 def _moment_of_height(at: Posture, masses: Bodies) -> Any:
-    """Sum of mass times height over O1, in kg m."""
+    """Return the sum of mass times height above O1, in kg m."""
     boom, lift, tilt = masses.boom.all, masses.lift_actuator.all, masses.tilt_actuator.all
     heights = masses.lift_boom.S * at.lift_axis[1]
     for part, place, axis in (

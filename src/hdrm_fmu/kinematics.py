@@ -1,6 +1,6 @@
-"""Where the manipulator is: from strokes to angles, lever arms, and points in the plane.
+"""Kinematics of the manipulator: from strokes to angles, lever arms, and points in the plane.
 
-`p` is anything with the attributes of HdrmParameters, `q` the strokes of lift, tilt and telescope in m.
+`p` is any object with the attributes of HdrmParameters, `q` the strokes of lift, tilt and telescope in m.
 """
 
 from collections.abc import Sequence
@@ -27,9 +27,9 @@ class Triangle(NamedTuple):
 
 
 def triangle(a: Any, b: Any, L: Any) -> Triangle:
-    """The triangle with the sides a and b at O and the actuator's length L, in m.
+    """Return the triangle with the sides a and b at O and the actuator's length L, in m.
 
-    It closes where |a - b| < L < a + b; elsewhere its values are NaN.
+    It closes if |a - b| < L < a + b; otherwise its values are NaN.
     """
     cos_gamma = (a * a + b * b - L * L) / (2.0 * a * b)
     sin_gamma = sqrt(1.0 - cos_gamma * cos_gamma)
@@ -58,7 +58,7 @@ class Posture(NamedTuple):
 
 
 def posture(p: Any, q: Sequence[Any]) -> Posture:
-    """Directions and points of the manipulator at the strokes q."""
+    """Return directions and points of the manipulator at the strokes q."""
     lift = triangle(p.lift_a, p.lift_b, p.lift_L_0 + q[0])
     to_A = unit(p.lift_delta)
     to_B = turned(to_A, (lift.cos_gamma, lift.sin_gamma))
@@ -83,7 +83,9 @@ def _direction(start: Vector, end: Vector, length: Any) -> Vector:
 
 
 def joint_angles(p: Any, q: Sequence[Any]) -> tuple[Any, Any]:
-    """theta_1 of the lift boom against the horizontal, theta_2 of the outer boom against the lift boom; rad.
+    """Return the angles theta_1 of the lift boom and theta_2 of the outer boom in rad.
+
+    theta_1 is relative to the horizontal, theta_2 to the lift boom.
 
     theta = gamma + delta - epsilon, with cos gamma = (a^2 + b^2 - L^2) / (2 a b) and L = L_0 + q.
     """
@@ -95,24 +97,23 @@ def joint_angles(p: Any, q: Sequence[Any]) -> tuple[Any, Any]:
 
 
 def lever_arms(p: Any, q: Sequence[Any]) -> tuple[Any, Any]:
-    """Lever arms of lift and tilt actuator, dq/dtheta = a b sin gamma / L, in m per rad."""
+    """Return the lever arms of lift and tilt actuator, dq/dtheta = a b sin gamma / L, in m/rad."""
     lift = triangle(p.lift_a, p.lift_b, p.lift_L_0 + q[0])
     tilt = triangle(p.tilt_a, p.tilt_b, p.tilt_L_0 + q[1])
     return lift.r, tilt.r
 
 
 def tip(p: Any, q: Sequence[Any]) -> Vector:
-    """The tip, which carries the payload, in m from O1: x horizontal, y up."""
+    """Return the position of the tip, which carries the payload, in m from O1: x horizontal, y up."""
     return posture(p, q).tip
 
 
 def outline(p: Any, q: Sequence[Any]) -> dict[str, list[Vector]]:
-    """What draws the machine: named lines, each a list of points in m from O1.
+    """Return the lines of a drawing of the machine by name, each a list of points in m from O1.
 
-    `lift_boom`, `outer_boom` and `inner_boom` are the booms, `lift_triangle` and `tilt_triangle` run from
-    the turning point to the fixed pin and to the boom pin and back, and `lift_actuator`, `tilt_actuator`
-    and `telescope_actuator` each have three points: fixed end, end of the housing (where the tube comes
-    out), and moving end.
+    `lift_boom`, `outer_boom` and `inner_boom` are the booms. `lift_triangle` and `tilt_triangle` go from the
+    turning point to the fixed pin, to the boom pin and back. `lift_actuator`, `tilt_actuator` and
+    `telescope_actuator` have three points each: fixed end, end of the housing, and moving end.
     """
     at = posture(p, q)
     O_1 = (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""The manipulator's parameters, as its blocks declare them."""
+"""The base of the manipulator's blocks, which declares its parameters."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from .parameters import HDRM, PAYLOAD
 
 
 class Machine(Block):
-    """What the blocks of the manipulator share: the numbers of HdrmParameters, by the same attributes."""
+    """Base of the manipulator's blocks: the parameters of HdrmParameters, with the same attributes."""
 
     payload = Input(
         PAYLOAD,
@@ -18,7 +18,7 @@ class Machine(Block):
         minimum=0.0,
         name="payload.m",
         symbol="m",
-        description="Mass that the tip carries",
+        description="Mass at the tip",
     )
 
     lift_a = Parameter(
@@ -50,14 +50,14 @@ class Machine(Block):
         unit="rad",
         name="lift.delta",
         symbol=r"\delta",
-        description="Direction of the fixed pin against what carries the turning point",
+        description="Direction of the fixed pin relative to the carrier of the turning point",
     )
     lift_epsilon = Parameter(
         HDRM.lift_epsilon,
         unit="rad",
         name="lift.epsilon",
         symbol=r"\varepsilon",
-        description="Direction of the boom pin against the boom",
+        description="Direction of the boom pin relative to the boom",
     )
     tilt_a = Parameter(
         HDRM.tilt_a,
@@ -88,14 +88,14 @@ class Machine(Block):
         unit="rad",
         name="tilt.delta",
         symbol=r"\delta",
-        description="Direction of the fixed pin against what carries the turning point",
+        description="Direction of the fixed pin relative to the carrier of the turning point",
     )
     tilt_epsilon = Parameter(
         HDRM.tilt_epsilon,
         unit="rad",
         name="tilt.epsilon",
         symbol=r"\varepsilon",
-        description="Direction of the boom pin against the boom",
+        description="Direction of the boom pin relative to the boom",
     )
 
     lift_length = Parameter(
@@ -161,7 +161,7 @@ class Machine(Block):
         minimum=0.0,
         maximum=1.0,
         name="tube.share",
-        description="Part of M_BS that is the tube, which moves with the screw",
+        description="Fraction of M_BS in the tube, which moves with the screw",
     )
     motor_m = Parameter(
         HDRM.motor_m,
@@ -206,18 +206,18 @@ class Machine(Block):
     gravity = Parameter(HDRM.gravity, unit="m/s2", symbol="g", description="Gravitational acceleration")
 
     def conditions(self, v: Any) -> dict[str, Any]:
-        """Triangles close over the whole stroke, and the payload is no less than nothing."""
+        """Require that triangles close over the whole stroke, and that the payload is not negative."""
         mass = {f"{fmi_name('payload')} must not be negative": v.payload >= 0.0}
         return {**refusals.geometry(v, fmi_name), **mass}
 
 
 def closes_at(v: Any, q: Any, name: str) -> dict[str, Any]:
-    """Whether the triangles of a machine close at the strokes q, which are called `name`."""
+    """Return conditions that the triangles of a machine close at the strokes q with this name."""
     lift = refusals.closes(v, "lift", q[0], f"{name}[1]", fmi_name)
     return {**lift, **refusals.closes(v, "tilt", q[1], f"{name}[2]", fmi_name)}
 
 
 def fmi_name(attribute: str, element: int | None = None) -> str:
-    """What FMUs call one of these variables, or an element of it, counted from 0."""
+    """Return the FMI name of one of these variables, or of an element of it, counted from 0."""
     name = str(vars(Machine)[attribute].name)
     return name if element is None else f"{name}[{element + 1}]"

@@ -12,7 +12,7 @@ from .machine import Machine, closes_at
 class HdrmManipulator(Machine):
     """Load forces of the 3-DoF manipulator by recursive Newton-Euler inverse dynamics.
 
-    Lift, tilt and telescope are elements 1, 2 and 3, named as the outputs of three actuators.
+    Lift, tilt and telescope are elements 1, 2 and 3. The names are those of the actuators' outputs.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-3)
@@ -27,15 +27,15 @@ class HdrmManipulator(Machine):
         nominal=1e4,
         description="Load force, positive against extension",
     )
-    tip_x = Output(unit="m", name="tip.x", description="Tip from O1, horizontally")
-    tip_y = Output(unit="m", name="tip.y", description="Tip from O1, upwards")
+    tip_x = Output(unit="m", name="tip.x", description="Horizontal position of the tip from O1")
+    tip_y = Output(unit="m", name="tip.y", description="Height of the tip above O1")
 
     def conditions(self, v: Any) -> dict[str, Any]:
-        """Those of the machine, also at the strokes that the actuators begin with."""
+        """Return the conditions of the machine, also at the actuators' initial strokes."""
         return {**super().conditions(v), **closes_at(v, v.x_L, "x_L")}
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Forces that the motion takes, and where the tip is."""
+        """Return the forces for the motion, and the position of the tip."""
         tip_x, tip_y = kinematics.tip(v, v.x_L)
         return {
             "F_L": inverse_dynamics(v, v.x_L, v.v_L, v.a_L, v.payload),

@@ -1,8 +1,8 @@
 """Geometry and masses of the manipulator.
 
-The paper prints no link data: every number here is assumed, but for M_BS and the strokes (its Tables II and
-IV) and the payload. They are chosen such that the static forces of all three actuators stay within the
-bounds of Table II over the whole box of strokes.
+The paper prints no link data. Every number here is assumed, except for M_BS and the strokes (its Tables II
+and IV) and the payload. With these numbers the static forces of all three actuators are within the bounds of
+Table II over the whole range of strokes.
 """
 
 import math
@@ -73,7 +73,7 @@ class HdrmParameters:
     M_BS: Three = (156.5, 83.6, 30.4)  # Table IV
     """Mass of the actuators without their motors, kg."""
     tube_share: float = 0.3  # assumed
-    """Part of M_BS that is the tube, which moves with the screw; the rest is housing."""
+    """Fraction of M_BS in the tube, which moves with the screw; the rest is housing."""
     motor_m: Three = (45.0, 30.0, 12.0)  # assumed
     """Mass of the motors, which are fixed to the housings, kg."""
     housing_c: Three = (0.34, 0.40, 0.50)  # assumed
@@ -93,7 +93,7 @@ class HdrmParameters:
     """Gravitational acceleration, m/s2."""
 
     def __post_init__(self) -> None:
-        """Raise ValueError, in a sentence that names the parameter, for what makes no machine."""
+        """Raise ValueError for a parameter out of range or a geometry that is not possible."""
         for part in fields(self):
             value = getattr(self, part.name)
             for i, x in enumerate(value if isinstance(value, tuple) else (value,)):
@@ -118,7 +118,7 @@ RANGES = {
     **dict.fromkeys((*_BODIES, *_ACTUATORS), (0.0, math.inf)),
     "tube_share": (0.0, 1.0),
 }
-"""Lowest and highest values, by attribute; what is not named may be any finite number."""
+"""Lowest and highest values by attribute; other attributes may be any finite number."""
 
 HDRM = HdrmParameters()
 """The manipulator of the study."""

@@ -9,7 +9,7 @@ Vector = tuple[Any, Any]
 
 
 def unit(angle: Any) -> Vector:
-    """The direction at this angle in rad, anticlockwise from the x axis."""
+    """Return the unit vector at this angle in rad, anticlockwise from the x axis."""
     return cos(angle), sin(angle)
 
 
@@ -39,5 +39,5 @@ def added(a: Vector, b: Vector) -> Vector:
 
 
 def cross(a: Vector, b: Vector) -> Any:
-    """The component of a x b out of the plane: the moment of the force b at the place a."""
+    """Return the out-of-plane component of a x b: the moment of the force b at the point a."""
     return a[0] * b[1] - a[1] * b[0]

@@ -14,7 +14,7 @@ from .manipulator import HdrmManipulator
 class HdrmPlant(Machine):
     """3-DoF manipulator with the mechanics of its three actuators: motor torques in, motion out.
 
-    The reference for what three actuators and a manipulator do that exchange motion and force. Lift, tilt
+    This is the reference for three actuators and a manipulator that exchange motion and force. Lift, tilt
     and telescope are elements 1, 2 and 3.
     """
 
@@ -138,19 +138,21 @@ class HdrmPlant(Machine):
     a_L = Output(shape=3, unit="m/s2", symbol=r"\ddot{q}_i", description="Screw acceleration")
     F_L, tip_x, tip_y = HdrmManipulator.F_L, HdrmManipulator.tip_x, HdrmManipulator.tip_y
     energy = Output(
-        unit="J", nominal=1e4, description="Energy of manipulator and actuators; weight against O1"
+        unit="J",
+        nominal=1e4,
+        description="Energy of manipulator and actuators; potential energy relative to O1",
     )
 
     def conditions(self, v: Any) -> dict[str, Any]:
-        """Those of the machine, also where the motion starts."""
+        """Return the conditions of the machine, also at the initial strokes."""
         return {**super().conditions(v), **closes_at(v, v.x_L_start, "start.x_L")}
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """Motion of the three screws."""
+        """Return speeds and accelerations of the three screws."""
         return {"x_L": v.v_L, "v_L": self.acceleration(v)}
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Acceleration, the force between each actuator and the manipulator, tip, and energy."""
+        """Return accelerations, the forces between actuators and manipulator, tip, and energy."""
         a_L = self.acceleration(v)
         tip_x, tip_y = kinematics.tip(v, v.x_L)
         return {
@@ -162,10 +164,10 @@ class HdrmPlant(Machine):
         }
 
     def acceleration(self, v: Any) -> list[Any]:
-        """Screw accelerations in m/s2.
+        """Return the screw accelerations in m/s2.
 
-        (M + diag(A_eq/D_eq)) a = (tau_m - (1 + F_2) (B_eq v + C_eq x) + A_eq d_2) / D_eq - bias: (5) of
-        each actuator, with d_2 and F_2 as in (26) and (84), solved together with the manipulator.
+        (M + diag(A_eq/D_eq)) a = (tau_m - (1 + F_2) (B_eq v + C_eq x) + A_eq d_2) / D_eq - bias: this is
+        (5) of each actuator, with d_2 and F_2 as in (26) and (84), solved together with the manipulator.
         """
         force = []
         for i in range(3):
@@ -177,14 +179,14 @@ class HdrmPlant(Machine):
         return forward_dynamics(v, v.x_L, v.v_L, force, v.payload, self.reflected_inertia(v))
 
     def reflected_inertia(self, v: Any) -> list[Any]:
-        """A_eq/D_eq of the actuators, in kg: what their motors, gears and screws weigh at the screw."""
+        """Return A_eq/D_eq of the actuators in kg: the inertia of motor, gear and screw at the screw."""
         return [self.A_eq(v, i) * self.alpha_RL(v, i) * v.eta_GB[i] for i in range(3)]
 
     def A_eq(self, v: Any, i: int) -> Any:
-        """Motor torque per screw acceleration of an actuator, in kg m (6)."""
+        """Return the motor torque per screw acceleration of an actuator, in kg m (6)."""
         alpha = self.alpha_RL(v, i)
         return alpha * (v.J_m[i] + v.J_c[i] + v.J_GB[i] + v.M_BS[i] / (alpha * alpha))
 
     def alpha_RL(self, v: Any, i: int) -> Any:
-        """Motor angle per screw travel of an actuator, 2 pi / (rho l), in rad/m (4)."""
+        """Return the motor angle per screw travel of an actuator, 2 pi / (rho l), in rad/m (4)."""
         return 2.0 * math.pi / (v.rho[i] * v.lead[i])

@@ -1,7 +1,7 @@
-"""What makes no sense as a manipulator, beside single values out of their range: sentences and conditions.
+"""Conditions on the manipulator's parameters, beside the ranges of single values, with their messages.
 
-`p` is anything with the attributes of HdrmParameters; `name` gives an attribute, or an element of it
-counted from 0, the name that its reader knows it by.
+`p` is any object with the attributes of HdrmParameters. `name` returns the name for messages of an
+attribute, or of an element of it, counted from 0.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ Name = Callable[..., str]
 
 
 def geometry(p: Any, name: Name) -> dict[str, Any]:
-    """Sentences on the triangles and strokes, and whether they are right."""
+    """Return the conditions on triangles and strokes by message."""
     demands: dict[str, Any] = {}
     for i in range(3):
         demands |= _above(name("q_UB", i), p.q_UB[i], name("q_LB", i), p.q_LB[i])
@@ -22,7 +22,7 @@ def geometry(p: Any, name: Name) -> dict[str, Any]:
 
 
 def closes(p: Any, joint: str, q: Any, q_name: str, name: Name) -> dict[str, Any]:
-    """Two sentences on whether the triangle of `joint` closes at the stroke q, which is called `q_name`."""
+    """Return two conditions that the triangle of `joint` closes at the stroke q, by message."""
     a, b, L_0 = (f"{joint}_{side}" for side in ("a", "b", "L_0"))
     side_a, side_b, L = getattr(p, a), getattr(p, b), getattr(p, L_0) + q
     opened = f"the {joint} triangle cannot close: {name(L_0)} + {q_name} must be"
@@ -33,4 +33,4 @@ def closes(p: Any, joint: str, q: Any, q_name: str, name: Name) -> dict[str, Any
 
 
 def _above(high: str, high_value: Any, low: str, low_value: Any) -> dict[str, Any]:
-    return {f"there is no stroke: {high} must be above {low}": high_value > low_value}
+    return {f"the stroke is empty: {high} must be above {low}": high_value > low_value}

@@ -1,4 +1,4 @@
-"""A B-spline of the three strokes, and how it becomes the parameters of the block Trajectory."""
+"""A B-spline of the three strokes, and its conversion to parameters of the block Trajectory."""
 
 import json
 import reprlib
@@ -17,22 +17,26 @@ DEFAULT_FILE = Path(__file__).parent / "default_trajectory.json"
 """The file of `default_spline`."""
 
 _LARGEST = 1e9
-"""No knot in s and no coefficient in m is larger."""
+"""Largest magnitude of a knot in s and of a coefficient in m."""
 
 
 class TrajectoryError(ValueError):
-    """What is wrong with a trajectory or its problem, as one sentence."""
+    """A trajectory or its optimisation problem is wrong."""
 
 
 @dataclass(frozen=True)
 class Spline:
-    """Strokes over time as a clamped B-spline: its first and last degree + 1 knots are the same.
+    """Strokes over time as a clamped B-spline: its first and last degree + 1 knots are equal.
 
-    `knots` are in s, none before the one in front of it; `coefficients` (control points) by joint in m,
-    as many for each joint: knots less degree less one. scipy's BSpline(knots, coefficients, degree) is
-    the same curve.
+    scipy's BSpline(knots, coefficients, degree) is the same curve.
 
-    Raises TrajectoryError for anything else.
+    Args:
+        degree: Degree of the polynomials.
+        knots: Knots in s, in increasing order.
+        coefficients: Coefficients (control points) in m by joint: knots - degree - 1 for each joint.
+
+    Raises:
+        TrajectoryError: A value is not of this form.
     """
 
     degree: int
@@ -52,12 +56,12 @@ class Spline:
             if len(values) != self.size:
                 raise TrajectoryError(
                     f"there are {len(values)} coefficients of {joint}; {len(self.knots)} knots "
-                    f"and degree {self.degree} take {self.size}."
+                    f"and degree {self.degree} need {self.size}."
                 )
 
     @property
     def size(self) -> int:
-        """How many coefficients a joint has."""
+        """Number of coefficients of each joint."""
         return len(self.knots) - self.degree - 1
 
     @property
@@ -71,7 +75,7 @@ class Spline:
         return self.knots[-1]
 
     def evaluated(self, times: "Iterable[float] | np.ndarray", derivative: int = 0) -> "np.ndarray":
-        """Strokes (m), or their derivative of this order, at times within the knots: one row per time."""
+        """Return the strokes in m, or a derivative, at times in s within the knots: one row per time."""
         import numpy as np
         from scipy.interpolate import BSpline
 
@@ -85,13 +89,11 @@ class Spline:
         ends = self.degree + 1
         if len(self.knots) < 2 * ends:
             raise TrajectoryError(
-                f"there are {len(self.knots)} knots; degree {self.degree} takes {2 * ends} at least."
+                f"there are {len(self.knots)} knots; degree {self.degree} needs at least {2 * ends}."
             )
         for i, (a, b) in enumerate(zip(self.knots, self.knots[1:], strict=False), 2):
             if b < a:
-                raise TrajectoryError(
-                    f"knot {i}, {b:.9g} s, comes before the knot in front of it, {a:.9g} s."
-                )
+                raise TrajectoryError(f"knot {i}, {b:.9g} s, is before the previous knot, {a:.9g} s.")
         if self.knots[0] == self.knots[-1]:
             raise TrajectoryError(f"all knots are at {self.knots[0]:.9g} s; the last one must come later.")
         for which, some in (("first", self.knots[:ends]), ("last", self.knots[-ends:])):
@@ -103,7 +105,7 @@ class Spline:
 
 
 def _check_numbers(what: str, values: Any) -> None:
-    """Raise TrajectoryError unless these are finite numbers that squares of cannot overflow."""
+    """Raise TrajectoryError unless these are finite numbers whose squares cannot overflow."""
     if isinstance(values, (str, bytes, Mapping)) or not hasattr(values, "__len__"):
         raise TrajectoryError(f"{what} are {reprlib.repr(values)}; they must be a list of numbers.")
     for i, x in enumerate(values, 1):
@@ -116,16 +118,17 @@ def _check_numbers(what: str, values: Any) -> None:
 
 
 def trajectory_parameters(spline: Spline) -> dict[str, float | int]:
-    """Parameters of the block Trajectory by FMI name for a spline, all of its arrays filled up.
+    """Return the parameters of the block Trajectory for a spline, by FMI name.
 
-    Knots and coefficients that the block has room for beyond the spline's repeat the last one.
+    The last knot and the last coefficients are repeated to fill the arrays.
 
-    Raises TrajectoryError for a spline that the block has no room for.
+    Raises:
+        TrajectoryError: The spline has more coefficients than the block.
     """
     if spline.size > COEFFICIENTS:
         raise TrajectoryError(
             f"the spline has {spline.size} coefficients per joint; the block Trajectory has room for "
-            f"{COEFFICIENTS}: take fewer knots."
+            f"{COEFFICIENTS}: use fewer knots."
         )
     found: dict[str, float | int] = {"degree": spline.degree}
     found |= _filled("knot", spline.knots, KNOTS)
@@ -140,9 +143,10 @@ def _filled(name: str, values: Sequence[float], length: int) -> dict[str, float]
 
 
 def spline_of(document: object) -> Spline:
-    """The spline of a trajectory file's content; what else is in it does not matter.
+    """Return the spline of a trajectory file's content, without its other entries.
 
-    Raises TrajectoryError for what is no trajectory.
+    Raises:
+        TrajectoryError: The content is not a trajectory.
     """
     if not isinstance(document, Mapping):
         raise TrajectoryError("it must be a JSON object with degree, knots and coefficients.")
@@ -158,5 +162,5 @@ def spline_of(document: object) -> Spline:
 
 
 def default_spline() -> Spline:
-    """The optimised motion that lies in this package, which is that of `emla trajectory`."""
+    """Return the optimised motion in this package, which is the result of `emla trajectory`."""
     return spline_of(json.loads(DEFAULT_FILE.read_text(encoding="utf-8")))

@@ -1,4 +1,4 @@
-"""B-splines of up to a degree of 5 by arithmetic alone, for a block that cannot index with a value."""
+"""B-splines of degree 5 or less by arithmetic only, for blocks, which cannot index arrays by a value."""
 
 from typing import Any, NamedTuple
 
@@ -8,32 +8,32 @@ DEGREE = 5
 """The highest degree."""
 
 COEFFICIENTS = 48
-"""How many coefficients a spline can have."""
+"""Largest number of coefficients of a spline."""
 
 KNOTS = COEFFICIENTS + DEGREE + 1
-"""How many knots it has then."""
+"""Number of knots of such a spline."""
 
 _SHIFTS = (16, 16, 8, 4, 2, 1)
-"""Places by which `window` moves on where the time is beyond them; together they reach every span."""
+"""Places by which `window` moves if the time is beyond them; together they reach every span."""
 
 
 class Basis(NamedTuple):
-    """What the coefficients of a window count for in position, speed and acceleration."""
+    """Weights of a window's coefficients for position, speed and acceleration."""
 
     x: list[Any]
     v: list[Any]
     a: list[Any]
 
     def chosen(self, condition: Any, other: "Basis") -> "Basis":
-        """The same where the condition holds, else the other."""
+        """Return this basis if the condition holds, else the other."""
         pairs = (zip(own, others, strict=True) for own, others in zip(self, other, strict=True))
         return Basis(*([where(condition, a, b) for a, b in pair] for pair in pairs))
 
 
 def window(t: Any, knots: list[Any], rows: list[list[Any]]) -> tuple[list[Any], list[list[Any]]]:
-    """The 10 knots around the span in which t lies, and the 6 coefficients of every row that count there.
+    """Return the 10 knots around the span that contains t, and the 6 coefficients of each row for it.
 
-    All arrays move on together by so many places as t is beyond: a few choices of two, not of 48.
+    All arrays move together until they reach t. This takes six choices between two, instead of one of 48.
     """
     lead, end = [knots[0]] * DEGREE, knots[-1]
     arrays = [[*lead, *knots][1:], *([*[row[0]] * DEGREE, *row] for row in rows)]
@@ -52,9 +52,9 @@ def _moved(array: list[Any], shift: int, length: int, condition: Any) -> list[An
 
 
 def basis(t: Any, knots: list[Any], degree: Any) -> Basis:
-    """The basis functions of a degree and their derivatives at t, in the window of these knots.
+    """Return the basis functions of a degree and their derivatives at t, in the window of these knots.
 
-    Cox and de Boor's recursion from one degree to the next, all of them divided by the same spans.
+    The recursion of Cox and de Boor goes from one degree to the next.
     """
     zeros = [0.0] * DEGREE
     last = chosen = Basis([*zeros, 1.0], [*zeros, 0.0], [*zeros, 0.0])
@@ -65,11 +65,11 @@ def basis(t: Any, knots: list[Any], degree: Any) -> Basis:
 
 
 def _raised(t: Any, knots: list[Any], p: int, below: Basis) -> Basis:
-    """The basis of degree p from that of p - 1; only the last p + 1 of its functions are not zero."""
+    """Return the basis of degree p from that of p - 1; only its last p + 1 functions are not zero."""
     x, v, a = ([0.0] * (DEGREE + 1) for _ in range(3))
     for i in range(DEGREE + 1 - p, DEGREE + 1):  # functions of degree p - 1, each from its own first knot
         first, end = knots[i - 1], knots[i - 1 + p]
-        span = where(end > first, end - first, 1.0)  # 1 where knots are out of order
+        span = where(end > first, end - first, 1.0)  # 1 if knots are out of order
         part, part_v = below.x[i] / span, below.v[i] / span
         x[i - 1], x[i] = x[i - 1] + (end - t) * part, (t - first) * part
         v[i - 1], v[i] = v[i - 1] - p * part, p * part

@@ -1,4 +1,4 @@
-"""The motion that the three joints shall follow together, as a B-spline."""
+"""The reference motion of the three joints as a B-spline."""
 
 from itertools import pairwise
 from typing import Any
@@ -18,13 +18,13 @@ from fmublock import (
 from .spline_window import COEFFICIENTS, DEGREE, KNOTS, basis, window
 
 _ROUNDING = 1e-9
-"""Time in s beyond first and last knot that still belongs to the spline: tools round their times."""
+"""Time in s before the first and after the last knot that counts as rounding by tools."""
 
 JOINTS = ("lift", "tilt", "telescope")
 """The joints in the order of the outputs."""
 
 _AT_REST = (DEGREE + 1) // 2
-"""Coefficients at either end of one quintic move from rest to rest."""
+"""Equal coefficients at each end of a quintic move from rest to rest."""
 
 
 def _coefficients(joint: str, start: float, end: float) -> Parameter:
@@ -34,12 +34,12 @@ def _coefficients(joint: str, start: float, end: float) -> Parameter:
         unit="m",
         name=f"coefficient.{joint}",
         symbol="c_i",
-        description=f"Coefficient (control point) of the stroke of {joint}; the last one fills up",
+        description=f"Coefficient (control point) of the stroke of {joint}; fill up with the last one",
     )
 
 
 class Trajectory(Block):
-    """A B-spline of three strokes with its exact derivatives, held before its first and after its last knot.
+    """A B-spline of three strokes with exact derivatives, held before its first and after its last knot.
 
     The start values are one quintic move from rest to rest between the end points of Table II.
     """
@@ -52,7 +52,7 @@ class Trajectory(Block):
         shape=KNOTS,
         unit="s",
         symbol="t_i",
-        description="Knots in increasing order, first and last degree + 1 times; the last one fills up",
+        description="Knots in increasing order, first and last degree + 1 times; fill up with the last one",
     )
     c_lift = _coefficients("lift", 0.244, 0.270)
     c_tilt = _coefficients("tilt", 0.389, 0.442)
@@ -63,7 +63,7 @@ class Trajectory(Block):
     a_d = Output(shape=3, unit="m/s2", description="Reference acceleration of lift, tilt and telescope")
 
     def conditions(self, v: Any) -> dict[str, Any]:
-        """Knots in increasing order, of which the first is there degree + 1 times."""
+        """Require knots in increasing order, the first one degree + 1 times."""
         last = {f"knot[{KNOTS}] must come after knot[1]": v.knot[-1] > v.knot[0]}
         clamped = {
             f"knot[{i + 1}] must be knot[1] with a degree of {i} or more": logical_or(
@@ -78,7 +78,7 @@ class Trajectory(Block):
         return last | clamped | ordered
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """The spline and its derivatives; beyond its ends the position there and no motion."""
+        """Return the spline and its derivatives; beyond its ends, the position there and no motion."""
         first, last = v.knot[0], v.knot[-1]
         t = clamp(v.time, first, last)
         moves = logical_and(v.time >= first - _ROUNDING, v.time <= last + _ROUNDING)

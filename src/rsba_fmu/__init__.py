@@ -1,4 +1,4 @@
-"""The robust subsystem-based adaptive (RSBA) controller, those it is compared with, and their gains.
+"""The robust subsystem-based adaptive (RSBA) controller, the controllers for comparison, and their gains.
 
 The paper is Mehdi Heydari Shahna, Mohammad Bahari and Jouni Mattila, "Robustness-Guaranteed Observer-Based
 Control Strategy with Modularity for Cleantech EMLA-Driven Heavy-Duty Robotic Manipulator". Numbers in

@@ -1,11 +1,11 @@
-"""Gains of the ANATC-type controller, and the rule of the tuned ones; joint files have the numbers."""
+"""Gains of the ANATC-type controller, and the rule for tuned ones; joint files have the numbers."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class AnatcGains:
-    """Gains of `AnatcController`, named as its parameters; units there."""
+    """Gains of `AnatcController`, with the names and units of its parameters."""
 
     k_1: float
     k_2: float
@@ -21,9 +21,10 @@ class AnatcGains:
 
 
 def tuned(k_1: float, k_2: float, lambda_1: float, w_c: float, lambda_2: float, a_max: float) -> AnatcGains:
-    """Gains found by search, with hardly a leak, and sigma(t) constant and wide: the bound stays smooth.
+    """Return gains found by search, with little leakage and a constant, wide sigma(t).
 
-    With b > 0 that term becomes a sign function, which a sampled controller turns into chatter.
+    So the bound's term stays smooth. With b > 0 it would become a sign function, which chatters in a
+    sampled controller.
     """
     return AnatcGains(
         k_1, k_2, lambda_1, lambda_2, ell=(1e-6, 0.1), g=10.0, b=0.0, w_c=w_c, a_max=a_max, weaken_field=True

@@ -11,31 +11,32 @@ from .drive_controller import DriveController
 class CacController(DriveController):
     """CAC-type: command-filtered adaptive backstepping of a PMSM drive with tanh terms.
 
-    Of the controller that the paper compares with (Liu et al. 2023, "CAC") only the gains of Table V
-    are at hand. What is here is the literature's standard form with these gains; it is no copy.
+    Of the controller that the paper compares with (Liu et al. 2023, "CAC"), only the gains of Table V
+    are available. This is not a copy, but the standard form in the literature with these gains.
 
     Standard (Farrell, Polycarpou, Sharma and Dong 2009, and its uses on PMSM drives):
 
-    - virtual controls pass second-order command filters, whose outputs and derivatives the next
-      step uses; the current's filter keeps to i_max;
-    - compensation signals xi_i carry what filters and limits withhold, so that v_i = z_i - xi_i is
-      free of it, and adaptation learns from v_i alone: saturation winds nothing up;
-    - an adaptive approximator of the unknown in speed and current equations, with sigma-modification;
-    - tanh in place of a sign function against what is left.
+    - Virtual controls pass second-order command filters, whose outputs and derivatives the next step
+      uses. The current's filter is limited to i_max.
+    - Compensation signals xi_i contain the effect of filters and limits. It is not in v_i = z_i - xi_i,
+      from which adaptation learns, so that saturation causes no wind-up.
+    - An adaptive approximator with sigma-modification models the unknown in speed and current equations.
+    - tanh replaces a sign function against the remaining error.
 
     Our reading:
 
     - Table V counts k and varpi to 5, with equal values at 3 and 5 and others at 4. Those are the
-      steps of a drive with position, speed, q-axis current, flux and d-axis current. A PMSM's
-      flux is its magnet's: 1, 2, 3 and 5 are used here, 4 is not.
+      steps of a drive with position, speed, q-axis current, flux and d-axis current. The flux of a
+      PMSM is that of its magnet: 1, 2, 3 and 5 are used here, 4 is not.
     - The last steps command voltages: k_3 and k_5 are in V/A, varpi_3 and varpi_5 in V. Read as rates
-      in 1/s, 0.05 would leave a current undamped for 20 s, and the printed gains hold no joint.
+      in 1/s, 0.05 would leave a current undamped for 20 s, and the printed gains could not hold any
+      joint.
     - m_1, m_2, m_3 are the rates of adaptation of speed, q- and d-axis current.
-    - The approximator has one basis function, a constant: what is unknown is slow (load, friction,
-      dead time). In linear terms it is integral action.
-    - Only the feedback part of the virtual speed is filtered: of the reference's speed the
-      derivative is known, and a filter would delay it. `approach` keeps it to what can be braked.
-    - epsilon, omega_n, damping and leak are not in the table, so they are ours.
+    - The approximator has one basis function, a constant, because the unknown is slow (load, friction,
+      dead time). In linear terms this is integral action.
+    - Only the feedback part of the virtual speed is filtered. The derivative of the reference's speed
+      is known, and a filter would delay it. `approach` limits the virtual speed to what can be braked.
+    - epsilon, omega_n, damping and leak are our choice, as they are not in the table.
     """
 
     k = Parameter(
@@ -68,7 +69,7 @@ class CacController(DriveController):
         [0.1, 0.1, 1.0, 1.0],
         shape=4,
         minimum=1e-12,
-        description="Errors at which tanh bends: position m, speed m/s, q-axis and d-axis current A",
+        description="Errors at which tanh saturates: position m, speed m/s, q-axis and d-axis current A",
     )
     omega_n = Parameter(
         [5000.0, 10000.0],
@@ -107,7 +108,7 @@ class CacController(DriveController):
     v_4 = Output(unit="A", name="v[4]", description="Compensated error of the d-axis current")
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """Command filters, compensation signals and adaptation."""
+        """Return the derivatives of command filters, compensation signals and adaptation."""
         A_2 = drive_laws.acceleration_per_current(v)
         V = self.compensated_errors(v)
         w, i_q, _ = self.virtual_controls(v, V)
@@ -128,7 +129,7 @@ class CacController(DriveController):
         }
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Voltages, commanded current and compensated errors."""
+        """Return voltages, commanded current and compensated errors."""
         V = self.compensated_errors(v)
         _, _, current_limited = self.virtual_controls(v, V)
         u_q, u_d, _, _, voltage_limited = self.currents(v, V)
@@ -141,7 +142,7 @@ class CacController(DriveController):
         }
 
     def errors(self, v: Any) -> list[Any]:
-        """z_1 to z_4: position, speed, q- and d-axis current against what is commanded."""
+        """Return the errors z_1 to z_4 of position, speed, q- and d-axis current."""
         return [
             v.x_hat - v.x_d,
             v.v_hat - v.v_d - v.w,
@@ -150,12 +151,12 @@ class CacController(DriveController):
         ]
 
     def compensated_errors(self, v: Any) -> list[Any]:
-        """v_1 to v_4."""
+        """Return v_1 to v_4."""
         xi = (v.xi_1, v.xi_2, v.xi_3, v.xi_4)
         return [z - x for z, x in zip(self.errors(v), xi, strict=True)]
 
     def virtual_controls(self, v: Any, V: list[Any]) -> tuple[Any, Any, Any]:
-        """Approach speed beside v_d, q-axis current before its limit, and whether that acts (0 or 1)."""
+        """Return approach speed beside v_d, q-axis current before its limit, and 1 if that acts, else 0."""
         z_1, z_2 = self.errors(v)[:2]
         w, _ = drive_laws.approach(v, v.k[0], -z_1)
         w = clamp(w - self.robust(v, 0, V[0], 0), -v.v_max, v.v_max)
@@ -166,7 +167,7 @@ class CacController(DriveController):
         return w, i_q, where(abs(i_q) > drive_laws.current_limit(v, drive_laws.steady_voltage(v)), 1.0, 0.0)
 
     def currents(self, v: Any, V: list[Any]) -> tuple[Any, Any, Any, Any, Any]:
-        """The last two steps, as voltages: see `DriveController.voltage`."""
+        """Return the voltages of the last two steps; see `DriveController.voltage`."""
         _, z_2, z_3, z_4 = self.errors(v)
         A_2 = drive_laws.acceleration_per_current(v)
         feedback_q = v.k[2] * z_3 + A_2 * z_2 + self.robust(v, 2, V[2], 2)
@@ -174,9 +175,9 @@ class CacController(DriveController):
         return self.voltage(v, v.i_c_rate - feedback_q / v.L_q - v.D_3, -feedback_d / v.L_d - v.D_4)
 
     def robust(self, v: Any, gain: int, error: Any, i: int) -> Any:
-        """The tanh term of one step: varpi tanh(v / epsilon)."""
+        """Return the tanh term of one step: varpi tanh(v / epsilon)."""
         return v.varpi[gain] * tanh(error / v.epsilon[i])
 
     def filtered(self, v: Any, i: int, value: Any, rate: Any, wanted: Any) -> Any:
-        """Second derivative of a command filter's output."""
+        """Return the second derivative of a command filter's output."""
         return -2.0 * v.damping * v.omega_n[i] * rate - v.omega_n[i] * v.omega_n[i] * (value - wanted)

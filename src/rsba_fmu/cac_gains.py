@@ -1,11 +1,11 @@
-"""Gains of the CAC-type controller, and the rule of the tuned ones; joint files have the numbers."""
+"""Gains of the CAC-type controller, and the rule for tuned ones; joint files have the numbers."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class CacGains:
-    """Gains of `CacController`, named as its parameters; units there."""
+    """Gains of `CacController`, with the names and units of its parameters."""
 
     k: tuple[float, float, float, float, float]
     varpi: tuple[float, float, float, float, float]
@@ -22,9 +22,10 @@ class CacGains:
 def tuned(
     k_1: float, k_2: float, m_1: float, w_c: float, varpi_2: float, L: float, a_max: float, w: float = 10000.0
 ) -> CacGains:
-    """Gains found by search; both current loops at w_c for an inductance L in H, critically damped or more.
+    """Return gains found by search, with both current loops at w_c in 1/s, critically damped or more.
 
-    `w` is the natural frequency of the current's command filter in rad/s, twice that of the speed's.
+    L is the inductance in H, `w` the natural frequency of the current's command filter in rad/s, which is
+    twice that of the speed's filter.
     """
     k_c = L * w_c
     m_c = 0.1 * w_c * w_c

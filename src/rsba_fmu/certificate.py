@@ -1,9 +1,9 @@
-"""What the stability proof of the paper says of a set of gains: decay rates and ultimate bounds, as numbers.
+"""Evaluate the paper's stability proof for a set of gains: decay rates and ultimate bounds as numbers.
 
-Numbers in parentheses are those of the equations as printed; mu_i, nu_i, psi_i and theta*_i of (43) are free
-positive constants there, and here they are the ones that make the bound least: for D_i = Lambda_i r_i +
-d_max(i) + Omega_i and T_i = zeta_i theta*_i the terms of (61) and (63) are least with D_i^2 / T_i +
-sigma_i T_i^2 / zeta_i^2, which is least at T_i^3 = D_i^2 zeta_i^2 / (2 sigma_i) and gives 3/4 D_i^2 / T_i.
+Numbers in parentheses are those of the equations as printed. mu_i, nu_i, psi_i and theta*_i of (43) are free
+positive constants there. Here they are chosen to minimise the bound. With D_i = Lambda_i r_i + d_max(i) +
+Omega_i and T_i = zeta_i theta*_i, the terms of (61) and (63) depend on D_i^2 / T_i + sigma_i T_i^2 /
+zeta_i^2. This is least at T_i^3 = D_i^2 zeta_i^2 / (2 sigma_i), which gives 3/4 D_i^2 / T_i.
 """
 
 import math
@@ -37,10 +37,10 @@ class ObserverConstants:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What acts on a loop during `duration` s, at most.
+    """Upper bounds of the disturbances on a loop during `duration` s.
 
     `total` has D_i = Lambda_i r_i + d_max(i) + Omega_i of (35) in m/s, m/s2, A/s, A/s. `acceleration` is
-    |K_2| of (17) in m/s2, what the observer does not know.
+    |K_2| of (17) in m/s2, the acceleration that the observer does not know.
     """
 
     total: Four
@@ -50,17 +50,17 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What follows from gains and bounds; lengths of P = (P_1, ..., P_4) mix m, m/s and A as the paper does.
+    """Constants of the proof. Norms of P = (P_1, ..., P_4) mix m, m/s and A as in the paper.
 
-    `phi` are phi_0 of (55), phi_1 of (65), phi_2 of (69), phi_3 and phi_4 of (73) in 1/s, `phi_total` of
-    (80) their least, and `rate` phi_total / 2, by which |P| falls. `theta_star` are (43), `residual` the
-    constant terms of (78) that are not the observer's, and `ultimate` the length of P that remains: inf
-    where the proof gives none.
+    `phi` are phi_0 of (55), phi_1 of (65), phi_2 of (69), phi_3 and phi_4 of (73) in 1/s. `phi_total` of
+    (80) is their minimum, and |P| decays with `rate` = phi_total / 2. `theta_star` are (43), `residual` the
+    constant terms of (78) except for the observer's. `ultimate` is the remaining norm of P, inf if the
+    proof gives none.
 
-    Since theta_hat only adds damping, |P|' <= -beta_min / 2 |P| + |D| holds without (43) too:
-    `direct_rate` in 1/s, `direct_ultimate` the length that remains, and `position` in m and `current` in A
-    the bounds of |P_1| and |P_3| that follow. `observer_rate` is that of x_eo' p x_eo by (18), in 1/s.
-    `observer_position` in m is what |K_2| can do at worst to the estimate of the position with f = 0.
+    Since theta_hat only adds damping, |P|' <= -beta_min / 2 |P| + |D| holds without (43), too. It gives
+    `direct_rate` in 1/s, the remaining norm `direct_ultimate`, and the bounds `position` in m of |P_1| and
+    `current` in A of |P_3|. `observer_rate` is that of x_eo' p x_eo by (18), in 1/s. `observer_position`
+    in m is the largest error of the estimated position that |K_2| can cause with f = 0.
     """
 
     phi: tuple[float, float, float, float, float]
@@ -78,12 +78,12 @@ class Certificate:
     observer_position: float
 
     def direct_bound(self, time: float, start: float) -> float:
-        """The length of P after so many s, from a length `start`, without the adaptation."""
+        """Return a bound of the norm of P at `time` s from a norm `start`, without the adaptation."""
         fallen = math.exp(-self.direct_rate * time)
         return start * fallen + self.direct_ultimate * (1.0 - fallen)
 
     def lyapunov_bound(self, time: float, start: float) -> float:
-        """V_1 + ... + V_4 of (57), (66) and (70) after so many s, from `start`; inf without a proof."""
+        """Return a bound of V_1 + ... + V_4 of (57), (66), (70) at `time` s from `start`; inf if unproven."""
         rate = min(self.phi[1:])
         if rate <= 0.0 or math.isinf(self.residual):
             return math.inf
@@ -92,7 +92,7 @@ class Certificate:
 
 
 def certificate(gains: ControlGains, observer: ObserverConstants, bounds: Bounds) -> Certificate:
-    """The constants of the proof. Raises ValueError for gains or bounds that are negative."""
+    """Return the constants of the proof. Raises ValueError for negative gains or bounds."""
     _check(gains, observer, bounds)
     least_m = observer.m_0 * math.exp(-observer.m_decay * bounds.duration)
     each = [min(b, d * s) for b, d, s in zip(gains.beta, gains.delta, gains.sigma, strict=True)]
@@ -104,7 +104,7 @@ def certificate(gains: ControlGains, observer: ObserverConstants, bounds: Bounds
     control_rate = min(each)
     slowest = min(gains.beta)
     remaining = 2.0 * math.hypot(*bounds.total) / slowest
-    # position and speed do not feel the currents in (36), so only their own terms count
+    # position and speed do not depend on the currents in (36), so only their own terms count
     mechanical = 2.0 * math.hypot(*bounds.total[:2]) / min(gains.beta[:2])
     p = lyapunov(observer)
     rate = observer_rate(p, observer.Q)
@@ -126,7 +126,7 @@ def certificate(gains: ControlGains, observer: ObserverConstants, bounds: Bounds
 
 
 def lyapunov(observer: ObserverConstants) -> tuple[float, float, float]:
-    """p_11, p_12 and p_22 of (18)."""
+    """Return p_11, p_12 and p_22 of (18)."""
     (alpha_1, alpha_2), (Q_11, Q_12, Q_22) = observer.alpha, observer.Q
     p_12 = -Q_22 / 2.0
     p_11 = (Q_11 / 2.0 - alpha_2 * p_12) / alpha_1
@@ -134,16 +134,16 @@ def lyapunov(observer: ObserverConstants) -> tuple[float, float, float]:
 
 
 def observer_rate(p: Sequence[float], Q: Sequence[float]) -> float:
-    """The largest rate with -x' Q x <= -rate x' p x, in 1/s: the least eigenvalue of p^-1 Q."""
+    """Return the largest rate with -x' Q x <= -rate x' p x, in 1/s: the least eigenvalue of p^-1 Q."""
     determinant = p[0] * p[2] - p[1] * p[1]
     trace = (p[2] * Q[0] - 2.0 * p[1] * Q[1] + p[0] * Q[2]) / determinant
     product = (Q[0] * Q[2] - Q[1] * Q[1]) / determinant
-    # the other root first: their difference would lose all digits where one is far larger
+    # compute the larger root first: a difference would lose all digits of a far smaller one
     return product / (0.5 * trace + math.sqrt(max(0.25 * trace * trace - product, 0.0)))
 
 
 def _peak_gain(alpha_1: float, alpha_2: float) -> float:
-    """The largest answer of 1 / (s^2 + alpha_1 s + alpha_2) to anything within +-1, in s2."""
+    """Return the peak gain of 1 / (s^2 + alpha_1 s + alpha_2) for inputs within +-1, in s2."""
     damping = alpha_1 / (2.0 * math.sqrt(alpha_2))
     if damping >= 1.0:
         return 1.0 / alpha_2  # its impulse response has one sign
@@ -151,19 +151,19 @@ def _peak_gain(alpha_1: float, alpha_2: float) -> float:
 
 
 def _adapted(D: float, zeta: float, sigma: float) -> tuple[float, float]:
-    """theta* and the constant terms of one subsystem, with the best of the free constants."""
+    """Return theta* and the constant terms of one subsystem, with the best free constants."""
     if D == 0.0:
         return 0.0, 0.0
     if zeta == 0.0:
         return math.inf, math.inf  # (43) divides by it
     if sigma == 0.0:
-        return math.inf, 0.0  # what does not leak costs nothing, however large
+        return math.inf, 0.0  # without leak a large theta* costs nothing
     T = (D * D * zeta * zeta / (2.0 * sigma)) ** (1.0 / 3.0)
     return T / zeta, 0.75 * D * D / T
 
 
 def _nothing(residual: float) -> float:
-    """What remains without any decay: nothing grows only where nothing acts."""
+    """Return the remaining bound without any decay: 0 if nothing acts, else inf."""
     return math.inf if residual > 0.0 else 0.0
 
 

@@ -24,7 +24,7 @@ from .known_drive import KnownDrive
 
 @dataclass(frozen=True)
 class Laws:
-    """What the laws ask for: current in A, voltages in V, the tracking forms P_1 to P_4; what is limited."""
+    """Results of the control laws: current in A, voltages in V, tracking forms P_1 to P_4, and limits."""
 
     i_q_ref: Any
     u_q: Any
@@ -38,27 +38,27 @@ class RsbaController(KnownDrive):
     """Robust subsystem-based adaptive control of one EMLA, (26) to (41) of the paper.
 
     Four subsystems: 1 position, 2 speed, 3 q-axis current, 4 d-axis current; arrays are indexed
-    by them. The defaults are the laws as printed; every departure is a switch of its own:
+    by them. The defaults are the laws as printed. Each departure has its own parameter:
 
     - `x_2d_in_a_1` (true as printed): (31) contains -x_2d, and P_2 = x_e2 - a_1 cancels the
-      reference speed, so a moving reference is followed with an error of 2 |v_d| / beta_1.
-      Without it x_2d cancels the derivative of x_1d instead (Omega_1 = 0 in (35)) and the lag goes.
-    - `feed_acceleration`: once P_2 counts the reference speed, (39) leaves its derivative to the
-      robust gains; adding a_d / A_2 to u_2 supplies it (Omega_2 = 0).
-    - `limit_acceleration`: the published start is millimetres from the reference and asks for
-      1e5 A. With limits a linear a_1 overshoots; the speed it asks for is kept to what can be
+      reference speed. The position then lags a moving reference by 2 |v_d| / beta_1. Without it x_2d
+      cancels the derivative of x_1d instead (Omega_1 = 0 in (35)), and the lag disappears.
+    - `feed_acceleration`: if P_2 contains the reference speed, (39) leaves its derivative to the
+      robust gains. Adding a_d / A_2 to u_2 supplies it (Omega_2 = 0).
+    - `limit_acceleration`: the published start is millimetres from the reference and commands 1e5 A.
+      With limits a linear a_1 overshoots. The approach speed is therefore limited to what can be
       braked with `a_max`: min(k e, sqrt(2 a_max (e - a_max / (2 k^2)))).
-    - `limit_current`, `limit_voltage`: keep i_q* and the voltage vector within what motor and
-      inverter can do, so that the controller knows when it saturates.
+    - `limit_current`, `limit_voltage`: keep i_q* and the voltage vector within the limits of motor and
+      inverter, so that the controller detects its saturation.
     - `freeze_adaptation`: (32) integrates errors that a saturated actuator cannot remove
-      (theta_hat of 1e14 seen). Adaptation stops while its subsystem saturates and at theta_max.
-    - `compensate`, `omega_u`: (39) leaves d_2, d_3 and d_4 to the feedback, which lets
-      4 d_2 / (beta_1 beta_2) of position error stand. What observer (d_hat) and currents say of
-      them is taken off; the proof then speaks of what is left of d_i.
-    - `limit_speed`: a start some millimetres off asks for speeds at which back-EMF takes the voltage
-      that braking needs. The approach keeps to v_max and to the base speed.
-    - `weaken_field`: beyond the base speed i_d* makes room for i_q*, and P_4 = i_d - i_d*.
-    - `measure_supply`: the voltage limit is u_available where that is less than u_max.
+      (theta_hat reached 1e14). Adaptation stops while its subsystem saturates, and at theta_max.
+    - `compensate`, `omega_u`: (39) leaves d_2, d_3 and d_4 to the feedback, with a remaining position
+      error of 4 d_2 / (beta_1 beta_2). These options subtract the estimates of the observer (d_hat)
+      and of the current model. The proof then holds for the remainder of d_i.
+    - `limit_speed`: a start some millimetres off commands speeds at which the back-EMF takes the voltage
+      that braking needs. This option limits the approach to v_max and to the base speed.
+    - `weaken_field`: above the base speed a negative i_d* allows i_q*, and P_4 = i_d - i_d*.
+    - `measure_supply`: the voltage limit is u_available if that is less than u_max.
 
     |P_i|^2 in (32) is the plain square.
     """
@@ -105,7 +105,7 @@ class RsbaController(KnownDrive):
     sigma = Parameter([0.001, 0.001, 0.01, 0.01], shape=4, minimum=0.0, description="Adaptation leak of (32)")
 
     x_2d_in_a_1 = Parameter(
-        True, symbol=r"\kappa_1", description="Keep -x_2d in (31), as printed; it makes the position lag"
+        True, symbol=r"\kappa_1", description="Keep -x_2d in (31), as printed; the position then lags"
     )
     feed_acceleration = Parameter(False, symbol=r"\kappa_2", description="Add a_d / A_2 to (39)")
     limit_acceleration = Parameter(False, description="Keep the approach speed to what a_max can brake")
@@ -113,9 +113,9 @@ class RsbaController(KnownDrive):
     limit_voltage = Parameter(False, description="Keep the voltage vector within u_max")
     freeze_adaptation = Parameter(False, description="Stop adapting while saturated and at theta_max")
     limit_speed = Parameter(False, description="Keep the approach within v_max and the base speed")
-    compensate = Parameter(False, symbol=r"\kappa_3", description="Take d_hat / A_2 off u_2")
-    weaken_field = Parameter(False, description="Ask for i_d < 0 where back-EMF needs it")
-    measure_supply = Parameter(False, description="Take u_available for the voltage limit")
+    compensate = Parameter(False, symbol=r"\kappa_3", description="Subtract d_hat / A_2 from u_2")
+    weaken_field = Parameter(False, description="Use i_d < 0 when the back-EMF requires it")
+    measure_supply = Parameter(False, description="Use u_available as the voltage limit")
     omega_u = Parameter(
         0.0,
         unit="1/s",
@@ -129,7 +129,7 @@ class RsbaController(KnownDrive):
         maximum=0.9,
         name="limit.u_reserve",
         symbol="r",
-        description="Part of the voltage that weaken_field keeps for changes of current",
+        description="Fraction of the voltage that weaken_field reserves for changes of current",
     )
     i_reserve = Parameter(
         0.0,
@@ -137,7 +137,7 @@ class RsbaController(KnownDrive):
         maximum=0.9,
         name="limit.i_reserve",
         symbol="r_i",
-        description="Part of i_max that is kept for what noise and delay add",
+        description="Fraction of i_max reserved for noise and delay",
     )
     theta_max = Parameter(
         1e6, minimum=0.0, name="limit.theta_max", description="Largest adaptation parameter"
@@ -165,7 +165,7 @@ class RsbaController(KnownDrive):
     P_4 = Output(unit="A", name="P[4]", description="Tracking form of the d-axis current (30)")
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """Adaptation laws (32), and the currents that the known voltages would make."""
+        """Return the adaptation laws (32), and the derivatives of the modelled currents."""
         laws = self.laws(v)
         outer = maximum(laws.current_limited, laws.voltage_limited)
         frozen = [outer, outer, laws.voltage_limited, laws.voltage_limited]
@@ -178,12 +178,12 @@ class RsbaController(KnownDrive):
         }
 
     def update(self, v: Any) -> dict[str, Any]:
-        """The voltages that the plant will have had during the next step."""
+        """Return the voltages that the plant will have during the next step."""
         laws = self.laws(v)
         return {"u_q_before": laws.u_q, "u_d_before": laws.u_d}
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Control signals (39) within their limits, and the tracking forms (30)."""
+        """Return the control signals (39) within their limits, and the tracking forms (30)."""
         laws = self.laws(v)
         return {
             "u_q": laws.u_q,
@@ -194,7 +194,7 @@ class RsbaController(KnownDrive):
         }
 
     def laws(self, v: Any) -> "Laws":
-        """The laws (30), (31) and (39), within the limits."""
+        """Evaluate the laws (30), (31) and (39) within the limits."""
         A_2 = drive_laws.acceleration_per_current(v)
         A_3, A_4 = 1.0 / v.L_q, 1.0 / v.L_d
         g_2, g_3, g_4 = self.model(v)
@@ -228,21 +228,21 @@ class RsbaController(KnownDrive):
         )
 
     def known_voltage(self, v: Any) -> Any:
-        """Longest voltage vector in V: as known, or what the supply leaves of it."""
+        """Return the longest voltage vector in V: that of the model, or less if the supply is low."""
         return where(v.measure_supply, maximum(minimum(v.u_max, v.u_available), 1e-3), v.u_max)
 
     def voltage_disturbances(self, v: Any) -> tuple[Any, Any]:
-        """Estimated d_3 and d_4 in A/s: by how much the currents run ahead of their model."""
+        """Return the estimates of d_3 and d_4 in A/s from the differences of currents and model."""
         return v.omega_u * (v.i_q - v.z_q), v.omega_u * (v.i_d - v.z_d)
 
     def speed_beyond_reference(self, v: Any, P_1: Any, u_max: Any) -> Any:
-        """First term of a_1 in m/s; with limit_speed no more than the limits leave beside v_d."""
+        """Return the first term of a_1 in m/s; with limit_speed at most what the limits allow beside v_d."""
         wanted = -self.approach_speed(v, P_1)
         most = drive_laws.fastest(v, u_max)
         return where(v.limit_speed, clamp(v.v_d + wanted, -most, most) - v.v_d, wanted)
 
     def model(self, v: Any) -> tuple[Any, Any, Any]:
-        """g_2, g_3, g_4 of Table I (g_1 = 0)."""
+        """Return g_2, g_3, g_4 of Table I (g_1 = 0)."""
         omega_e = v.N_p * v.alpha_RL * v.v_hat
         g_2 = drive_laws.known_acceleration(v, v.i_d)
         g_3 = (-v.R_s * v.i_q - omega_e * (v.i_d * v.L_d + v.Phi_PM)) / v.L_q
@@ -250,14 +250,14 @@ class RsbaController(KnownDrive):
         return g_2, g_3, g_4
 
     def approach_speed(self, v: Any, P_1: Any) -> Any:
-        """First term of -a_1 in m/s: k P_1, or what a_max can brake where that is less."""
+        """Return the first term of -a_1 in m/s: k P_1, or what a_max can brake if that is less."""
         k = (v.beta[0] + v.zeta[0] * v.theta[0]) / 2.0
         limited, _ = drive_laws.braked(v.a_max, k, P_1)
         return where(v.limit_acceleration, limited, k * P_1)
 
     def adaptation(self, v: Any, i: int, P_i: Any, frozen: Any) -> Any:
-        """Derivative of theta_hat_i (32), stopped where freeze_adaptation says so."""
+        """Return the derivative of theta_hat_i (32), 0 while freeze_adaptation stops it."""
         growth = -v.delta[i] * v.sigma[i] * v.theta[i] + 0.5 * v.zeta[i] * v.delta[i] * P_i * P_i
-        # no faster than one internal step would take to the bound, so that none jumps over it
+        # slow enough that no internal step goes past the bound
         allowed = minimum(growth, (v.theta_max - v.theta[i]) / v.internal_step)
         return where(v.freeze_adaptation, (1.0 - frozen) * allowed, growth)

@@ -1,4 +1,4 @@
-"""What the controllers of an EMLA have in common: their ports, limits and model."""
+"""Common base of the controllers for comparison: ports, limits and model."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from .known_drive import KnownDrive
 
 
 class DriveController(KnownDrive):
-    """Base of controllers that fit into a joint in the place of `RsbaController`.
+    """Base of controllers that can replace `RsbaController` in a joint.
 
     Subclasses add gains, states and equations; ports and limits are here.
     """
@@ -27,7 +27,7 @@ class DriveController(KnownDrive):
         1e4,
         unit="V",
         nominal=100.0,
-        description="Longest voltage vector that the supply allows; more than any where nothing tells it",
+        description="Longest voltage vector that the supply allows; the default means no limit",
         terminal="drive.inverter.u_available",
     )
     x_d = Input(unit="m", nominal=0.1, description="Reference position", terminal="reference")
@@ -37,10 +37,10 @@ class DriveController(KnownDrive):
     compensate = Parameter(
         True,
         symbol=r"\kappa",
-        description="Let the current take up d_hat, the disturbance as the observer sees it",
+        description="Compensate the observer's estimate d_hat by the current",
     )
     weaken_field = Parameter(
-        True, description="Let i_d weaken the field where back-EMF leaves i_q too little voltage"
+        True, description="Weaken the field by i_d when the back-EMF leaves i_q too little voltage"
     )
     v_max = Parameter(0.136, unit="m/s", minimum=1e-6, name="limit.v_max", description="Largest screw speed")
     u_reserve = Parameter(
@@ -49,7 +49,7 @@ class DriveController(KnownDrive):
         maximum=0.9,
         name="limit.u_reserve",
         symbol="r",
-        description="Part of the voltage that is kept for changes of current",
+        description="Fraction of the voltage reserved for changes of current",
     )
     i_reserve = Parameter(
         0.0,
@@ -57,7 +57,7 @@ class DriveController(KnownDrive):
         maximum=0.9,
         name="limit.i_reserve",
         symbol="r_i",
-        description="Part of i_max that is kept for what noise and delay add",
+        description="Fraction of i_max reserved for noise and delay",
     )
 
     u_q = Output(unit="V", nominal=100.0, description="q-axis voltage", terminal="drive")
@@ -66,14 +66,14 @@ class DriveController(KnownDrive):
     saturated = Output(description="1 while current or voltage is at its limit")
 
     def weakening(self, v: Any, i_q_ref: Any) -> Any:
-        """i_d* in A that lets the supply's voltage hold i_q*."""
+        """Return the i_d* in A with which the supply voltage can hold i_q*."""
         return drive_laws.weakening_current(v, i_q_ref, drive_laws.steady_voltage(v))
 
     def voltage(self, v: Any, rate_q: Any, rate_d: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """u_q and u_d for wanted rates of i_q and i_d in A/s, within the limit; and what that does.
+        """Return the voltages within the limit for the desired rates of i_q and i_d in A/s.
 
-        The third and fourth value are by how much the limit changed u_q and u_d, in V; the fifth is
-        1 where it acts, else 0.
+        Returns:
+            u_q and u_d in V, the changes of both by the limit in V, and 1 if the limit acts, else 0.
         """
         holding_q, holding_d = drive_laws.holding_voltage(v)
         wanted_q = v.L_q * rate_q + holding_q

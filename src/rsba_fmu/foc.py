@@ -1,4 +1,4 @@
-"""Field-oriented cascade control of one EMLA, as drives have it."""
+"""Field-oriented cascade control of one EMLA, as in servo drives."""
 
 from typing import Any
 
@@ -11,14 +11,14 @@ from .drive_controller import DriveController
 class FocController(DriveController):
     """Field-oriented control: P position, P speed, PI currents, with feed-forward and load compensation.
 
-    The cascade of a servo drive. Position and speed controller are proportional, with reference speed
-    and acceleration fed forward; what they would leave to an integral, the load, is estimated and
-    taken up by the current: by the observer's d_hat (`compensate`), or with `omega_d` > 0 by a
-    disturbance observer of its own, which filters what speed and measured current say about the load
-    with omega_d. The two are alternatives: with both on the load counts twice.
+    This is the cascade of a servo drive. Position and speed controllers are proportional, with reference
+    speed and acceleration fed forward. Instead of an integral term, the current compensates an estimate
+    of the load. The estimate is the observer's d_hat (`compensate`), or with `omega_d` > 0 that of the
+    controller's own disturbance observer, from speed and measured current. Use only one of the two: with
+    both, the load counts twice.
 
-    The current controllers are PI with the axes decoupled and the back-EMF fed forward; their
-    integrals follow what the voltage limit leaves (back-calculation).
+    The current controllers are PI with decoupled axes and back-EMF fed forward. Back-calculation from
+    the limited voltage keeps their integrals from winding up.
     """
 
     k_p = Parameter(150.0, unit="1/s", minimum=1e-9, description="Gain of the position controller")
@@ -28,22 +28,29 @@ class FocController(DriveController):
         250.0, unit="1/s", minimum=0.0, description="Integral action of the current controllers, 1 / T_i"
     )
     omega_d = Parameter(
-        0.0, unit="1/s", minimum=0.0, description="Bandwidth of the own disturbance observer; 0 is none"
+        0.0,
+        unit="1/s",
+        minimum=0.0,
+        description="Bandwidth of the controller's own disturbance observer; 0 is none",
     )
 
     xi_q = State(0.0, unit="A/s", nominal=1e4, description="Integral of the q-axis current controller")
     xi_d = State(0.0, unit="A/s", nominal=1e4, description="Integral of the d-axis current controller")
     z = State(
-        0.0, unit="m/s", nominal=0.1, name="load.z", description="Speed in the own disturbance observer"
+        0.0,
+        unit="m/s",
+        nominal=0.1,
+        name="load.z",
+        description="Speed in the controller's own disturbance observer",
     )
 
     v_ref = Output(unit="m/s", nominal=0.1, description="Commanded speed")
     d_used = Output(
-        unit="m/s2", name="load.d", symbol="d", description="Disturbance that the current takes up"
+        unit="m/s2", name="load.d", symbol="d", description="Disturbance that the current compensates"
     )
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """Integrals of the current controllers, and the disturbance observer."""
+        """Return the derivatives of the current controllers' integrals and of the disturbance observer."""
         _, i_q_ref, _ = self.cascade(v)
         _, _, short_q, short_d, _ = self.currents(v, i_q_ref)
         observed = (
@@ -58,7 +65,7 @@ class FocController(DriveController):
         }
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        """Voltages, commanded current and speed, and the disturbance that is taken up."""
+        """Return voltages, commanded current and speed, and the compensated disturbance."""
         v_ref, i_q_ref, current_limited = self.cascade(v)
         u_q, u_d, _, _, voltage_limited = self.currents(v, i_q_ref)
         return {
@@ -71,15 +78,15 @@ class FocController(DriveController):
         }
 
     def observed(self, v: Any) -> Any:
-        """The own disturbance observer's estimate in m/s2."""
+        """Return the estimate of the controller's own disturbance observer in m/s2."""
         return v.omega_d * (v.v_hat - v.z)
 
     def disturbance(self, v: Any) -> Any:
-        """What the current takes up, in m/s2."""
+        """Return the disturbance that the current compensates, in m/s2."""
         return v.compensate * v.d_hat + self.observed(v)
 
     def cascade(self, v: Any) -> tuple[Any, Any, Any]:
-        """Commanded speed, commanded q-axis current, and whether that is at its limit (0 or 1)."""
+        """Return commanded speed, commanded q-axis current, and 1 if that is at its limit, else 0."""
         w, _ = drive_laws.approach(v, v.k_p, v.x_d - v.x_hat)
         v_ref = v.v_d + w
         acceleration = v.a_d + v.k_v * (v_ref - v.v_hat)
@@ -89,6 +96,6 @@ class FocController(DriveController):
         return v_ref, clamp(wanted, -limit, limit), where(abs(wanted) > limit, 1.0, 0.0)
 
     def currents(self, v: Any, i_q_ref: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """PI control of both currents: see `DriveController.voltage`."""
+        """Control both currents by PI; see `DriveController.voltage`."""
         error_d = self.weakening(v, i_q_ref) - v.i_d
         return self.voltage(v, v.w_c * (i_q_ref - v.i_q) + v.xi_q, v.w_c * error_d + v.xi_d)

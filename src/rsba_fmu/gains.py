@@ -1,4 +1,4 @@
-"""Gains of the RSBA controller, and the rules that make them; joint files have the numbers."""
+"""Gains of the RSBA controller, and rules for them; joint files have the numbers."""
 
 from dataclasses import dataclass, replace
 
@@ -7,7 +7,7 @@ Four = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class RsbaGains:
-    """Gains and repairs of `RsbaController`, named as its parameters; units and reasons there."""
+    """Gains and options of `RsbaController`, with the names and units of its parameters."""
 
     beta: Four
     zeta: Four
@@ -32,11 +32,11 @@ class RsbaGains:
 def robust(
     beta_1: float, beta_2: float, a_max: float, beta_3: float = 5000.0, zeta: float = 100.0
 ) -> RsbaGains:
-    """All repairs on, and a cascade whose inner loops are the faster ones.
+    """Return gains of a cascade with faster inner loops, with feed-forward, limits and frozen adaptation.
 
-    The loops run at beta_1 / 2 < beta_2 / 2 < beta_3 / 2 = 2500 rad/s, each at least twice as
-    fast as the one around it, and the fastest at a quarter of a 0.1 ms sample. zeta is the
-    published one of the lift; delta and sigma let theta_hat forget within a second.
+    The bandwidths are beta_1 / 2 < beta_2 / 2 < beta_3 / 2 = 2500 rad/s. Each loop is at least twice as
+    fast as the one around it; the fastest is at a quarter of the rate of 0.1 ms samples. zeta is the
+    published value of the lift. With delta and sigma, theta_hat decays within a second.
     """
     return RsbaGains(
         beta=(beta_1, beta_2, beta_3, beta_3),
@@ -54,23 +54,31 @@ def robust(
 
 
 def compensated(T_s: float, k_1: float, k_2: float, a_max: float) -> RsbaGains:
-    """Disturbances estimated and taken off, for a drive that samples every T_s seconds.
+    """Return gains with compensated disturbances, for a drive that samples every T_s seconds.
 
-    All rates are fractions of 1 / T_s, so that one rule serves 10 kHz and 1 kHz:
+    All rates are fractions of 1 / T_s, so that one rule works for 10 kHz and 1 kHz:
 
-    - The current loops run at beta_3 / 2 = beta_4 / 2 = 0.2 / T_s. A sample of computing delay and
-      half a sample of hold leave a phase margin of 73 degrees, three samples more 39 degrees.
-    - omega_u = 0.03 / T_s, a seventh of the current loops, as the integral part of a PI controller.
-    - The speed loop at beta_2 / 2 = k_2 / T_s, less than half of the current loops; together with the
-      observer's poles k_2 decides what noise of the position becomes as torque.
-    - The position loop at beta_1 / 2 = k_1 / T_s: as fast as the speed loop is damped by 1 / 2.
+    - The bandwidth of the current loops is beta_3 / 2 = beta_4 / 2 = 0.2 / T_s. With one sample of
+      computing delay and half a sample of hold, the phase margin is 73 degrees; with three samples more,
+      39 degrees.
+    - omega_u = 0.03 / T_s is a seventh of the current loops, as the integral part of a PI controller.
+    - The bandwidth of the speed loop is beta_2 / 2 = k_2 / T_s, less than half of the current loops. k_2
+      and the observer's poles determine how much torque noise the position noise causes.
+    - The bandwidth of the position loop is beta_1 / 2 = k_1 / T_s. The speed loop then has a damping of
+      1 / 2.
 
-    k_1, k_2 and the observer's poles were set by hand, with the paper's torque and a speed limit in view.
-    They do not meet the noise condition of `emla tune`: with 1 um lift and tilt are at a limit for 12 and
-    13 % of the time, where 5 % are asked for.
+    k_1, k_2 and the observer's poles were set by hand for the paper's torque and a speed limit. They do not
+    meet the noise condition of `emla tune`: with noise of 1 um, lift and tilt are at a limit for 12 and 13 %
+    of the time, but 5 % are allowed.
 
-    Adaptation is off: theta_hat follows |P|^2, which with noise is noise. With zeta = 100 the errors of the
-    study fall by a tenth, and 1 um of noise takes lift and tilt beyond tau_max.
+    Adaptation is off: theta_hat follows |P|^2, which is mostly noise. With zeta = 100 the errors of the study
+    decrease by a tenth, but with noise of 1 um lift and tilt exceed tau_max.
+
+    Args:
+        T_s: Sample time, s.
+        k_1: Bandwidth of the position loop times T_s.
+        k_2: Bandwidth of the speed loop times T_s.
+        a_max: Braking acceleration, m/s2.
     """
     repaired = robust(2.0 * k_1 / T_s, 2.0 * k_2 / T_s, a_max, beta_3=0.4 / T_s, zeta=0.0)
     return replace(

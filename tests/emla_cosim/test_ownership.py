@@ -486,7 +486,7 @@ def test_fmublock_replaces_its_own_fmus_only(
     shutil.copy(toy.__file__, "toy.py")
     Path("Toy.fmu").write_text(WORK)
     assert fmublock_main(["build", "toy.py:Toy"]) == 2
-    assert "'Toy.fmu' was not built here" in capsys.readouterr().err
+    assert "'Toy.fmu' was not built by fmublock" in capsys.readouterr().err
     assert Path("Toy.fmu").read_text() == WORK
     for more in (["--overwrite"], []):
         assert fmublock_main(["build", "toy.py:Toy", *more]) == 0

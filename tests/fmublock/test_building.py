@@ -123,8 +123,8 @@ def test_platforms_and_producer_are_what_was_asked_for(folder: Path) -> None:
         ("mine.py:function", 2, "function of 'mine.py' is not a block; derive it from fmublock.Block."),
         ("mine.py:GAIN", 2, "GAIN of 'mine.py' is not a block; derive it from fmublock.Block."),
         ("mine.py:Block", 2, "Block of 'mine.py' is not a block; derive it from fmublock.Block."),
-        ("syntax.py:A", 2, "'syntax.py' is no Python text: '(' was never closed in line 2."),
-        ("imports_syntax.py:A", 2, "'syntax.py' is no Python text: '(' was never closed in line 2."),
+        ("syntax.py:A", 2, "'syntax.py' is not valid Python: '(' was never closed in line 2."),
+        ("imports_syntax.py:A", 2, "'syntax.py' is not valid Python: '(' was never closed in line 2."),
         ("import.py:A", 2, "'import.py' fails in line 1: ModuleNotFoundError: No module named 'nowhere'."),
         ("relative.py:A", 2, "'relative.py' fails in line 1: ImportError: attempted relative import"),
         ("exits.py:A", 2, "'exits.py' fails in line 2: SystemExit: 3."),
@@ -189,15 +189,17 @@ def test_what_python_says_wrongly_is_refused_too(folder: Path) -> None:
         with pytest.raises(BuildError, match="is not a block; derive a class from"):
             build(wrong, "x.fmu")  # type: ignore[arg-type]
     drive = load_block("mine.py:Drive")
-    with pytest.raises(BuildError, match="there is no flavour 'cobol'; choose from native, python"):
+    with pytest.raises(BuildError, match="the flavour 'cobol' is not supported; choose from native, python"):
         build(drive, "x.fmu", flavour="cobol")
-    with pytest.raises(BuildError, match="there is no platform 'vax'; choose from linux64, win64"):
+    with pytest.raises(BuildError, match="the platform 'vax' is not supported; choose from linux64, win64"):
         build(drive, "x.fmu", platforms=["vax"])
     with pytest.raises(BuildError, match="leave the platforms out"):
         build(drive, "x.fmu", flavour="python", platforms=["linux64"])
     with pytest.raises(BuildError, match="Local is not defined at the top of a Python file"):
         build(local(1.0), "x.fmu", flavour="python")
-    with pytest.raises(BuildError, match="this Tuned keeps gain; in an FMU it would be made without"):
+    with pytest.raises(
+        BuildError, match="this Tuned has the attributes gain, which would be missing in the FMU"
+    ):
         build(Tuned(2.0), "x.fmu", flavour="python")
     assert [p.suffix for p in folder.iterdir() if p.suffix == ".fmu"] == []
 

@@ -95,8 +95,8 @@ class Saying(Divided):
     ("block", "said"),
     [
         (Branching, r"Branching\.conditions.*: `v\.x < 1\.0 and .*` in line \d+ .* use where, logical_and"),
-        (Listing, r"Listing\.conditions returns \[.*\] instead of a dict from sentences"),
-        (Saying, r"Saying\.conditions: 'x must be small' is 'yes', which is no number"),
+        (Listing, r"Listing\.conditions returns \[.*\] instead of a dict of conditions"),
+        (Saying, r"Saying\.conditions: 'x must be small' is 'yes', which is not a number"),
     ],
 )
 def test_conditions_that_make_no_sense_end_the_export(block: type[Block], said: str) -> None:

@@ -44,7 +44,10 @@ def helper(x):
     return math.sqrt(x)
 """
 FIRST = len(HEAD.splitlines()) + 1
-BRANCH, NUMBER = "decides by a value that only a run knows; use where", "needs a number that only a run knows"
+BRANCH, NUMBER = (
+    "branches on a value that is known only in a run; use where",
+    "needs a number that is known only in a run",
+)
 
 
 def mine(folder: Path, body: str) -> type[Block]:
@@ -98,7 +101,7 @@ def sentence(folder: Path, body: str) -> str:
         ("v.v + math.nan", None, "holds the constant NaN"),
         ("where(v.v > 0.0, v.v, log(-1.0))", None, "holds the constant NaN"),
         ("statistics.fmean(v.w)", None, NUMBER),
-        ("len(f'{v.v:.2f}')", "f'{v.v:.2f}'", "makes a text"),
+        ("len(f'{v.v:.2f}')", "f'{v.v:.2f}'", "formats a value"),
         ("v.x", None, "the block's equations have no variable 'x'"),
         ("v.v.real", None, "AttributeError"),
         ("v.w * 2.0", None, "TypeError"),
@@ -149,9 +152,12 @@ def test_a_statement_that_would_mean_two_things_is_named(
     ("body", "said"),
     [
         ("v.w[0] = 1.0\nreturn {'P': 1.0, 'Q': 1.0}", "changes a value of the block"),
-        ("return {'P': random.random() * v.v, 'Q': 1.0}", "gives other equations when asked again"),
-        ("self.n = getattr(self, 'n', 0) + 1\nreturn {'P': v.v * self.n, 'Q': 1.0}", "gives other equations"),
-        ("self.x = getattr(self, 'x', v.v)\nreturn {'P': self.x, 'Q': 1.0}", "gives other equations"),
+        ("return {'P': random.random() * v.v, 'Q': 1.0}", "gives different equations in a second call"),
+        (
+            "self.n = getattr(self, 'n', 0) + 1\nreturn {'P': v.v * self.n, 'Q': 1.0}",
+            "gives different equations",
+        ),
+        ("self.x = getattr(self, 'x', v.v)\nreturn {'P': self.x, 'Q': 1.0}", "gives different equations"),
     ],
 )
 def test_a_method_that_remembers_or_draws_is_named(tmp_path: Path, body: str, said: str) -> None:

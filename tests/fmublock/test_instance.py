@@ -252,14 +252,14 @@ class Pair(Block):
 @pytest.mark.parametrize(
     ("results", "sentence"),
     [
-        ({"P": 1.0}, "Wrong.outputs gives no value for M."),
+        ({"P": 1.0}, "Wrong.outputs returns no value for M."),
         ({"P": 1.0, "M": [[1.0, 2.0]] * 2, "Q": 1.0, "R": 2.0}, "Wrong.outputs returns Q, R, not declared"),
         ({"P": 1.0, "M": [[1.0, 2.0]] * 3}, "Wrong.outputs: M is wrong: a list of 3 is not 2 x 2 values."),
         ({"P": 1.0, "M": [[1.0, 2.0], [3.0]]}, "Wrong.outputs: M is wrong: a list of 1 is not 2 values."),
         ({"P": 1.0, "M": 1.0}, "Wrong.outputs: M is wrong: one value is not 2 x 2 values."),
         ({"P": [1.0], "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is wrong: a list of 1 is not one value."),
-        ({"P": "1", "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is '1', which is no number."),
-        ({"P": None, "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is None, which is no number."),
+        ({"P": "1", "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is '1', which is not a number."),
+        ({"P": None, "M": [[1.0, 2.0]] * 2}, "Wrong.outputs: P is None, which is not a number."),
         ([1.0], r"Wrong.outputs returns \[1.0\] instead of a dict"),
     ],
 )
@@ -293,10 +293,10 @@ def test_values_have_names_and_arrays_are_lists() -> None:
     [
         ("spring.K", 1.0, "toy: there is no variable 'spring.K'; did you mean 'spring.k'"),
         ("zzz", 1.0, "toy: there is no variable 'zzz'."),
-        ("spring.k", 1.0, "toy: 1.0 is no value for spring.k: one value is not 2 values"),
-        ("spring.k", [1.0], r"toy: \[1.0\] is no value for spring.k: a list of 1 is not 2 values"),
-        ("x_0", "much", "toy: 'much' is no value for x_0"),
-        ("x_0", [1.0], r"toy: \[1.0\] is no value for x_0"),
+        ("spring.k", 1.0, "toy: 1.0 is not a value for spring.k: one value is not 2 values"),
+        ("spring.k", [1.0], r"toy: \[1.0\] is not a value for spring.k: a list of 1 is not 2 values"),
+        ("x_0", "much", "toy: 'much' is not a value for x_0"),
+        ("x_0", [1.0], r"toy: \[1.0\] is not a value for x_0"),
         ("power", 1.0, "toy: power is computed by the block"),
     ],
 )

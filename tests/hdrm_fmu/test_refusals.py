@@ -16,7 +16,7 @@ NONSENSE: dict[str, tuple[dict[str, Any], str]] = {
     "flat": ({"lift.L_0": 1.05}, FAR),  # 1.05 + 0.522 against 1.15 + 0.42
     "near": ({"tilt.L_0": 0.79}, NEAR),
     "wide": ({"tilt.b": 0.2}, NEAR),
-    "no stroke": ({"screw.q_LB[3]": 1.5}, "there is no stroke: screw.q_UB[3] must be above screw.q_LB[3]"),
+    "no stroke": ({"screw.q_LB[3]": 1.5}, "the stroke is empty: screw.q_UB[3] must be above screw.q_LB[3]"),
     "mass": ({"inner_boom.m": -1.0}, "inner_boom.m = -1 is outside its range, 0 to inf"),
     "actuator": ({"screw.M_BS[2]": -80.0}, "screw.M_BS[2] = -80 is outside its range, 0 to inf"),
     "side": ({"lift.b": 0.0}, "lift.b = 0 is outside its range, 0.001 to inf"),
@@ -78,7 +78,7 @@ def test_native_fmus_say_the_same(sessions: dict[str, Session]) -> None:
             {"tilt_b": 0.2},
             "the tilt triangle cannot close: tilt_L_0 + q_LB[1] must be above |tilt_a - tilt_b|.",
         ),
-        ({"q_LB": (0.0, 0.7, 0.0)}, "there is no stroke: q_UB[1] must be above q_LB[1]."),
+        ({"q_LB": (0.0, 0.7, 0.0)}, "the stroke is empty: q_UB[1] must be above q_LB[1]."),
         ({"outer_m": -1.0}, "outer_m = -1 is outside its range, 0 to inf."),
         ({"motor_m": (45.0, -30.0, 12.0)}, "motor_m[1] = -30 is outside its range, 0 to inf."),
         ({"tube_share": 1.5}, "tube_share = 1.5 is outside its range, 0 to 1."),

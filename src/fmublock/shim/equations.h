@@ -1,16 +1,16 @@
-/* What the block computes. The arithmetic repeats fmublock/instance.py operation by operation, so
- * that both give the same bits; compile without floating-point contraction.
+/* The block's equations. The arithmetic repeats fmublock/instance.py operation by operation, so
+ * that both give the same bits. Compile without floating-point contraction.
  */
 
-#ifndef FIXED /* by a resource */
+#ifndef FIXED /* a resource may define it */
 #define FIXED(state) ((state)->fixed)
 #endif
 
-/* What parameters decide, whenever these may have changed. */
+/* Compute what depends on parameters only, whenever these may have changed. */
 static void fix_values(State *now) { fixed_values(now->values, now->fixed); }
 
-/* In co-simulation outputs are frozen between communication points, and derivatives with them: they
- * belong to the inputs of the last step, whatever has been set since.
+/* In co-simulation outputs and derivatives are frozen between communication points: they belong to the
+ * inputs of the last step, whatever has been set since.
  */
 static void evaluate_derivatives(State *now) {
     double set[ROOM(N_INPUTS)];
@@ -27,7 +27,7 @@ static void evaluate_outputs(State *now) {
     outputs(now->time, now->values, FIXED(now), now->values + FIRST_OUTPUT);
 }
 
-/* What a communication step ends with: discrete states, and the outputs that belong to them. */
+/* End a communication step: discrete states, and the outputs that belong to them. */
 static void end_communication_step(State *now) {
     double next[ROOM(N_DISCRETE_STATES)];
     update_and_outputs(now->time, now->values, FIXED(now), next, now->values + FIRST_OUTPUT);
@@ -44,7 +44,7 @@ static void move_inputs(State *now, const double *u0, double elapsed) {
     }
 }
 
-/* Note with which inputs the outputs were computed, `elapsed` seconds into a step. */
+/* Save the inputs with which the outputs were computed, `elapsed` seconds into a step. */
 static void hold_inputs(State *now, double elapsed) {
     for (int i = 0; i < N_INPUTS; i++) {
         const double *d = now->input_derivatives[i];
@@ -66,7 +66,7 @@ static double substeps(const State *now, double step) {
 }
 
 #if N_STATES > 0
-/* `stepwise` is what inputs and discrete states decide; it moves only where inputs do. */
+/* `stepwise` depends on inputs and discrete states; it changes within a step only if inputs do. */
 static void slope(State *now, const double *u0, double start, double time, double *stepwise, double *k) {
     if (now->inputs_move) {
         move_inputs(now, u0, time - start);
@@ -118,13 +118,13 @@ static void set_start_values(State *now, int type) {
     for (int r = 0; r < N_VALUES; r++) now->values[r] = variables[r].start;
 }
 
-/* Start values that come from parameters. */
+/* Take the start values that come from parameters. */
 static void take_start_values(State *now) {
     for (int r = FIRST_STATE; r < FIRST_OUTPUT; r++)
         if (variables[r].start_reference >= 0) now->values[r] = now->values[variables[r].start_reference];
 }
 
-/* Those, and the outputs that follow from everything set. */
+/* Take these start values and compute the outputs. */
 static void initialize_values(State *now) {
     take_start_values(now);
     fix_values(now);

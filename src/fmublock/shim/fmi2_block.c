@@ -1,6 +1,6 @@
 /* FMI 2.0 around the generated equations of one block.
  *
- * guid.h, model.h and generated.h are made for the block. All values of an instance are one array
+ * guid.h, model.h and generated.h are generated for the block. All values of an instance are one array
  * of doubles, indexed by value reference: inputs, parameters, states, discrete states, outputs,
  * derivatives. This is the only file to compile.
  */

@@ -1,13 +1,13 @@
 /* Co-simulation: the communication step and its status. */
 
-/* By how much a host's time may differ from the instance's own through rounding alone. */
+/* By how much a host's time may differ from the instance's own through rounding. */
 static double rounding(const State *now, double time, double step) {
     const double last = now->clock.step;
     return SAME_TIME * fmax(step, last) + TIME_ROUNDING * fabs(time);
 }
 
-/* Whether a host makes a step only because its times are rounded in another way. A first step is none: it
-   has nothing to make up for, and only a step makes sure of finite outputs. */
+/* Whether a step exists only because the host rounds its times in another way. A first step never does:
+   there is no earlier rounding, and only a step checks that outputs are finite. */
 static int is_sliver(const State *now, double time, double step) {
     const double rounded = rounding(now, time, step);
     const int is_there = fabs(time - now->time) <= rounded && fabs(time + step - now->time) <= rounded;
@@ -45,8 +45,8 @@ static fmi2Status check_end(Instance *instance, double time, double step) {
                   last, time + step);
 }
 
-/* Begin a step on the instance's own clock, which counts steps of the same length instead of adding
-   them up: results are then the same bits however a host rounds its times. */
+/* Begin a step on the instance's own clock, which counts steps of the same length instead of summing
+   them up. The host's rounding of times does not change a bit of the results. */
 static void begin_step(State *now, double time, double step) {
     Clock *clock = &now->clock;
     const int goes_on =
@@ -62,7 +62,7 @@ static int find_not_finite(const State *now) {
     return -1;
 }
 
-/* What the host gave for one step is used up; `begin` is the time before which it will not go back. */
+/* Clear what the host set for one step; `begin` is the time before which it will not go back. */
 static fmi2Status end_step(Instance *instance, double begin, fmi2Boolean will_not_go_back) {
     State *now = &instance->now;
     memset(now->input_derivatives, 0, sizeof now->input_derivatives);

@@ -57,14 +57,14 @@ void fmi2FreeInstance(fmi2Component c) {
 
 /* ---- logging --------------------------------------------------------------------------- */
 
-/* The category's bit; all of them for logAll, none for a name that is no category. */
+/* The category's bit; all of them for logAll, 0 for an unknown category. */
 static unsigned category_bits(fmi2String name) {
     for (int i = 0; i < N_CATEGORIES && name != NULL; i++)
         if (strcmp(name, categories[i]) == 0) return i == LOG_ALL ? EVERYTHING : CATEGORY(i);
     return 0;
 }
 
-/* On: these categories and no others, or all. Off: these categories, or all. */
+/* On: log only these categories, or all if none are named. Off: stop logging these, or all. */
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
                                const fmi2String names[]) {
     Instance *instance = c;
@@ -97,7 +97,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fm
     instance->now.time = startTime;
     instance->now.stop_time = stopTimeDefined ? stopTime : HUGE_VAL;
     if (toleranceDefined && instance->now.type == fmi2CoSimulation)
-        report(instance, fmi2OK, "tolerance %g noted; solver.internal_step alone decides the accuracy.",
+        report(instance, fmi2OK, "tolerance %g ignored; solver.internal_step sets the accuracy.",
                tolerance);
     return fmi2OK;
 }
@@ -109,7 +109,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
     return fmi2OK;
 }
 
-/* What the block demands of its values beside their ranges. */
+/* Check the block's conditions on its values, beside their ranges. */
 static fmi2Status check_conditions(const Instance *instance) {
 #if N_CONDITIONS > 0
     double holds[N_CONDITIONS];
@@ -156,14 +156,14 @@ fmi2Status fmi2Reset(fmi2Component c) {
 
 /* ---- get ------------------------------------------------------------------------------- */
 
-/* Make the values that were asked for those of the present time. */
+/* Bring the requested values up to the present time. */
 static void bring_up_to_date(State *now, int derivatives_asked) {
     if (now->phase == INITIALIZATION) initialize_values(now);
     if (now->phase & MODEL_EXCHANGE_RUNNING) evaluate_outputs(now);
     if (derivatives_asked) evaluate_derivatives(now);
 }
 
-/* Check all references of a call before anything is read. */
+/* Check all references of a call before reading any value. */
 static fmi2Status prepare_get(Instance *instance, const fmi2ValueReference vr[], size_t nvr, char type,
                               const void *value) {
     int derivatives_asked = 0;

@@ -3,7 +3,7 @@
  * All of them are exact: the tangents are generated from the equations.
  */
 
-/* Derivatives of everything computed, when time and values move in a direction. */
+/* Derivatives of all computed values when time and values change in a direction. */
 static void all_tangents(const State *now, double time_direction, const double *direction, double *tangents) {
     memcpy(tangents, direction, FIRST_OUTPUT * sizeof(double));
     const double *v = now->values, *fixed = FIXED(now);
@@ -30,7 +30,7 @@ static fmi2Status check_unknown(const Instance *instance, fmi2ValueReference ref
                   variables[reference].name);
 }
 
-/* During initialization, of what follows from start values; later at the present time, states and inputs. */
+/* During initialization at the start values, later at the present time, states and inputs. */
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference vUnknown_ref[],
                                         size_t nUnknown, const fmi2ValueReference vKnown_ref[],
                                         size_t nKnown, const fmi2Real dvKnown[], fmi2Real dvUnknown[]) {
@@ -60,8 +60,8 @@ static fmi2Status require_co_simulation(const Instance *instance, int phases, co
     return require(instance, instance->now.type == fmi2CoSimulation ? phases : 0, action);
 }
 
-/* Derivatives count from the beginning of the next step and for that step only; afterwards an input
- * stays where they have brought it.
+/* Input derivatives apply during the next step only; afterwards an input keeps the value that it has
+ * reached.
  */
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                        const fmi2Integer order[], const fmi2Real value[]) {

@@ -7,7 +7,7 @@
 
 static fmi2Status check_size(const Instance *instance, size_t n, size_t expected, const void *array) {
     if (n == expected) return check_arrays(instance, n, array, array);
-    return report(instance, fmi2Error, "an array of %u values was given, not of %u.", (unsigned)n,
+    return report(instance, fmi2Error, "the array has %u values instead of %u.", (unsigned)n,
                   (unsigned)expected);
 }
 
@@ -24,7 +24,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     Instance *instance = c;
     if (require(instance, EVENT, "find new discrete states") != fmi2OK) return fmi2Error;
     if (check_place(instance, info, "the event information") != fmi2OK) return fmi2Error;
-    memset(info, 0, sizeof *info); /* nothing changed, nothing to come */
+    memset(info, 0, sizeof *info); /* no changes, no events */
     return fmi2OK;
 }
 

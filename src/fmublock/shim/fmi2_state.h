@@ -5,7 +5,7 @@ typedef struct {
     uint64_t checksum;
 } Serialized;
 
-/* FNV-1a; tells a damaged state from a whole one. */
+/* FNV-1a checksum, which reveals damaged states. */
 static uint64_t checksum(const State *state) {
     const unsigned char *bytes = (const unsigned char *)state;
     uint64_t hash = 14695981039346656037u;
@@ -18,7 +18,7 @@ static fmi2Status check_state(const Instance *instance, const State *state) {
         return report(instance, fmi2Error, "this is not a state of %s %s.", MODEL_IDENTIFIER,
                       GUID(&instance->now));
     if (state->type != instance->now.type)
-        return report(instance, fmi2Error, "a state of co-simulation does not fit Model Exchange, nor back.");
+        return report(instance, fmi2Error, "states of Co-Simulation and Model Exchange are not compatible.");
     return fmi2OK;
 }
 
@@ -37,7 +37,7 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {
     return copy_state(instance, &instance->now, FMUstate);
 }
 
-/* Going back further than the host promised works, but deserves a warning: other FMUs may fail. */
+/* Going back further than the host promised works, but gives a warning, as other FMUs may fail. */
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate) {
     Instance *instance = c;
     const double *resource = instance->now.resource;

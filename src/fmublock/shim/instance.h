@@ -1,4 +1,4 @@
-/* One instance of the block: its memory, and what it says to the host. */
+/* One instance of the block: its memory, and its messages to the host. */
 
 #define FIRST_STATE (N_INPUTS + N_PARAMETERS)
 #define FIRST_DISCRETE_STATE (FIRST_STATE + N_STATES)
@@ -10,18 +10,18 @@
 
 #define INPUT_ORDERS 3 /* polynomials that the internal Runge-Kutta steps integrate exactly */
 #define MESSAGE_LENGTH 512
-#define GUID_SIZE 39 /* {8-4-4-4-12} and its end */
+#define GUID_SIZE 39 /* {8-4-4-4-12} and the terminating zero */
 
 /* Phases of the FMI state machine are bits, so that a call can name several. */
 #define MODEL_EXCHANGE_RUNNING (EVENT | CONTINUOUS_TIME)
 #define RUNNING (STEP | MODEL_EXCHANGE_RUNNING)
 
-/* Steps of one length since an origin: that of hosts which round their times in different ways. */
+/* Steps of one length since an origin, so that the host's rounding of times does not matter. */
 typedef struct {
     double origin, step, count;
 } Clock;
 
-/* Everything that evolves or was set; begins with the GUID so that a foreign one is recognized. */
+/* All values that evolve or were set; begins with the GUID, so that states of other FMUs are recognized. */
 typedef struct {
     char guid[GUID_SIZE];
     int type; /* fmi2CoSimulation or fmi2ModelExchange */
@@ -29,12 +29,12 @@ typedef struct {
     int inputs_move; /* whether any input derivative is not zero */
     double time, stop_time;
     Clock clock;
-    const double *resource; /* what the instance read when it was made, or NULL; in no state that is handed out */
+    const double *resource; /* the instance's data, or NULL; not part of serialized or saved states */
     double values[ROOM(N_VALUES)];
     double input_derivatives[ROOM(N_INPUTS)][INPUT_ORDERS]; /* for the next step */
     double held[ROOM(N_INPUTS)];       /* inputs that the present outputs were computed with */
     double held_rates[ROOM(N_INPUTS)]; /* and their time derivatives then */
-    double fixed[ROOM(N_FIXED)];       /* what parameters decide */
+    double fixed[ROOM(N_FIXED)];       /* values that depend on parameters only */
 } State;
 
 typedef struct {
@@ -43,8 +43,8 @@ typedef struct {
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
     unsigned logged;         /* categories that are switched on, as bits */
-    unsigned char left[ROOM(N_LIMITS)]; /* which of the limits were reported to have been left */
-    int ended; /* the last step was refused since it goes past the end of the resource */
+    unsigned char left[ROOM(N_LIMITS)]; /* whether leaving each limit was reported */
+    int ended; /* the last step was discarded as it goes past the end of the resource */
     double no_return_before; /* the host said that it will not go back to earlier times */
 } Instance;
 
@@ -78,7 +78,7 @@ static fmi2Status report(const Instance *instance, fmi2Status status, const char
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    /* a name that is too long is left out whole, so that no UTF-8 character is cut */
+    /* a name that is too long is omitted completely, so that no UTF-8 character is cut */
     const int fits = strlen(instance->name) < MESSAGE_LENGTH;
     snprintf(message, sizeof message, "%s: %s", fits ? instance->name : MODEL_IDENTIFIER, text);
     for (char *c = message; *c; c++)
@@ -89,7 +89,7 @@ static fmi2Status report(const Instance *instance, fmi2Status status, const char
 
 /* ---- the resource ---------------------------------------------------------------------- */
 
-/* An FMU whose numbers are in its resources has a header that reads them, and its GUID there too. */
+/* An FMU with its data in the resources has a header that reads them; its GUID is there, too. */
 #ifdef RESOURCE_HEADER
 #include RESOURCE_HEADER
 #else
@@ -123,7 +123,7 @@ static fmi2Status check_range(const Instance *instance, int reference) {
                   value, variable->minimum, variable->maximum);
 }
 
-/* How many digits it takes to see that two numbers differ, no fewer than 9. */
+/* Number of digits needed to see that two numbers differ, at least 9. */
 static int digits_apart(double a, double b) {
     char texts[2][32];
     for (int digits = 9; digits < 17; digits++) {
@@ -134,7 +134,7 @@ static int digits_apart(double a, double b) {
     return 17;
 }
 
-/* Report what has left its limits, each variable once. That is no failure, so the call gives fmi2OK. */
+/* Report variables that have left their limits, once each. This is not an error: the call returns fmi2OK. */
 static void report_limits(Instance *instance) {
     const double *values = instance->now.values;
     for (int i = 0; i < N_LIMITS; i++) {
@@ -164,7 +164,7 @@ static fmi2Status check_arrays(const Instance *instance, size_t n, const void *a
     return report(instance, fmi2Error, "%u values were announced, but the array is NULL.", (unsigned)n);
 }
 
-/* Whether there is a place for what a call gives back. */
+/* Check the pointer to which a call writes its result. */
 static fmi2Status check_place(const Instance *instance, const void *place, const char *what) {
     if (place != NULL) return fmi2OK;
     return report(instance, fmi2Error, "the pointer to %s is NULL.", what);

@@ -1,4 +1,4 @@
-"""Data over time as FMUs: one library for all of them, which reads the data from the FMU's resources."""
+"""FMUs that output data over time. One library for all reads the data from the FMU's resources."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """What builds the FMUs, imported on first use."""
+    """Import the names that build the FMUs on first use."""
     if name not in ("MODEL", "MOST_OUTPUTS", "build_table"):
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     return getattr(import_module(f"{__name__}.building"), name)

@@ -1,4 +1,4 @@
-"""From a table of numbers to its FMU; nothing is compiled for the data themselves."""
+"""Build the FMU of a table of numbers; nothing is compiled for the data."""
 
 import hashlib
 from collections.abc import Sequence
@@ -22,14 +22,14 @@ MODEL = "DataTable"
 
 _MAIN = "fmi2_table.c"
 _CAPACITIES = (16, 256, 1024)
-"""Outputs that a library has room for; the smallest that suffices is taken."""
+"""Most outputs of each library; the smallest that suffices is used."""
 
 MOST_OUTPUTS = _CAPACITIES[-1]
 
 _PAGE = """# Data over time
 
-The outputs are what a table of measured or computed data says at the communication points. The numbers are in
-`resources/table.bin`; what is in that file stands in `sources/data.h` and `sources/resource.h`.
+The outputs are the values of a table of measured or computed data at the communication points.
+The numbers are in `resources/table.bin`. `sources/data.h` and `sources/resource.h` describe this file.
 
 {rows} rows from t = {first:.9g} s to t = {last:.9g} s. Before the first row its values hold.
 After the last row: {end}.
@@ -41,7 +41,7 @@ After the last row: {end}.
 _LICENSED = "Of the program in sources/ and binaries/, not of the data:\n\n"
 _ENDS = {
     "hold": "its values hold",
-    "repeat": "the first row again, which takes the place of the last one",
+    "repeat": "the first row again, which replaces the last one",
     "stop": "steps are discarded, and the FMU asks to end the run",
 }
 _ORDERS = ("", "its derivative", "its second derivative")
@@ -54,11 +54,17 @@ def build_table(
     producer: Producer | None = None,
     license_text: str | None = None,
 ) -> Path:
-    """Write the FMU of a table; returns its file, whose bytes depend on content and platforms alone.
+    """Write the FMU of a table and return its file. Its bytes depend on content and platforms only.
 
-    `platforms` are FMI platforms, none is this machine's. Their libraries are compiled once and kept in
-    the cache. Raises BuildError for more outputs than `MOST_OUTPUTS`, where a library cannot be compiled,
-    or the file not be written.
+    Args:
+        table: Columns and outputs, at most `MOST_OUTPUTS` of these.
+        path: The file to write.
+        platforms: FMI platforms. Default: this machine's. Their libraries are compiled once and cached.
+        producer: The tool that the FMU names.
+        license_text: Licence of the data.
+
+    Raises:
+        BuildError: There are too many outputs, a library cannot be compiled, or the file cannot be written.
     """
     producer = producer or Producer()
     content = {
@@ -89,7 +95,7 @@ def _sources(outputs: int) -> dict[str, bytes]:
 
 
 def _model_header(capacity: int) -> str:
-    """What the shim knows of a block, for data: outputs alone."""
+    """Return the header that describes the model to the shim: outputs only."""
     counts = ("INPUTS", "PARAMETERS", "STATES", "DISCRETE_STATES", "CONDITIONS", "LIMITS")
     lines = [f'#define MODEL_IDENTIFIER "{MODEL}"', *(f"#define N_{name} 0" for name in counts)]
     lines += [f"#define N_OUTPUTS {capacity}", *constants(), ""]
@@ -110,7 +116,7 @@ def _model_header(capacity: int) -> str:
 
 
 def _libraries(content: dict[str, bytes], platforms: Sequence[str]) -> dict[str, bytes]:
-    """The libraries by their path in the FMU, from the cache or else compiled."""
+    """Return the libraries by their path in the FMU, from the cache or compiled."""
     key = hashlib.sha256(made_by("ziglang", "fmpy").encode() + content["sources/model.h"]).hexdigest()[:24]
     found = {}
     for platform in platforms:

@@ -1,4 +1,4 @@
-"""What a table FMU is made of: columns of numbers over time, and the outputs that show them."""
+"""The content of a table FMU: columns of numbers over time, and outputs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 from ..units import SiUnit
 
 INTERPOLATIONS = ("held", "linear", "cubic")
-"""What is between two rows: the value of the first one, a straight line, a cubic spline."""
+"""Interpolation between two rows: the value of the first one, a straight line, a cubic spline."""
 
 ENDS = ("hold", "repeat", "stop")
-"""What follows the last row: its value for good, the first row again, or the end of the run."""
+"""What follows the last row: its value until the end, the first row again, or the end of the run."""
 
 Numbers = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class TableColumn:
-    """Numbers at the times of a table, and what is between them, one of `INTERPOLATIONS`."""
+    """Numbers at the times of a table, and their interpolation, one of `INTERPOLATIONS`."""
 
     values: Numbers
     interpolation: str = "linear"
@@ -43,7 +43,7 @@ class TableOutput:
 
 @dataclass(frozen=True)
 class TableContent:
-    """Columns at times in s that grow, two at least; what is shown of them; one of `ENDS`."""
+    """Columns at two or more increasing times in s, the outputs, and one of `ENDS`."""
 
     times: Numbers
     columns: Sequence[TableColumn]

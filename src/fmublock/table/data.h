@@ -1,4 +1,4 @@
-/* Data over time as the outputs of an FMU, in the place of generated equations.
+/* Data over time as the outputs of an FMU, instead of generated equations.
  *
  * The data are one array of doubles, read from the FMU's resources by resource.h and written by
  * layout.py: a head, the kind of every column, four numbers for every output, the times of the
@@ -38,8 +38,8 @@ typedef struct {
     int rests;
 } Place;
 
-/* The last row that is not after a time between the first and the last one. The index has the row of
- * every of as many equal parts of the time as there are rows, so that even rows need no search.
+/* The last row that is not after a time between the first and the last one. The index divides the time
+ * into as many equal parts as there are rows, so that evenly spaced rows need no search.
  */
 static size_t row_at(const Table *t, double time) {
     const double first = t->times[0], last = t->times[t->rows - 1];
@@ -57,7 +57,7 @@ static size_t row_at(const Table *t, double time) {
     return low;
 }
 
-/* A time that differs from that of a row by rounding alone is that of the row. */
+/* Replace a time that differs from that of a row only by rounding. */
 static Place place_of(const Table *t, double time) {
     const double first = t->times[0], last = t->times[t->rows - 1];
     const double rounding = TIME_ROUNDING * fmax(fabs(time), fmax(fabs(first), fabs(last)));
@@ -92,7 +92,7 @@ static double value_of(const Table *t, size_t column, int order, const Place *pl
     }
 }
 
-/* ---- in the place of generated.h ------------------------------------------------------- */
+/* ---- instead of generated.h ------------------------------------------------------------ */
 
 #define N_FIXED 0
 #define N_STEPWISE 0
@@ -108,7 +108,7 @@ static void outputs(double time, const double *v, const double *data, double *re
     }
 }
 
-/* Data depend on time alone. */
+/* Data depend on time only. */
 static void outputs_tangent(double time, const double *v, const double *data, double d_time, const double *d,
                             double *result) {
     (void)v, (void)d;

@@ -9,7 +9,7 @@ from .content import TableContent
 
 
 def table_description(table: TableContent, model: str, main: str, producer: Producer, guid: str) -> bytes:
-    """The model description as UTF-8 XML; `main` is the C file to compile."""
+    """Return the model description as UTF-8 XML; `main` is the C file to compile."""
     root = describe_model(model, "Data over time as outputs", producer, guid)
     simulation = SubElement(
         root,

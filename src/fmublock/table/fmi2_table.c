@@ -1,6 +1,6 @@
-/* FMI 2.0 around data over time that lie in the FMU's resources: one binary for all data.
+/* FMI 2.0 around data over time in the FMU's resources: one binary for all data.
  *
- * model.h is made for a number of outputs, at most N_OUTPUTS; all else is that of blocks, see
+ * model.h is generated for a number of outputs, at most N_OUTPUTS; all else is that of blocks, see
  * fmi2_block.c. This is the only file to compile.
  */
 #include <limits.h>

@@ -1,4 +1,4 @@
-"""table.bin: the numbers of a table as data.h and resource.h read them."""
+"""Write table.bin: the numbers of a table in the format that data.h and resource.h read."""
 
 import numpy as np
 
@@ -7,14 +7,16 @@ from .content import ENDS, INTERPOLATIONS, Numbers, TableColumn, TableContent
 
 _MAGIC = b"EMLATBL1"
 _GUID_BYTES = 40
-"""So many hold the 38 letters of a GUID and zeros, in whole doubles."""
+"""Bytes for the 38 letters of a GUID and zeros, in whole doubles."""
 
 
 def pack_table(table: TableContent, guid: str) -> bytes:
-    """The file: magic, how many numbers, the numbers (little-endian doubles), their checksum.
+    """Return the file: magic, count of numbers, the numbers (little-endian doubles), their checksum.
 
-    The numbers begin with the GUID's letters, `guid` may be empty. Raises BuildError for a column that
-    no spline goes through.
+    The numbers begin with the GUID's letters; `guid` may be empty.
+
+    Raises:
+        BuildError: A column has no finite spline.
     """
     numbers = np.concatenate([np.frombuffer(guid.encode().ljust(_GUID_BYTES, b"\0"), "<f8"), *_parts(table)])
     words = numbers.astype("<f8", copy=False).view("<u8")
@@ -36,14 +38,14 @@ def _parts(table: TableContent) -> list[Numbers]:
 
 
 def _slopes(table: TableContent, column: TableColumn) -> Numbers:
-    """What a cubic needs beside its values: the slopes of the spline of continuous curvature.
+    """Return the slopes of the cubic spline of continuous curvature through a column.
 
-    Its ends are "not a knot"; where the table repeats and comes back to its first value, the spline
-    goes round smoothly.
+    Its ends are "not a knot". If the table repeats and its last value equals the first, the spline is
+    periodic.
     """
     if column.interpolation != "cubic":
         return np.zeros_like(column.values)
-    from scipy.interpolate import CubicSpline  # takes a while
+    from scipy.interpolate import CubicSpline  # slow
 
     values = column.values
     round_ = table.end == "repeat" and len(values) > 2 and values[0] == values[-1]
@@ -60,7 +62,7 @@ def _slopes(table: TableContent, column: TableColumn) -> Numbers:
 
 
 def _index(times: Numbers) -> Numbers:
-    """The row at the beginning of every of as many equal parts of the time as there are rows."""
+    """Divide the time into as many equal parts as there are rows, and return the row at each beginning."""
     begins = times[0] + np.arange(len(times)) * ((times[-1] - times[0]) / len(times))
     rows = np.searchsorted(times, begins, side="right") - 1
     return np.clip(rows, 0, len(times) - 2).astype(float)

@@ -1,4 +1,4 @@
-/* The data of an instance, read from resources/table.bin when it is made. */
+/* Read the data of an instance from resources/table.bin when it is made. */
 
 #define GUID(state) ((const char *)((state)->resource + AT_GUID))
 #define SHOWN(instance) ((fmi2ValueReference)(instance)->now.resource[AT_OUTPUTS])
@@ -22,7 +22,7 @@ static int hexadecimal(char c) {
     return -1;
 }
 
-/* Turn %20 and the like back into the letters they stand for. */
+/* Decode %20 and the like. */
 static void decode(char *text) {
     char *to = text;
     for (const char *from = text; *from; from++) {
@@ -34,7 +34,7 @@ static void decode(char *text) {
     *to = '\0';
 }
 
-/* The path of the file, to be freed: of the URI of a folder, or of its path as some hosts give it. */
+/* The path of the file, to be freed; from the folder's URI, or from its path, which some hosts pass. */
 static char *file_path(const char *location) {
     const int is_uri = strncmp(location, "file:", 5) == 0;
     const char *begin = is_uri ? location + 5 : location;
@@ -74,7 +74,7 @@ static uint64_t word_sum(const double *data, uint64_t count) {
     return sum;
 }
 
-/* The numbers of a file, to be freed; NULL where it is cut off, damaged or of another kind. */
+/* The numbers of a file, to be freed; NULL if it is truncated, damaged or of another kind. */
 static double *read_numbers(FILE *file, uint64_t *count) {
     char magic[sizeof MAGIC - 1];
     uint64_t sum;
@@ -130,7 +130,7 @@ static fmi2Status open_resource(Instance *instance, fmi2String location) {
         return fmi2OK;
     }
     report(instance, fmi2Error, "the data in %.300s %s.", path,
-           file == NULL ? "cannot be opened" : "are cut off, damaged or of another kind");
+           file == NULL ? "cannot be opened" : "are truncated, damaged or of another kind");
     free(data);
     free(path);
     return fmi2Error;

@@ -1,1 +1,1 @@
-"""The motion between two postures that takes the least actuator power: (11) to (15) of the paper."""
+"""Optimise the motion between two postures for the least actuator power: (11) to (15) of the paper."""

@@ -1,4 +1,4 @@
-"""What a motion is like: cost, work, peaks against their limits, on a dense grid."""
+"""Assess a motion on a dense grid: cost, work, and peaks against their limits."""
 
 from dataclasses import dataclass
 
@@ -11,10 +11,10 @@ from .problem import MotionProblem
 from .transcription import least_cost, stage
 
 _POINTS = 101
-"""In each span between knots."""
+"""Number of grid points in each span between knots."""
 
 _ROUNDING = 1e-6
-"""Part of a bound that a motion may be beyond it by rounding."""
+"""Fraction of a bound that counts as rounding."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class Course:
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest values of a joint over the motion, force and speed each with the bound on its side.
+    """The peak force and speed of a joint over the motion, each with the bound on its side.
 
-    `force` in N and `speed` in m/s have the sign that the joint had there; `excess` is how far
-    the motion is beyond any of its bounds at most, as a part of the width between both; 0 for none.
+    `force` in N and `speed` in m/s have their sign. `excess` is the largest distance of the motion beyond a
+    bound, as a fraction of the width between both bounds; 0 if the motion keeps them.
     """
 
     joint: str
@@ -50,9 +50,9 @@ class Peak:
 class Assessment:
     """A motion's figures: costs in W2 s, work in J, duration in s.
 
-    `cost` is J of (14) as printed, `least_cost` what no motion of this duration can go below, `tie_break`
-    what the joints' own powers add to what was minimised. `gross_work` is what the joints give and take,
-    each by itself, `net_work` what remains: the change of the manipulator's energy.
+    `cost` is J of (14) as printed, `least_cost` a lower bound for motions of this duration. `tie_break` is
+    the term of the joints' own powers in the objective. `gross_work` is the sum of the work that joints give
+    and take, `net_work` the change of the manipulator's energy.
     """
 
     duration: float
@@ -65,19 +65,19 @@ class Assessment:
 
     @property
     def within_bounds(self) -> bool:
-        """Whether no bound is left, but for rounding."""
+        """Whether all bounds are kept, except for rounding."""
         return all(peak.excess <= _ROUNDING for peak in self.peaks)
 
 
 def course(spline: Spline, problem: MotionProblem, times: np.ndarray) -> Course:
-    """The motion along a spline at times in s."""
+    """Return the motion along a spline at times in s."""
     q, v, a = (spline.evaluated(times, d) for d in range(3))
     forces, _ = stage(problem, 0.0).map(len(times))(q.T, v.T, a.T)
     return Course(times, q, v, a, forces.full().T)
 
 
 def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assessment:
-    """The figures of the motion along a spline."""
+    """Return the figures of the motion along a spline."""
     times, weights = lobatto(np.unique(spline.knots), _POINTS)
     seen = course(spline, problem, times)
     power = seen.v * seen.force
@@ -94,7 +94,7 @@ def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assess
 
 
 def _peak(seen: Course, problem: MotionProblem, i: int, last: float) -> Peak:
-    """What joint i comes to; where its v_E is exempt of the bounds, so is its approach after `last` s."""
+    """Return the peaks of joint i; if its v_E may exceed the bounds, so may its speed after `last` s."""
     speeds = seen.v[:, i]
     if i in problem.beyond_bounds():
         speeds = speeds[seen.times <= last]
@@ -111,7 +111,7 @@ def _peak(seen: Course, problem: MotionProblem, i: int, last: float) -> Peak:
 
 
 def _largest(values: np.ndarray, low: float, high: float) -> tuple[float, float]:
-    """The largest value, and the bound on its side."""
+    """Return the largest value, and the bound on its side."""
     value = float(values[np.argmax(np.abs(values))])
     return value, high if value > 0.0 else low
 

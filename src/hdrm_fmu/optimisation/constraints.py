@@ -1,4 +1,4 @@
-"""Constraints of an optimisation, gathered one after the other."""
+"""Collect the constraints of an optimisation."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Constraints:
-    """What has to be between bounds."""
+    """Expressions with their bounds."""
 
     def __init__(self) -> None:
         self._expressions: list[casadi.MX] = []
@@ -15,18 +15,18 @@ class Constraints:
         self._high: list[np.ndarray] = []
 
     def equal(self, expression: casadi.MX) -> None:
-        """All elements have to be zero."""
+        """Require that all elements are zero."""
         self.between(expression, 0.0, 0.0)
 
     def between(self, expression: casadi.MX, low: Any, high: Any) -> None:
-        """All elements have to be between bounds, of which each is a number or one for each element."""
+        """Require that all elements are between bounds: numbers, or one for each element."""
         column = casadi.vec(expression)
         self._expressions.append(column)
         for bounds, given in ((self._low, low), (self._high, high)):
             bounds.append(np.broadcast_to(np.asarray(given, dtype=float), column.shape[0]))
 
     def giving_way(self, expression: casadi.MX, low: float, high: float, slack: Any) -> None:
-        """As `between`, by so much beyond the bounds as the slack says; None is none."""
+        """Require as `between`, but allow `slack` beyond the bounds; None is none."""
         if slack is None:
             self.between(expression, low, high)
         else:
@@ -36,10 +36,10 @@ class Constraints:
 
     @property
     def expression(self) -> casadi.MX:
-        """All of them as a column."""
+        """Return all expressions as a column."""
         return casadi.vertcat(*self._expressions)
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds of that column."""
+        """Return lower and upper bounds of that column."""
         return np.concatenate(self._low), np.concatenate(self._high)

@@ -1,4 +1,4 @@
-"""Where a spline's knots lie, and where the motion along it is looked at."""
+"""Knots of a spline, and points at which the motion along it is evaluated."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,21 +10,21 @@ from scipy.interpolate import BSpline
 
 @dataclass(frozen=True)
 class SplineBasis:
-    """Clamped B-splines of a degree on [0, 1]; the time of a motion is this by its duration."""
+    """Clamped B-splines of a degree on [0, 1]; multiplied by the duration, this is the time of a motion."""
 
     degree: int
     knots: np.ndarray
 
     @classmethod
     def cosine(cls, degree: int, count: int) -> "SplineBasis":
-        """With so many different knots, closer together towards both ends, as cosines are."""
+        """Make a basis with `count` different knots, which are denser at both ends, as cosines."""
         places = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, count))
         places[[0, -1]] = 0.0, 1.0
         return cls(degree, np.concatenate([np.zeros(degree), places, np.ones(degree)]))
 
     @property
     def size(self) -> int:
-        """How many coefficients a curve has."""
+        """Number of coefficients of a curve."""
         return len(self.knots) - self.degree - 1
 
     @property
@@ -34,24 +34,24 @@ class SplineBasis:
 
     @property
     def means(self) -> np.ndarray:
-        """Greville's abscissae: coefficients that lie there make a curve that is the time itself."""
+        """Greville's abscissae: with these as coefficients, the curve is the time itself."""
         return np.array([self.knots[i + 1 : i + self.degree + 1].mean() for i in range(self.size)])
 
     @property
     def speed_spans(self) -> np.ndarray:
-        """What differences of neighbouring coefficients are divided by in those of the derivative."""
+        """Divisors that turn differences of coefficients into the coefficients of the derivative."""
         p, n = self.degree, self.size
         return (self.knots[p + 1 : p + n] - self.knots[1:n]) / p
 
     def at(self, places: np.ndarray, derivative: int = 0) -> np.ndarray:
-        """A derivative of all basis functions: one row per place, one column per coefficient."""
+        """Return a derivative of all basis functions: one row per place, one column per coefficient."""
         return BSpline(self.knots, np.eye(self.size), self.degree)(places, nu=derivative)
 
 
 def lobatto(places: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Lobatto's points and weights, so many in each interval, ends included and shared.
+    """Return the Gauss-Lobatto points and weights, `count` in each interval, with shared ends.
 
-    The sum of weight times value is the integral, exactly so for polynomials up to degree 2 count - 3.
+    The sum of weight times value is the integral. It is exact for polynomials up to degree 2 count - 3.
     """
     legendre = Legendre.basis(count - 1)
     x = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
@@ -62,5 +62,5 @@ def lobatto(places: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         points.append(0.5 * (a + b) + 0.5 * (b - a) * x[1:])
         weights.append(0.5 * (b - a) * w[1:])
     found = np.concatenate(points)
-    found[-1] = places[-1]  # not beyond it by rounding
+    found[-1] = places[-1]  # avoids rounding beyond it
     return found, np.concatenate(weights)

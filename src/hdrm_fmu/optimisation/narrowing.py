@@ -1,4 +1,4 @@
-"""Forces that keep their bounds between the collocation points, too."""
+"""Make forces keep their bounds between the collocation points, too."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,19 +9,19 @@ from .solving import NoMotionError, Solution, solved
 from .transcription import Discretisation
 
 _ROUNDS = 3
-"""So often bounds are narrowed; once is mostly enough."""
+"""Largest number of times that bounds are narrowed; once is usually enough."""
 
 _MORE = 1.5
-"""By so much more than forces were beyond their bounds."""
+"""Factor by which bounds are narrowed more than forces exceeded them."""
 
 
 def narrowed(
     found: Solution, problem: MotionProblem, how: Discretisation, heard: Callable[[], None]
 ) -> tuple[Solution, Assessment]:
-    """A motion that keeps its bounds on the dense grid, if there is one near a motion; and its figures.
+    """Find a motion near a given one that keeps its bounds on the dense grid, and return it with its figures.
 
-    Positions and speeds keep theirs everywhere, forces at the collocation points only. Where they do not
-    between these, the optimisation is repeated with bounds that are narrower by so much.
+    Positions and speeds keep their bounds everywhere, forces only at the collocation points. If forces exceed
+    them between these, the optimisation is repeated with bounds that are narrower by the excess.
     """
     figures, within = assessed(found.spline(how), problem, how.tie_break), problem
     for _ in range(_ROUNDS):

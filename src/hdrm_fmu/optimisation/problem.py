@@ -1,4 +1,4 @@
-"""The data of the optimisation: as the paper prints them, what contradicts itself, and how to read it."""
+"""The data of the optimisation as printed in the paper, their contradictions, and ways to read them."""
 
 import math
 from collections.abc import Sequence
@@ -12,23 +12,24 @@ from ..trajectory import JOINTS
 
 
 class EndSpeed(StrEnum):
-    """How a speed v_E beyond its own bound is read, as the printed one of the telescope is."""
+    """How to read a speed v_E beyond its own bound, such as the printed one of the telescope."""
 
     CLIP = "clip"
-    """As the bound. It is our substitution."""
+    """As the bound, which is our substitution."""
     EXEMPT = "exempt"
-    """As printed: the end point alone need not keep the bound, which it is approached from."""
+    """As printed: only the end point and the approach to it may exceed the bound."""
     DECIMAL = "decimal"
-    """As a tenth, its decimal point having slipped."""
+    """As a tenth, for a misprinted decimal point."""
     REST = "rest"
     """All three joints end at rest."""
 
 
 @dataclass(frozen=True)
 class MotionProblem:
-    """What the motion has to keep to, by joint: lift, tilt, telescope; the start values are Table II.
+    """Conditions on the motion by joint: lift, tilt, telescope; the defaults are Table II.
 
-    Raises TrajectoryError for what are no three finite numbers, or no positive one where there must be.
+    Raises:
+        TrajectoryError: A value is not three finite numbers, or not positive if it must be.
     """
 
     q_S: Three = (0.244, 0.389, 0.499)
@@ -63,15 +64,15 @@ class MotionProblem:
                 raise TrajectoryError(f"{name} is {getattr(self, name):g}; it must be {least}.")
 
     def contradictions(self) -> list[str]:
-        """What of the data cannot hold together, a sentence for each; empty where nothing is seen."""
+        """Return a message for each contradiction found in the data."""
         return [*self._empty_bounds(), *self._broken_bounds(), *self._too_late(), *self._too_heavy()]
 
     def beyond_bounds(self) -> list[int]:
-        """The joints, counted from 0, whose v_E is beyond its own bound."""
+        """Return the joints, counted from 0, whose v_E is beyond its own bound."""
         return [i for i in range(3) if not self.v_LB[i] <= self.v_E[i] <= self.v_UB[i]]
 
     def read_as(self, reading: EndSpeed) -> "MotionProblem":
-        """The problem with the end speeds of a reading."""
+        """Return the problem with the end speeds of a reading."""
         beyond, v_E = self.beyond_bounds(), list(self.v_E)
         for i in beyond:
             if reading == EndSpeed.CLIP:
@@ -92,7 +93,7 @@ class MotionProblem:
         ]
 
     def _broken_bounds(self) -> list[str]:
-        """End points that are beyond what bounds the way between them."""
+        """Return messages for end points that are beyond the bounds of the motion between them."""
         found = []
         for name, unit in (("q_S", "m"), ("q_E", "m"), ("v_S", "m/s"), ("v_E", "m/s")):
             of = self.machine if name.startswith("q") else self
@@ -119,12 +120,12 @@ class MotionProblem:
         return found
 
     def _too_heavy(self) -> list[str]:
-        """Postures that the forces cannot hold, slow as the motion may be."""
+        """Return messages for postures that the forces cannot hold at rest."""
         found, at_rest = [], (0.0, 0.0, 0.0)
         for name in ("q_S", "q_E"):
             q = getattr(self, name)
             if not all(a <= x <= b for a, x, b in zip(self.machine.q_LB, q, self.machine.q_UB, strict=True)):
-                continue  # said before, and no triangle may close there
+                continue  # reported before, and triangles may not close there
             for i, force in enumerate(bias(self.machine, q, at_rest, self.payload)):
                 if not self.f_LB[i] <= force <= self.f_UB[i]:
                     found.append(

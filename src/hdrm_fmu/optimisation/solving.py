@@ -1,4 +1,4 @@
-"""The optimisation solved with IPOPT, and what is to blame where there is no solution."""
+"""Solve the optimisation with IPOPT, and find the bounds that prevent a solution."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -13,10 +13,10 @@ from .problem import MotionProblem
 from .transcription import SLACKS, Discretisation, Programme
 
 MOST_ITERATIONS = 300
-"""After so many IPOPT gives up; problems that can be solved take 20 to 60."""
+"""Most iterations of IPOPT; problems with a solution need 20 to 60."""
 
 _NEGLIGIBLE = 1e-6
-"""Part of a bound that does not matter."""
+"""Fraction of a bound that is negligible."""
 
 _OPTIONS = {
     "print_time": False,
@@ -28,7 +28,7 @@ _OPTIONS = {
 
 
 class NoMotionError(TrajectoryError):
-    """No motion satisfies all bounds; the sentence says which are to blame."""
+    """No motion satisfies all bounds; the message names the bounds that prevent it."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Solution:
     cpu_s: float
 
     def spline(self, how: Discretisation) -> Spline:
-        """The motion over time."""
+        """Return the motion over time."""
         knots = (how.basis.knots * self.duration).tolist()
         columns = zip(JOINTS, self.coefficients.T.tolist(), strict=True)
         return Spline(how.degree, knots, dict(columns))
@@ -58,11 +58,13 @@ def solved(
     start: np.ndarray | None = None,
     heard: Callable[[], None] = lambda: None,
 ) -> Solution:
-    """The motion of least cost near a start, which is a line unless given as `Solution.coefficients` are.
+    """Return the motion of least cost near a start.
 
-    `heard` is called after every iteration; what it raises ends the search.
+    The start is a straight line, or has the form of `Solution.coefficients`. `heard` is called after every
+    iteration; an exception there ends the search.
 
-    Raises NoMotionError where none is found.
+    Raises:
+        NoMotionError: No motion is found.
     """
     programme = Programme(problem, how)
     begin = straight(problem, how) if start is None else start
@@ -72,19 +74,19 @@ def solved(
         raise NoMotionError(_blame(problem, how, begin, heard, ended.status))
     coefficients, duration = programme.found(ended.unknowns)
     if duration > (1.0 - _NEGLIGIBLE) * problem.t_M:
-        duration = problem.t_M  # which an interior point only comes near to
+        duration = problem.t_M  # an interior-point method only approaches it
     wall, cpu = time.perf_counter() - before[0], time.process_time() - before[1]
     return Solution(coefficients, duration, ended.cost * programme.cost_scale, ended.iterations, wall, cpu)
 
 
 def straight(problem: MotionProblem, how: Discretisation) -> np.ndarray:
-    """Coefficients of the straight line from start to end."""
+    """Return the coefficients of the straight line from start to end."""
     start, end = np.array(problem.q_S), np.array(problem.q_E)
     return start + (end - start) * how.basis.means[:, None]
 
 
 def detour(problem: MotionProblem, how: Discretisation, seed: int) -> np.ndarray:
-    """Coefficients of a line that wanders off within the strokes, as the seed has it."""
+    """Return the coefficients of a random detour within the strokes for a seed."""
     low, high = np.array(problem.machine.q_LB), np.array(problem.machine.q_UB)
     line, draw = straight(problem, how), np.random.default_rng(seed)
     off = draw.normal(scale=0.1, size=line.shape) * (high - low)
@@ -93,7 +95,7 @@ def detour(problem: MotionProblem, how: Discretisation, seed: int) -> np.ndarray
 
 
 class _Heard(casadi.Callback):
-    """Tells after every iteration of IPOPT; an exception there ends it, and is kept."""
+    """Calls a function after every iteration of IPOPT; an exception there ends it, and is stored."""
 
     def __init__(self, sizes: tuple[int, int], heard: Callable[[], None]) -> None:
         casadi.Callback.__init__(self)
@@ -102,25 +104,25 @@ class _Heard(casadi.Callback):
         self.construct("heard", {})
 
     def get_n_in(self) -> int:
-        """What a solver has for results."""
+        """Return the number of a solver's results."""
         return casadi.nlpsol_n_out()
 
     def get_n_out(self) -> int:
-        """Whether to stop."""
+        """Return the number of outputs: whether to stop."""
         return 1
 
     def get_name_in(self, i: int) -> str:
-        """Names of the results."""
+        """Return the name of a result."""
         return casadi.nlpsol_out(i)
 
     def get_sparsity_in(self, i: int) -> casadi.Sparsity:
-        """Sizes of the results."""
+        """Return the size of a result."""
         unknowns, constraints = self.sizes
         sizes = {"f": 1, "x": unknowns, "lam_x": unknowns, "g": constraints, "lam_g": constraints}
         return casadi.Sparsity.dense(sizes.get(casadi.nlpsol_out(i), 0), 1)
 
     def eval(self, arguments: Sequence[casadi.DM]) -> list[int]:
-        """1 ends the search."""
+        """Return 1 to end the search."""
         try:
             self.heard()
         except BaseException as error:
@@ -139,7 +141,7 @@ class _Ended:
 
     @property
     def well(self) -> bool:
-        """Whether it found what it looked for."""
+        """Whether it found a solution."""
         return self.status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 
@@ -159,19 +161,17 @@ def _run(programme: Programme, start: np.ndarray, heard: Callable[[], None]) -> 
 def _blame(
     problem: MotionProblem, how: Discretisation, start: np.ndarray, heard: Callable[[], None], status: str
 ) -> str:
-    """Which bounds would have to give way, in a sentence."""
+    """Return a message with the bounds that prevent a solution."""
     programme = Programme(problem, how, elastic=True)
     ended = _run(programme, start, heard)
     if not ended.well:
-        return (
-            f"no motion was found: IPOPT ended with {status}, and with {ended.status} where bounds give way."
-        )
+        return f"no motion was found: IPOPT ended with {status}, and with {ended.status} for relaxed bounds."
     slacks = dict(zip(SLACKS, ended.unknowns[-len(SLACKS) :], strict=True))
     guilty = sorted((x, name) for name, x in slacks.items() if x > _NEGLIGIBLE)
     if not guilty:
-        return f"no motion was found: IPOPT ended with {status}, though no bound is in the way."
+        return f"no motion was found: IPOPT ended with {status}, although no bound prevents a motion."
     named = " and ".join(f"{name} by {100.0 * x:.2g} % of {_WIDTHS[name]}" for x, name in reversed(guilty))
-    return f"no motion keeps all bounds; the least that would have to give way: {named}."
+    return f"no motion keeps all bounds; the smallest relaxation that would allow one: {named}."
 
 
 _WIDTHS = {name: "their width" if "bounds" in name else "the speed bounds' width" for name in SLACKS} | {

@@ -1,8 +1,8 @@
 """The optimisation of a motion as a nonlinear programme: direct collocation with B-splines.
 
-Unknown are the coefficients c and the duration t_M, and at every collocation point q, q' and q'' ("lifted":
-they could be computed of c and t_M, but this way one function of a point is mapped over all, and its exact
-second derivatives stay small and sparse).
+The unknowns are the coefficients c, the duration t_M, and q, q' and q'' at every collocation point. The
+latter are "lifted": c and t_M determine them. As unknowns they allow one function to be mapped over all
+points, and its exact second derivatives stay small and sparse.
 """
 
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ from .problem import MotionProblem
 
 @dataclass(frozen=True)
 class Discretisation:
-    """How finely a motion is described, and what it minimises beside the paper's cost.
+    """Resolution of a motion, and weight of the term beside the paper's cost.
 
     `degree` and `knots` are those of the spline, `points` the collocation points in each span between
-    knots; `tie_break` is the weight of the joints' own powers, without which many motions cost the same.
+    knots. `tie_break` is the weight of the joints' own powers, without which many motions cost the same.
     """
 
     degree: int = 5
@@ -33,7 +33,7 @@ class Discretisation:
 
     @property
     def basis(self) -> SplineBasis:
-        """The spline's basis on [0, 1]."""
+        """Return the spline's basis on [0, 1]."""
         return SplineBasis.cosine(self.degree, self.knots)
 
 
@@ -44,7 +44,7 @@ SLACKS = (
     "the start speeds v_S",
     "the end speeds v_E",
 )
-"""What an elastic programme lets give way: not the strokes, as triangles may not close beyond them."""
+"""Bounds that an elastic programme relaxes: not those of strokes, as triangles may not close beyond them."""
 
 _FORCE, _SPEED, _TIME, _START, _END = 0, 3, 6, 7, 8
 
@@ -56,7 +56,7 @@ class Programme:
     problem: MotionProblem
     how: Discretisation
     elastic: bool = False
-    """Whether the groups of SLACKS give way, and that they need to is what is minimised."""
+    """Whether the groups of SLACKS are relaxed; their slacks are minimised then."""
 
     @cached_property
     def basis(self) -> SplineBasis:
@@ -70,7 +70,7 @@ class Programme:
 
     @property
     def slacks(self) -> int:
-        """How many slacks there are."""
+        """Number of slacks."""
         return len(SLACKS) if self.elastic else 0
 
     @cached_property
@@ -82,7 +82,7 @@ class Programme:
         return c, t_M, *lifted, casadi.MX.sym("slack", self.slacks)
 
     def built(self) -> tuple[dict[str, casadi.MX], tuple[np.ndarray, np.ndarray]]:
-        """The programme as CasADi takes it, and the bounds of its constraints."""
+        """Return the programme for CasADi, and the bounds of its constraints."""
         _, t_M, q, v, a, slack = self.symbols
         forces, cost = stage(self.problem, self.how.tie_break).map(len(self.points[0]))(q, v, a)
         constraints = Constraints()
@@ -99,7 +99,7 @@ class Programme:
         return {"x": unknowns, "f": total, "g": constraints.expression}, constraints.bounds
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of the unknowns. A spline is within its coefficients, so these keep to the strokes."""
+        """Return the bounds of the unknowns. Coefficients are within the strokes, and so is the spline."""
         inner, problem = self.basis.size - 2, self.problem
         columns = zip(problem.q_S, problem.machine.q_LB, problem.machine.q_UB, problem.q_E, strict=True)
         ends = [(s, [low] * inner, [high] * inner, e) for s, low, high, e in columns]
@@ -113,26 +113,26 @@ class Programme:
         )
 
     def start(self, coefficients: np.ndarray) -> np.ndarray:
-        """Unknowns to begin with: a curve with these coefficients, one column per joint, that takes t_M."""
+        """Return initial unknowns: a curve with these coefficients, one column per joint, of duration t_M."""
         duration, places = self.problem.t_M, self.points[0]
         curve = [self.basis.at(places, d) @ coefficients / duration**d for d in range(3)]
         slacks = np.ones(self.slacks)
         return np.concatenate([coefficients.T.ravel(), [duration], *(x.ravel() for x in curve), slacks])
 
     def found(self, unknowns: np.ndarray) -> tuple[np.ndarray, float]:
-        """Coefficients, one column per joint, and duration in s of a solution."""
+        """Return coefficients, one column per joint, and duration in s of a solution."""
         count = 3 * self.basis.size
         return unknowns[:count].reshape(3, -1).T, float(unknowns[count])
 
     @cached_property
     def cost_scale(self) -> float:
-        """A cost in W2 s of the usual size."""
+        """A typical cost in W2 s."""
         powers = zip(self.problem.f_UB, self.problem.v_UB, strict=True)
         usual = 0.01 * max(max(abs(f * v) for f, v in powers), 1.0)
         return max(least_cost(self.problem, self.problem.t_M), 0.5 * self.problem.t_M * usual * usual)
 
     def _on_spline(self, constraints: Constraints) -> None:
-        """What is lifted is that of the spline, all in the scale of positions."""
+        """Require that lifted unknowns equal the spline's values, in the scale of positions."""
         c, t_M, *lifted, _ = self.symbols
         relative = t_M / self.problem.t_M
         for order, x in enumerate(lifted):
@@ -141,13 +141,13 @@ class Programme:
             constraints.equal(x.T * relative**order - casadi.mtimes(rows, c) / scale)
 
     def _speeds(self, constraints: Constraints) -> None:
-        """Speeds at both ends, and bounds of the control points between, which the speed is within.
+        """Require the speeds at both ends, and bounds of the speed's control points between.
 
-        A speed at an end that is beyond its own bound is so there alone, and on the way to the next point.
+        A speed at an end may be beyond its bound only there, and up to the next control point.
         """
         c, t_M, *_ = self.symbols
         steps = (c[1:, :] - c[:-1, :]) / casadi.repmat(casadi.DM(self.basis.speed_spans), 1, 3)
-        speeds = steps / self.problem.t_M  # those of a motion that takes the longest time
+        speeds = steps / self.problem.t_M  # speeds of a motion with the longest duration
         relative = t_M / self.problem.t_M
         for i in range(3):
             low, high = self.problem.v_LB[i], self.problem.v_UB[i]
@@ -166,7 +166,7 @@ class Programme:
 
 
 def stage(problem: MotionProblem, tie_break: float) -> casadi.Function:
-    """Of q, q', q'' at one point the forces in N, and what the cost is the integral of, in W2."""
+    """Return a function from q, q', q'' at one point to the forces in N and the cost's integrand in W2."""
     q, v, a = (casadi.SX.sym(name, 3) for name in "qva")
     parts = casadi.vertsplit(q), casadi.vertsplit(v), casadi.vertsplit(a)
     force = casadi.vertcat(*inverse_dynamics(problem.machine, *parts, problem.payload))
@@ -175,9 +175,9 @@ def stage(problem: MotionProblem, tie_break: float) -> casadi.Function:
 
 
 def least_cost(problem: MotionProblem, duration: float) -> float:
-    """What no motion of this duration in s can cost less than, in W2 s: dE^2 / (2 t_M).
+    """Return the lower bound of the cost of motions of this duration in s, in W2 s: dE^2 / (2 t_M).
 
-    All power goes into energy, and power that does not change has the least square.
+    All power goes into energy, and constant power has the least square.
     """
     start, end = (
         energy(problem.machine, q, v, problem.payload)
