@@ -1,1 +1,1 @@
-"""What is stepped: the slave interface, and FMUs behind it."""
+"""What is stepped: the instance interface, and FMUs behind it."""

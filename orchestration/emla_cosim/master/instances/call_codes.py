@@ -1,4 +1,4 @@
-"""Calls of slaves by number, as `black_box` has them."""
+"""Calls of instances by number, as `black_box` has them."""
 
 from ...sandbox.black_box import Activity
 
@@ -30,20 +30,20 @@ CALLS = (
     "freeInstance",
     "getDirectionalDerivative",
 )
-"""What a slave may be busy with; the first is nothing."""
+"""What an instance may be busy with; the first is nothing."""
 
 _NUMBERS = {name: number for number, name in enumerate(CALLS)}
 
 
-def code_of(slave: int, call: str) -> int:
-    """The code of a call of the slave with this number."""
-    return slave * len(CALLS) + _NUMBERS[call]
+def code_of(instance: int, call: str) -> int:
+    """The code of a call of the instance with this number."""
+    return instance * len(CALLS) + _NUMBERS[call]
 
 
 def decode_call(present: Activity) -> tuple[int | None, str]:
-    """The number of the slave that is called, if one is, and the call in words."""
-    slave, call = divmod(present.code, len(CALLS))
+    """The number of the instance that is called, if one is, and the call in words."""
+    instance, call = divmod(present.code, len(CALLS))
     if not call:
         return None, "no call of the FMI"
     at = f" at t = {present.time:.9g} s" if CALLS[call] == "doStep" else ""
-    return slave, f"{CALLS[call]}{at}"
+    return instance, f"{CALLS[call]}{at}"

@@ -1,4 +1,4 @@
-"""What is known of an FMU as a slave before any of its functions is called."""
+"""What is known of an FMU as an instance before any of its functions is called."""
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
@@ -13,7 +13,7 @@ from .fmu_instance import FmuInstance
 
 
 class DescribedInstance(FmuInstance):
-    """A slave that its FMU's model description describes; its functions are called elsewhere.
+    """An instance that its FMU's model description describes; its functions are called elsewhere.
 
     `inputs` and `outputs` name the variables of the two vectors; see `TypedValues` for other types
     than Real.

@@ -12,29 +12,29 @@ from ...base.errors import RunError
 
 
 class InstanceError(RunError):
-    """A call that the slave refused or failed: which one, and what the slave said."""
+    """A call that the instance refused or failed: which one, and what the instance said."""
 
     did = "answered {call} with {status}"
 
-    def __init__(self, slave: str, call: str, status: str, log: list[str]) -> None:
+    def __init__(self, instance: str, call: str, status: str, log: list[str]) -> None:
         did = self.did.format(call=call, status=status)
         said = f" It said: {' '.join(log)}" if log else ""
-        super().__init__(f"{slave} {did}.{said}", component=slave, call=call, status=status, log=log)
+        super().__init__(f"{instance} {did}.{said}", component=instance, call=call, status=status, log=log)
 
 
 class DiscardedStepError(InstanceError):
-    """A step that the slave could not do; from an earlier state a shorter one may succeed."""
+    """A step that the instance could not do; from an earlier state a shorter one may succeed."""
 
 
 class EndRequestedError(InstanceError):
-    """A slave that wants the simulation to end here."""
+    """An instance that wants the simulation to end here."""
 
     did = "asked to end the simulation during {call}"
 
 
 @dataclass(frozen=True)
 class EntryPoints:
-    """Addresses that compiled code needs to call a slave through the FMI.
+    """Addresses that compiled code needs to call an instance through the FMI.
 
     `component` is the instance, the functions are those of its library, and value references
     are 32-bit numbers, one per element of `inputs` and `outputs`.
@@ -53,14 +53,14 @@ class EntryPoints:
 
 
 class FmuInstance(ABC):
-    """A co-simulation slave that exchanges two preallocated vectors.
+    """A co-simulation instance that exchanges two preallocated vectors.
 
     `inputs` holds the values of its connected inputs until `set_inputs` passes them on;
     `get_outputs` writes to `outputs`, a part of the network's signals. Both are bound to memory
     of the network by `bind`. Every method may raise InstanceError.
 
     `continuous_inputs` and `continuous_outputs` say which elements change smoothly, and
-    `nominals` gives the usual size of each output. The flags say what the slave is able to do:
+    `nominals` gives the usual size of each output. The flags say what the instance is able to do:
     steps of any length, going back to a saved state, writing a state as bytes, taking
     derivatives of its inputs, and giving those of its outputs.
     """
@@ -79,7 +79,7 @@ class FmuInstance(ABC):
     steps_apart = False
     """Whether its steps can be begun and ended, so that others can step meanwhile."""
     runs_beside_others = True
-    """Whether its calls may be made while another thread calls other slaves of its kind."""
+    """Whether its calls may be made while another thread calls other instances of its kind."""
 
     def reset(self) -> None:
         """Become as it was when it was new; needs nothing to be set or stepped before."""
@@ -91,22 +91,22 @@ class FmuInstance(ABC):
 
     @abstractmethod
     def exit_initialization(self) -> None:
-        """Leave initialization mode: the slave is ready to step."""
+        """Leave initialization mode: the instance is ready to step."""
 
     @abstractmethod
     def set_inputs(self) -> None:
-        """Pass `inputs` on to the slave."""
+        """Pass `inputs` on to the instance."""
 
     @abstractmethod
     def get_outputs(self) -> None:
-        """Read the slave's outputs into `outputs`."""
+        """Read the instance's outputs into `outputs`."""
 
     @abstractmethod
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s; StepDiscardedError where it could not."""
 
     def begin_step(self, time: float, step: float) -> None:
-        """Begin to advance, if the slave `steps_apart`; nothing else is called before `end_step`."""
+        """Begin to advance, if the instance `steps_apart`; nothing else is called before `end_step`."""
         raise NotImplementedError
 
     def end_step(self) -> None:
@@ -115,7 +115,7 @@ class FmuInstance(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Free the slave; never raises."""
+        """Free the instance; never raises."""
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory from now on; values of the inputs are kept."""
@@ -129,12 +129,12 @@ class FmuInstance(ABC):
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """How fast the outputs change at once when the inputs move in a direction; needs `differentiates`.
 
-        None where the slave cannot say it here.
+        None where the instance cannot say it here.
         """
         raise NotImplementedError
 
     def save(self, state: Any = None) -> Any:
-        """A copy of the slave's state, in the memory of an earlier one if given; needs `rolls_back`."""
+        """A copy of the instance's state, in the memory of an earlier one if given; needs `rolls_back`."""
         raise NotImplementedError
 
     def restore(self, state: Any) -> None:
@@ -145,7 +145,7 @@ class FmuInstance(ABC):
         """Free a saved state; never raises."""
 
     def serialize(self) -> bytes:
-        """The slave's state as bytes; needs `serializes`."""
+        """The instance's state as bytes; needs `serializes`."""
         raise NotImplementedError
 
     def deserialize(self, content: bytes) -> None:
@@ -153,7 +153,7 @@ class FmuInstance(ABC):
         raise NotImplementedError
 
     def entry_points(self) -> EntryPoints | None:
-        """Addresses for compiled code; None where the slave has none."""
+        """Addresses for compiled code; None where the instance has none."""
         return None
 
     def error(self, call: str, status: int) -> InstanceError:

@@ -1,4 +1,4 @@
-"""An FMI 2.0 co-simulation FMU as a slave, called through preallocated vectors."""
+"""An FMI 2.0 co-simulation FMU as an instance, called through preallocated vectors."""
 
 import contextlib
 import ctypes
@@ -38,7 +38,7 @@ LARGEST_STATE = 2**32
 
 
 class InProcessInstance(FmiInstance, DescribedInstance):
-    """One instance of an FMU in this process; see `Slave` and `DescribedInstance`."""
+    """One instance of an FMU in this process; see `FmuInstance` and `DescribedInstance`."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     ) -> None:
         """Instantiate the FMU; raises CommandError where its library cannot be loaded.
 
-        `number` is what this slave is called by where the present call is told.
+        `number` is what this instance is called by where the present call is told.
         """
         if file.library in _DEAD_LIBRARIES:
             raise RunError(f"the FMU '{file.path}' of {name} answered fmi2Fatal; load it anew.")
@@ -94,7 +94,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self.bind(self.inputs.copy(), self.outputs)
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
-        """Use this memory from now on; the slave keeps its addresses."""
+        """Use this memory from now on; the instance keeps its addresses."""
         super().bind(inputs, outputs)
         self._set_arguments = _arguments(self._component, self._input_references, inputs)
         self._get_arguments = _arguments(self._component, self._output_references, outputs)

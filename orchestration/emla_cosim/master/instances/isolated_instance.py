@@ -24,13 +24,13 @@ _TIMEOUT = 10.0
 
 
 class ProcessEndedError(InstanceError):
-    """A slave whose process is no more."""
+    """An instance whose process is no more."""
 
     did = "ended its process in {call} ({status})"
 
 
 class IsolatedInstance(DescribedInstance):
-    """One instance of an FMU in a process of its own; see `Slave` and `DescribedInstance`.
+    """One instance of an FMU in a process of its own; see `FmuInstance` and `DescribedInstance`.
 
     Inputs travel with the next call, and outputs come back with a step, so that a step costs one
     exchange of messages.

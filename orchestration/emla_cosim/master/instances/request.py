@@ -1,10 +1,10 @@
-"""What an isolated slave is asked."""
+"""What an isolated instance is asked."""
 
 from typing import Any, NamedTuple
 
 
 class Request(NamedTuple):
-    """What an isolated slave is asked to do: first to set inputs and their slopes, then a call by name."""
+    """What an isolated instance is asked to do: first to set inputs and their slopes, then a call by name."""
 
     call: str
     arguments: tuple[Any, ...]

@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba import from_dtype, njit, types
 from numba.extending import intrinsic
 
-from .record_layout import GROUP, INPUT, LANE, LOOP, OPERATION, PRESENT, SLAVE, TASK
+from .record_layout import GROUP, INPUT, INSTANCE, LANE, LOOP, OPERATION, PRESENT, TASK
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
 """What all functions are compiled with."""
@@ -123,8 +123,8 @@ def _pause() -> Any:
 _SIZE, _COUNTER = 8, ir.IntType(64).as_pointer()
 _NOTHING = ir.FunctionType(ir.VoidType(), ())
 
-loop_at, operation_at, slave_at, input_at, group_at, present_at, lane_at, task_at = (
-    _records(r) for r in (LOOP, OPERATION, SLAVE, INPUT, GROUP, PRESENT, LANE, TASK)
+loop_at, operation_at, instance_at, input_at, group_at, present_at, lane_at, task_at = (
+    _records(r) for r in (LOOP, OPERATION, INSTANCE, INPUT, GROUP, PRESENT, LANE, TASK)
 )
 doubles, positions = _numbers(types.float64), _numbers(types.intp)
 exchange = _caller(types.intp, types.intp, types.uintp, types.intp)

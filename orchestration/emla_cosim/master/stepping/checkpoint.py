@@ -24,7 +24,7 @@ _STATE, _MEMORY = "state/", "memory/"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """States of all slaves by name, what signals and stepping remember, and notes of the caller."""
+    """States of all instances by name, what signals and stepping remember, and notes of the caller."""
 
     states: Mapping[str, bytes]
     memory: Mapping[str, Vector]
@@ -33,11 +33,11 @@ class Checkpoint:
     def restore(self, stepping: Stepping) -> None:
         """Bring a simulation of the same system, which has been initialized, to this point.
 
-        Raises InstanceError where a slave does not take its state.
+        Raises InstanceError where an instance does not take its state.
         """
         network = stepping.algorithm.network
-        for slave in network.instances:
-            slave.deserialize(self.states[slave.name])
+        for instance in network.instances:
+            instance.deserialize(self.states[instance.name])
         network.signals[:] = self.memory["signals"]
         stepping.remember(self.memory)
 
@@ -53,7 +53,7 @@ def check_checkpoint(path: Path, overwrite: bool, folder: Path = HERE) -> Path:
 def checkpoint_place(path: Path, network: Network, folder: Path, overwrite: bool = False) -> Path:
     """Where the checkpoint of this path, which is relative to `folder`, will be written.
 
-    Raises CommandError unless all slaves can be put aside, and the file can be written, see
+    Raises CommandError unless all instances can be put aside, and the file can be written, see
     `check_checkpoint`.
     """
     place = check_checkpoint(path, overwrite, folder)

@@ -14,13 +14,13 @@ COMPILED = (Explicit, Strong)
 
 
 def compile_kernel(algorithm: Algorithm) -> "Kernel | None":
-    """The compiled loop for an algorithm; None where it or a slave cannot be compiled, or without numba.
+    """The compiled loop for an algorithm; None where it or an instance cannot be compiled, or without numba.
 
     A host that has compiled the loop before needs no numba.
     """
     if not isinstance(algorithm, COMPILED):
         return None
-    points = [slave.entry_points() for slave in algorithm.network.instances]
+    points = [instance.entry_points() for instance in algorithm.network.instances]
     known = [p for p in points if p is not None]
     if len(known) < len(points):
         return None

@@ -1,6 +1,6 @@
-"""A group of slaves brought to the end of a step, for compiled code; `Strong` does the same in Python.
+"""A group of instances brought to the end of a step, for compiled code; `Strong` does the same in Python.
 
-A loop goes back and repeats its step until it agrees. Where it does not, or where a slave discards the
+A loop goes back and repeats its step until it agrees. Where it does not, or where an instance discards the
 step, the group is brought back to the beginning, and Python does this one step of it.
 """
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ..algorithms import quasi_newton
 from ..algorithms.strong import SWEEPS
-from .by_address import doubles, group_at, input_at, part, positions, present_at, slave_at
+from .by_address import doubles, group_at, input_at, instance_at, part, positions, present_at
 from .compiled_calls import (
     get_outputs,
     keep_history,
@@ -30,7 +30,7 @@ _improve = part(quasi_newton.improve)
 
 @part
 def _member(loop, group, m):
-    return slave_at(loop.slaves, positions(group.members)[m])
+    return instance_at(loop.instances, positions(group.members)[m])
 
 
 @part
@@ -38,20 +38,20 @@ def _failed(lane, group, m, failure, status):
     """Whether a call failed; notes which."""
     if failure == _NONE:
         return False
-    lane.slave, lane.status = positions(group.members)[m], status
+    lane.instance, lane.status = positions(group.members)[m], status
     return True
 
 
 @part
 def _begin(loop, lane, group, present, end):
-    """Save the slaves, predict what they agree on, and make room for new outputs; the failure."""
+    """Save the instances, predict what they agree on, and make room for new outputs; the failure."""
     if group.saved:
         for m in range(group.member_count):
-            slave = _member(loop, group, m)
-            failure, status = save(slave, present)
+            instance = _member(loop, group, m)
+            failure, status = save(instance, present)
             if _failed(lane, group, m, failure, status):
                 return failure
-            keep_history(slave)
+            keep_history(instance)
     guess = doubles(group.guess)
     for c in range(group.cut_count):
         guess[c] = prediction(input_at(group.cut, c), end)
@@ -62,7 +62,7 @@ def _begin(loop, lane, group, present, end):
 
 @part
 def _restore(loop, lane, group, present):
-    """Bring the slaves back to where the step began; the failure."""
+    """Bring the instances back to where the step began; the failure."""
     for m in range(group.member_count):
         failure, status = restore(_member(loop, group, m), present)
         if _failed(lane, group, m, failure, status):
@@ -72,14 +72,14 @@ def _restore(loop, lane, group, present):
 
 @part
 def _sweep(loop, lane, group, present, time, length):
-    """Every slave of the group does the step with the newest values; the failure."""
+    """Every instance of the group does the step with the newest values; the failure."""
     for m in range(group.member_count):
-        slave = _member(loop, group, m)
-        failure, status = set_inputs(slave, present, time, length)
+        instance = _member(loop, group, m)
+        failure, status = set_inputs(instance, present, time, length)
         if failure == _NONE:
-            failure, status = step(slave, present, time, length)
+            failure, status = step(instance, present, time, length)
         if failure == _NONE:
-            failure, status = get_outputs(slave, present)
+            failure, status = get_outputs(instance, present)
         if _failed(lane, group, m, failure, status):
             return failure
     return _NONE

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..algorithms.tasks import Call
-from .by_address import doubles, operation_at, part, positions, present_at, slave_at
+from .by_address import doubles, instance_at, operation_at, part, positions, present_at
 from .compiled_calls import get_outputs, set_inputs, shift, step
 from .record_layout import Failure
 
@@ -49,8 +49,8 @@ def record(loop, present, time, rows):
 def operate(loop, lane, o, k, time, length):
     """The operation with this number in step k; the failure. See `Sampling.operate`."""
     operation = operation_at(loop.operations, o)
-    slave, call = slave_at(loop.slaves, operation.slave), operation.call
-    present, multiple = present_at(lane.present, 0), slave.multiple
+    instance, call = instance_at(loop.instances, operation.instance), operation.call
+    present, multiple = present_at(lane.present, 0), instance.multiple
     if not divides(multiple, k + 1):
         return _NONE
     begin, span = time, length
@@ -58,12 +58,12 @@ def operate(loop, lane, o, k, time, length):
         begin = point(loop.clock, k + 1 - multiple)
         span = point(loop.clock, k + 1) - begin
     if call == _SET:
-        failure, status = set_inputs(slave, present, begin, span)
+        failure, status = set_inputs(instance, present, begin, span)
     elif call == _STEP:
-        failure, status = step(slave, present, begin, span)
+        failure, status = step(instance, present, begin, span)
     else:
-        shift(slave, time + length)
-        failure, status = get_outputs(slave, present)
+        shift(instance, time + length)
+        failure, status = get_outputs(instance, present)
     if failure != _NONE:
-        lane.slave, lane.status = operation.slave, status
+        lane.instance, lane.status = operation.instance, status
     return failure

@@ -66,7 +66,7 @@ class ErrorControl(Stepping):
     (held inputs) that would need steps in proportion to the tolerance: there every step may make an error of
     the tolerance, and `remarks` say how many times the tolerance they add up to. So it is where a component
     is `sampled`, or steps show that something jumps at every point; there only signals that are read are
-    judged, and those of slaves that nobody reads.
+    judged, and those of instances that nobody reads.
 
     The first step tried is that of `times`. With an `interval` in s, its multiples are met
     exactly and only they are recorded; without, every accepted step is.
@@ -97,15 +97,15 @@ class ErrorControl(Stepping):
             sampled: Whether a component computes at communication points, as a digital controller does.
 
         Raises:
-            CommandError: A slave cannot go back or vary its step, or steps more rarely than others.
+            CommandError: An instance cannot go back or vary its step, or steps more rarely than others.
 
         """
         super().__init__(algorithm, times)
         if any(algorithm.exchange.rare):
             raise CommandError("step multiples need fixed steps; leave out the error tolerance or them.")
-        slaves = algorithm.network.instances
-        require(slaves, "rolls_back", "canGetAndSetFMUstate", "error control")
-        require(slaves, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
+        instances = algorithm.network.instances
+        require(instances, "rolls_back", "canGetAndSetFMUstate", "error control")
+        require(instances, "varies_step", "canHandleVariableCommunicationStepSize", "error control")
         self.tolerance = tolerance
         self._sampled = sampled
         self._per_unit = algorithm.accuracy > 1 and not sampled
@@ -132,7 +132,7 @@ class ErrorControl(Stepping):
         self._looked_at = ~self._unread | _find_unread_signals(algorithm)[self._judged] | (not sampled)
         """Which of the signals make a step too long."""
         self._beside = self._unread & ~_find_unread_signals(algorithm)[self._judged]
-        """Which signals nobody reads, of slaves of which something is read."""
+        """Which signals nobody reads, of instances of which something is read."""
         self._short_steps = 0
         """Steps in a row that were far shorter than the first one."""
         late = {link.target for link in algorithm.late() if link.direct}
@@ -369,7 +369,7 @@ def _event_points(events: Sequence[float], times: CommunicationPoints) -> list[f
 
 
 def _find_unread_signals(algorithm: Algorithm) -> NDArray[np.bool_]:
-    """Which signals belong to a slave that nobody reads."""
+    """Which signals belong to an instance that nobody reads."""
     network = algorithm.network
     read = np.zeros(len(network.signals), dtype=bool)
     read[network.read] = True

@@ -29,7 +29,7 @@ class FixedSteps(Stepping):
     ) -> None:
         """Take an algorithm that is set up.
 
-        So many threads step slaves in compiled code; with None as many as there are cores, where that is
+        So many threads step instances in compiled code; with None as many as there are cores, where that is
         measured to be faster. CommandError for more than can be.
         """
         super().__init__(algorithm, times)

@@ -1,6 +1,6 @@
 """The compiled stepping loops: many steps of an algorithm per call, in one thread or in several.
 
-They work on the memory of the algorithm and its network, and call the FMI functions of the slaves by
+They work on the memory of the algorithm and its network, and call the FMI functions of the instances by
 address. `loop.py` and `parallel_loop.py` say what they do.
 """
 
@@ -31,9 +31,9 @@ from .records import (
     add_undo,
     group_records,
     input_records,
+    instance_records,
     lane_records,
     operation_records,
-    slave_records,
     task_records,
 )
 from .timing import Clock
@@ -61,7 +61,7 @@ class Kernel:
         self._algorithm = algorithm
         self._held: list[Any] = [entry_points]  # owners of memory whose addresses are in the records
         self._states = np.zeros(len(entry_points), dtype=np.uintp)
-        """Addresses of the saved states of slaves."""
+        """Addresses of the saved states of instances."""
         self._loop = self._whole(entry_points)
         self._threads: ThreadPoolExecutor | None = None
         self.together = False
@@ -98,7 +98,7 @@ class Kernel:
 
     @property
     def threads(self) -> int:
-        """How many threads step slaves in `run`."""
+        """How many threads step instances in `run`."""
         return len(self._lane_records) if self.together else 1
 
     def handover(self, steps: int = 1000) -> float:
@@ -180,9 +180,9 @@ class Kernel:
 
     def close(self) -> None:
         """Free the saved states; never raises."""
-        for slave, state in zip(self._algorithm.network.instances, self._states, strict=True):
+        for instance, state in zip(self._algorithm.network.instances, self._states, strict=True):
             if state:
-                slave.forget(ctypes.c_void_p(int(state)))
+                instance.forget(ctypes.c_void_p(int(state)))
         self._states[:] = 0
         self._end_threads()
 
@@ -203,12 +203,12 @@ class Kernel:
             groups, scale = algorithm.groups, algorithm.scale
             loop["tolerance"], loop["largest"] = algorithm.coupling_tolerance, scale.largest.ctypes.data
         saved = {i for group in groups if group.start is not None for i in group.members}
-        slaves = keep(slave_records(algorithm, points, inputs, self._states, saved))
-        add_undo(slaves, keep)
+        instances = keep(instance_records(algorithm, points, inputs, self._states, saved))
+        add_undo(instances, keep)
         loop["groups"] = keep(group_records(algorithm, groups, scale, keep)).ctypes.data
         loop["group_count"] = len(groups)
         loop["operations"], loop["operation_count"] = operations.ctypes.data, len(operations)
-        loop["slaves"] = slaves.ctypes.data
+        loop["instances"] = instances.ctypes.data
         loop["signals"], loop["signal_count"] = network.signals.ctypes.data, len(network.signals)
         loop["read"], loop["read_count"] = network.read.ctypes.data, len(network.read)
         return loop
@@ -219,11 +219,11 @@ class Kernel:
             return None
         if failure == Failure.NOT_FINITE:
             return network.find_nonfinite_signal(clock.point(reached + 1))
-        i = int(lane["slave"])
-        slave, status = network.instances[i], int(lane["status"])
+        i = int(lane["instance"])
+        instance, status = network.instances[i], int(lane["status"])
         time = clock.point(reached + 1 - int(self._algorithm.multiples[i]))
         call = f"doStep at t = {time:.9g} s" if failure == Failure.DO_STEP else _CALL_NAMES[failure]
-        return slave.error(call, status)
+        return instance.error(call, status)
 
 
 _ADDRESS, _NUMBER = ctypes.c_ssize_t, ctypes.c_int64

@@ -58,7 +58,7 @@ def _note(lane, address, place, failure):
     lower(address + _FAILED, place)
     if place < lane.failed:
         lane.failed, lane.failure = place, failure
-        lane.failed_slave, lane.failed_status = lane.slave, lane.status
+        lane.failed_instance, lane.failed_status = lane.instance, lane.status
 
 
 @part
@@ -86,7 +86,7 @@ def _judge(loop, address):
     for n in range(loop.lane_count):
         lane = lane_at(loop.lanes, n)
         if lane.failed < NOWHERE and lane.failed == counted(address + _FAILED):
-            loop.lane, lane.slave, lane.status = n, lane.failed_slave, lane.failed_status
+            loop.lane, lane.instance, lane.status = n, lane.failed_instance, lane.failed_status
             return lane.failure
     if counted(address + _GIVEN_UP) < NOWHERE:
         return _NOT_IN_ONE

@@ -1,4 +1,4 @@
-"""What the compiled loops work on: records in memory, one per operation, slave, connected input and group.
+"""What the compiled loops work on: records in memory, one per operation, instance, connected input and group.
 
 Addresses point to doubles unless said otherwise. `loop.py` and `parallel_loop.py` read these records,
 `records.py` fills them.
@@ -14,7 +14,7 @@ from ...sandbox.black_box import Activity
 class Failure(IntEnum):
     """What ended the loop before its last step.
 
-    An FMI function, a signal that is not finite, or a group of slaves that does not come through the
+    An FMI function, a signal that is not finite, or a group of instances that does not come through the
     step in one: it is then where the step began, and those before it have done the step.
     """
 
@@ -43,22 +43,22 @@ CLOCK = _record(first="float64", per_step="float64", denominator="float64")
 PRESENT = np.dtype(Activity)
 """See `Activity`."""
 
-OPERATION = _record(call=_NUMBER, slave=_NUMBER)
-"""A `Call`, and the position of the slave."""
+OPERATION = _record(call=_NUMBER, instance=_NUMBER)
+"""A `Call`, and the position of the instance."""
 
 INPUT = _record(
     signal=_ADDRESS,  # that drives the input
     previous=_ADDRESS,  # the value of that signal one communication point earlier
     at=_ADDRESS,  # when the signal was new
     before=_ADDRESS,  # when the previous one was
-    taken=_ADDRESS,  # what the slave took of the signal last, if it steps rarely
+    taken=_ADDRESS,  # what the instance took of the signal last, if it steps rarely
     taken_at=_ADDRESS,  # when that was new
     factor="float64",
     offset="float64",
     moves="bool",  # whether signal and input are continuous
 )
 
-SLAVE = _record(
+INSTANCE = _record(
     code=_NUMBER,  # by which `Activity` knows it, without a call
     component=_ADDRESS,  # of the instance
     set_real=_ADDRESS,  # of this FMI function, as the next five
@@ -88,7 +88,7 @@ SLAVE = _record(
 )
 
 GROUP = _record(
-    members=_ADDRESS,  # of the positions of its slaves, in order
+    members=_ADDRESS,  # of the positions of its instances, in order
     member_count=_NUMBER,
     saved="bool",  # whether they are brought back to where a step began
     cut_count=_NUMBER,  # values that the group has to agree on
@@ -111,11 +111,11 @@ LANE = _record(
     task_count=_NUMBER,
     present=_ADDRESS,  # of a PRESENT record
     sweeps=_NUMBER,  # answer: how often groups were stepped to agree
-    slave=_NUMBER,  # answer: the slave that failed
+    instance=_NUMBER,  # answer: the instance that failed
     status=_NUMBER,  # answer: what its FMI function returned
     failed=_NUMBER,  # the place of its first task that failed in the present step, or `NOWHERE`
     failure=_NUMBER,  # the `Failure` then
-    failed_slave=_NUMBER,  # and what `slave` and `status` were
+    failed_instance=_NUMBER,  # and what `instance` and `status` were
     failed_status=_NUMBER,
     reached=_NUMBER,  # steps that it is through with; others wait for it
     apart=(_NUMBER, 5),  # so that a core that writes to one record does not slow down who reads the next
@@ -137,7 +137,7 @@ A task's place is where it comes when one thread does everything: groups first, 
 LOOP = _record(
     operations=_ADDRESS,  # of OPERATION records
     operation_count=_NUMBER,
-    slaves=_ADDRESS,  # of SLAVE records
+    instances=_ADDRESS,  # of INSTANCE records
     groups=_ADDRESS,  # of GROUP records, which come before the operations
     group_count=_NUMBER,
     tolerance="float64",  # to which groups agree

@@ -15,7 +15,7 @@ from ..algorithms.strong import SWEEPS
 from ..algorithms.tasks import StepTask
 from ..instances.call_codes import code_of
 from ..instances.fmu_instance import EntryPoints
-from .record_layout import GROUP, INPUT, LANE, OPERATION, SLAVE, TASK
+from .record_layout import GROUP, INPUT, INSTANCE, LANE, OPERATION, TASK
 
 KeptArrays = Callable[[Any], Any]
 """Takes an array whose address is in a record, so that it lives as long; gives it back."""
@@ -23,11 +23,11 @@ KeptArrays = Callable[[Any], Any]
 
 def operation_records(algorithm: OperationTableAlgorithm) -> Any:
     """OPERATION records, in order."""
-    return np.array([(o.call, o.slave) for o in algorithm.operations], dtype=OPERATION)
+    return np.array([(o.call, o.instance) for o in algorithm.operations], dtype=OPERATION)
 
 
 def input_records(algorithm: OperationTableAlgorithm) -> Any:
-    """INPUT records of all inputs, slave by slave."""
+    """INPUT records of all inputs, instance by instance."""
     network, history = algorithm.network, algorithm.exchange.history
     sources = np.concatenate([np.empty(0, dtype=np.intp), *network.sources])
     movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.instances)])
@@ -54,14 +54,14 @@ def _source_records(algorithm: OperationTableAlgorithm, signals: Indices) -> Any
     return records
 
 
-def slave_records(
+def instance_records(
     algorithm: OperationTableAlgorithm,
     points: Sequence[EntryPoints],
     sources: Any,
     states: Any,
     saved: set[int],
 ) -> Any:
-    """SLAVE records.
+    """INSTANCE records.
 
     `sources` are the records of their inputs, `states` has room for the address of a state of each, and
     `saved` are those that are brought back to it.
@@ -70,7 +70,7 @@ def slave_records(
     every = np.arange(len(points))
     first_inputs = np.array([part.start for part in network.input_parts], dtype=np.intp)
     first_outputs = np.array([part.start for part in network.parts], dtype=np.intp)
-    records = np.zeros(len(points), SLAVE)
+    records = np.zeros(len(points), INSTANCE)
     records["code"] = [code_of(int(i), "") for i in every]
     names = ("component", "set_real", "set_real_input_derivatives", "do_step", "get_real")
     for name in (*names, "get_state", "set_state"):
@@ -92,7 +92,7 @@ def slave_records(
 
 
 def add_undo(records: Any, kept: KeptArrays) -> None:
-    """Give SLAVE records room for what is behind their previous outputs."""
+    """Give INSTANCE records room for what is behind their previous outputs."""
     places = np.cumsum([0, *(records["output_count"] + 1)])
     records["undo"] = addresses(kept(np.zeros(places[-1])), places[:-1])
 

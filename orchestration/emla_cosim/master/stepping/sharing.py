@@ -32,7 +32,7 @@ _SOON, _LATE = 1.0, 30.0
 """Seconds until the ways are compared again, at first and at last: a machine may become busy, or free."""
 
 _OBSERVED, _OBSERVED_AT_MOST = 4, 64
-"""Steps in which the cost of every slave is measured: more where some step more rarely."""
+"""Steps in which the cost of every instance is measured: more where some step more rarely."""
 
 _OBSERVE = 0.0
 """What a course asks for to have the costs measured."""
@@ -83,7 +83,7 @@ class Sharing:
 
     @contextlib.contextmanager
     def observed(self) -> Iterator[None]:
-        """Measure what slaves cost in the step that is done meanwhile."""
+        """Measure what instances cost in the step that is done meanwhile."""
         with _measure_calls(self._algorithm.network.instances) as spent:
             yield
         self._observed.append(spent)
@@ -155,21 +155,23 @@ class Sharing:
         return best
 
     def _schedule_work(self, work: Sequence[StepTask], count: int) -> ThreadSchedule:
-        slaves = self._algorithm.network.instances
-        alone = {i for i, slave in enumerate(slaves) if not slave.runs_beside_others}
+        instances = self._algorithm.network.instances
+        alone = {i for i, instance in enumerate(instances) if not instance.runs_beside_others}
         return schedule_tasks(work, self._costs, count, alone)
 
     def _share(self, work: Sequence[StepTask], placement: ThreadSchedule) -> None:
         self._kernel.share_out(work, placement.lanes)
-        slaves = self._algorithm.network.instances
-        members = [dict.fromkeys(i for place in lane for i in work[place].slaves) for lane in placement.lanes]
-        self._report["lanes"] = [[slaves[i].name for i in lane] for lane in members]
+        instances = self._algorithm.network.instances
+        members = [
+            dict.fromkeys(i for place in lane for i in work[place].instances) for lane in placement.lanes
+        ]
+        self._report["lanes"] = [[instances[i].name for i in lane] for lane in members]
 
 
 @contextlib.contextmanager
-def _measure_calls(slaves: Sequence[FmuInstance]) -> Iterator[list[float]]:
-    """The seconds that each slave spends in its calls of a step meanwhile."""
-    spent, calls = [0.0] * len(slaves), ("set_inputs", "do_step", "get_outputs")
+def _measure_calls(instances: Sequence[FmuInstance]) -> Iterator[list[float]]:
+    """The seconds that each instance spends in its calls of a step meanwhile."""
+    spent, calls = [0.0] * len(instances), ("set_inputs", "do_step", "get_outputs")
 
     def watch(i: int, call: Callable[..., None]) -> Callable[..., None]:
         def called(*arguments: float) -> None:
@@ -181,14 +183,14 @@ def _measure_calls(slaves: Sequence[FmuInstance]) -> Iterator[list[float]]:
 
         return called
 
-    for i, slave in enumerate(slaves):
-        vars(slave).update({name: watch(i, getattr(slave, name)) for name in calls})
+    for i, instance in enumerate(instances):
+        vars(instance).update({name: watch(i, getattr(instance, name)) for name in calls})
     try:
         yield spent
     finally:
-        for slave in slaves:
+        for instance in instances:
             for name in calls:
-                del vars(slave)[name]
+                del vars(instance)[name]
 
 
 def _us(seconds: float) -> float:

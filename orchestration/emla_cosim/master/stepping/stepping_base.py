@@ -82,7 +82,7 @@ class Stepping(ABC):
         self.algorithm.remember(memory)
 
     def close(self) -> None:  # noqa: B027 - most hold nothing
-        """Free what the stepping holds of the slaves; never raises."""
+        """Free what the stepping holds of the instances; never raises."""
 
     def record(self, rows: RowSink) -> None:
         """Record the present signals as one row."""

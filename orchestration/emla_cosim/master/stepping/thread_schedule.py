@@ -28,15 +28,15 @@ class ThreadSchedule:
 def schedule_tasks(
     tasks: Sequence[StepTask], costs: Sequence[float], count: int, first_only: Collection[int] = ()
 ) -> ThreadSchedule:
-    """Share tasks among so many lanes, or fewer where there is nothing for more; all calls of a slave in one.
+    """Share tasks among so many lanes, or fewer where there is nothing for more; all calls of an instance in one.
 
-    `costs` are those of the slaves' steps, by slave; all else costs nothing. Slaves that are
+    `costs` are those of the instances' steps, by instance; all else costs nothing. Instances that are
     `first_only` are left to the first lane, one after the other.
 
     The task goes first from which the longest way leads to the end of the step. That is near the best, and a
     few tries with blurred lengths come nearer; they are the same every time.
     """
-    cost = [sum(costs[i] for i in task.slaves) if task.steps else 0.0 for task in tasks]
+    cost = [sum(costs[i] for i in task.instances) if task.steps else 0.0 for task in tasks]
     ways, noise = _find_longest_paths(tasks, cost), random.Random(1)
     best = _simulate_step(tasks, cost, ways, count, first_only)
     for _ in range(min(_TRIES, _MANY // max(len(tasks), 1))):
@@ -85,7 +85,7 @@ def _simulate_step(
         begun[place] = now
         if not tasks[place].steps:
             return [place]
-        anyone = not first_only or set(tasks[place].slaves).isdisjoint(first_only)
+        anyone = not first_only or set(tasks[place].instances).isdisjoint(first_only)
         heappush(possible[0 if anyone else 1], (-priorities[place], place))
         return []
 
@@ -100,7 +100,7 @@ def _simulate_step(
             _, place = heappop(min(queues, key=lambda q: q[0]))
             free.remove(lane)
             begun[place] = now
-            lane_of |= dict.fromkeys(tasks[place].slaves, lane)
+            lane_of |= dict.fromkeys(tasks[place].instances, lane)
             heappush(running, (now + cost[place], place, lane))
         if not running:
             break
@@ -114,5 +114,5 @@ def _simulate_step(
     lanes = [list[int]() for _ in range(count)]
     # what costs nothing comes first, so that who waits for it need not wait for more
     for place in sorted(range(len(tasks)), key=lambda p: (begun[p], cost[p] > 0.0, p)):
-        lanes[lane_of.get(tasks[place].slaves[0], 0)].append(place)
+        lanes[lane_of.get(tasks[place].instances[0], 0)].append(place)
     return ThreadSchedule([lane for lane in lanes if lane], now)  # a thread without work would only wait

@@ -72,7 +72,7 @@ class CommunicationPoints:
     def span(self, k: int, count: int) -> float:
         """The length in s of `count` steps from the communication point k.
 
-        Added to the point it gives the point at their end, to the last bit: a slave that adds its
+        Added to the point it gives the point at their end, to the last bit: an instance that adds its
         steps up stays with the master. Where a run passes zero time, that can be impossible.
         """
         return self.point(k + count) - self.point(k)
