@@ -83,8 +83,8 @@ def _no_solution(network: Network, group: list[int], cut: np.ndarray, failure: N
         names = join_names([network.names[s] for s in cut[failure.singular]])
         gap = failure.gap[failure.singular]
         return (
-            f"the initial values of the loop {loop} have no solution: the gain around the loop is 1 for {names}, "
-            f"so a difference of {np.abs(gap).max():.3g} always remains. "
+            f"the initial values of the loop {loop} have no solution: the gain around the loop is 1 "
+            f"for {names}, so a difference of {np.abs(gap).max():.3g} always remains. "
             "Change a parameter of the loop, or remove a connection."
         )
     lost = [network.names[s] for s in cut[~np.isfinite(failure.gap)]]

@@ -1,1 +1,1 @@
-"""What is stepped: the instance interface, and FMUs behind it."""
+"""FMU instances, in this process or in processes of their own."""

@@ -1,4 +1,4 @@
-"""Calls of instances through the FMI, for compiled code; each answers a failure and the instance's status."""
+"""FMI calls in compiled code. Each returns a `Failure` and the FMI status."""
 
 from ..algorithms.extrapolation import Mode
 from ..instances.call_codes import CALLS
@@ -25,13 +25,13 @@ _OK, _WARNING = 0, 1
 
 @part
 def _is_bad(status):
-    """Whether a status is worse than a warning, or none of the standard's."""
+    """Whether a status is worse than a warning, or not in the standard."""
     return status > _WARNING or status < _OK
 
 
 @part
 def prediction(source, time):
-    """Slope and value at `time` of what drives an input; see `Exchange.predict`."""
+    """Return the signal that drives an input, extrapolated to `time`; see `Exchange.predict`."""
     signal, newest = doubles(source.signal)[0], doubles(source.at)[0]
     span = newest - doubles(source.before)[0]
     slope = 0.0
@@ -68,7 +68,7 @@ def _compute_inputs(instance, time, length):
 
 @part
 def set_inputs(instance, present, time, length):
-    """Give an instance its inputs for the step from `time` of this length."""
+    """Set the inputs of an instance for the step from `time` of this length."""
     references, count = instance.input_references, instance.input_count
     if count == 0:
         return _NONE, _OK
@@ -90,7 +90,7 @@ def set_inputs(instance, present, time, length):
 
 @part
 def step(instance, present, time, length):
-    """Let an instance do its step."""
+    """Do the step of an instance."""
     present.code, present.time = instance.code + _STEPPING, time
     status = do_step(instance.do_step, (instance.component, time, length, instance.no_way_back))
     return _DO_STEP if _is_bad(status) else _NONE, status
@@ -98,7 +98,7 @@ def step(instance, present, time, length):
 
 @part
 def shift(instance, time):
-    """The present outputs become the previous ones; new ones of `time` will follow. See `Exchange.shift`."""
+    """Move the present outputs to the history, before those of `time`; see `Exchange.shift`."""
     outputs, previous = doubles(instance.outputs), doubles(instance.previous)
     for s in range(instance.output_count):
         previous[s] = outputs[s]
@@ -109,7 +109,7 @@ def shift(instance, time):
 
 @part
 def keep_history(instance):
-    """Keep what the next shift forgets."""
+    """Save the part of the history that the next `shift` overwrites."""
     undo, previous = doubles(instance.undo), doubles(instance.previous)
     for s in range(instance.output_count):
         undo[s] = previous[s]
@@ -118,7 +118,7 @@ def keep_history(instance):
 
 @part
 def shift_back(instance):
-    """Undo a shift, and whatever happened to the outputs after it."""
+    """Undo a `shift`, and restore the outputs from before it."""
     outputs, undo, previous = doubles(instance.outputs), doubles(instance.undo), doubles(instance.previous)
     for s in range(instance.output_count):
         outputs[s] = previous[s]
@@ -130,7 +130,7 @@ def shift_back(instance):
 
 @part
 def get_outputs(instance, present):
-    """Read the outputs."""
+    """Read the outputs of an instance."""
     count = instance.output_count
     if count == 0:
         return _NONE, _OK
@@ -143,7 +143,7 @@ def get_outputs(instance, present):
 
 @part
 def save(instance, present):
-    """Let an instance copy its state."""
+    """Save the state of an instance."""
     present.code = instance.code + _SAVING
     status = copy_state(instance.get_state, (instance.component, instance.state))
     return _GET_STATE if _is_bad(status) else _NONE, status
@@ -151,7 +151,7 @@ def save(instance, present):
 
 @part
 def restore(instance, present):
-    """Bring an instance back to the state that it copied."""
+    """Restore the saved state of an instance."""
     present.code = instance.code + _RESTORING
     status = copy_state(instance.set_state, (instance.component, positions(instance.state)[0]))
     return _SET_STATE if _is_bad(status) else _NONE, status

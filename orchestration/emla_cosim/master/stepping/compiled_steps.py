@@ -1,4 +1,4 @@
-"""What belongs to a step, for compiled code, however many threads do it."""
+"""Parts of a step in compiled code, for one thread or several."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ _NONE = int(Failure.NONE)
 
 @part
 def divides(multiple, k):
-    """Whether k is a multiple; a division would take as long as a call of an FMU."""
+    """Whether `multiple` divides k. The shortcut saves a division, which takes as long as an FMU call."""
     return multiple == 1 or k % multiple == 0
 
 
@@ -25,7 +25,7 @@ def point(clock, k):
 
 @part
 def all_finite(loop):
-    """Whether all signals that somebody reads are finite."""
+    """Whether all signals that instances read are finite."""
     signals, read = doubles(loop.signals), positions(loop.read)
     for r in range(loop.read_count):  # noqa: SIM110 - compiled
         if not np.isfinite(signals[read[r]]):
@@ -35,7 +35,7 @@ def all_finite(loop):
 
 @part
 def record(loop, present, time, rows):
-    """Fill the next row: time, then all signals."""
+    """Fill the next row with the time and all signals."""
     row, signals = loop.recorded * (1 + loop.signal_count), doubles(loop.signals)
     values = doubles(rows)
     values[row] = time
@@ -47,7 +47,7 @@ def record(loop, present, time, rows):
 
 @part
 def operate(loop, lane, o, k, time, length):
-    """The operation with this number in step k; the failure. See `Sampling.operate`."""
+    """Do operation `o` in step k and return the failure; see `OperationTableAlgorithm.operate`."""
     operation = operation_at(loop.operations, o)
     instance, call = instance_at(loop.instances, operation.instance), operation.call
     present, multiple = present_at(lane.present, 0), instance.multiple
