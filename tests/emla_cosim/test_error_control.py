@@ -122,7 +122,7 @@ def test_a_step_cut_short_leaves_the_next_as_it_was() -> None:
 def test_a_step_that_would_be_too_short_ends_the_run() -> None:
     control = StepControl(1e-3, 1, 5e-4)
     with pytest.raises(
-        RunError, match=r"^the error cannot be kept within its tolerance: even a step of 0.001 s"
+        RunError, match=r"^the error exceeds its tolerance even with a step of 0.001 s"
     ):
         control.judge(1e-3, 1e9)
     control = StepControl(1e-3, 1, 5e-4)

@@ -226,14 +226,14 @@ def test_no_threads_to_be_had_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> 
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr("threading.Thread.start", refused)
-    with pytest.raises(ec.RunError, match="gives no 3 threads to step FMUs in: can't start new thread"):
+    with pytest.raises(ec.RunError, match="cannot start 3 threads for FMUs: can't start new thread"):
         stepping.advance(Table(4), 5)
     assert stepping.steps == 0
 
 
 @pytest.mark.parametrize("threads", [0, -1, 33])
 def test_a_number_of_threads_that_cannot_be_is_refused(threads: int) -> None:
-    with pytest.raises(ec.CommandError, match=f"^{threads} threads cannot step FMUs; at least 1 can"):
+    with pytest.raises(ec.CommandError, match=f"^the number of threads must be from 1 to .*, not {threads}"):
         FixedSteps(begun(chains(1, []), Jacobi(), TIMES), TIMES, threads=threads)
 
 

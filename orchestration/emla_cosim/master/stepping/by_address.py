@@ -66,7 +66,7 @@ def _caller(*argument_types: types.Type) -> Any:
 
 
 def _counter(order: str) -> Any:
-    """Return a function that loads a number atomically; writes of other threads before it are visible then."""
+    """Return a function that loads a number atomically, with the other threads' earlier writes."""
 
     @intrinsic
     def load(typing_context: Any, address: Any) -> Any:
@@ -106,7 +106,7 @@ def _lower() -> Any:
 
 
 def _pause() -> Any:
-    """Return a function that hints to the processor that this thread waits in a loop, if it has such a hint."""
+    """Return a function that hints to the processor that this thread waits, if it has such a hint."""
 
     @intrinsic
     def pause(typing_context: Any) -> Any:

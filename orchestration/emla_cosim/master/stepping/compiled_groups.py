@@ -1,7 +1,7 @@
-"""A group of instances brought to the end of a step, for compiled code; `Strong` does the same in Python.
+"""Bring a group of instances to the end of a step in compiled code, as `Strong` does in Python.
 
-A loop goes back and repeats its step until it agrees. Where it does not, or where an instance discards the
-step, the group is brought back to the beginning, and Python does this one step of it.
+A loop repeats its step until it converges. If it does not converge, or an instance discards the step,
+the group returns to the begin of the step, and Python does this one step.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ def _member(loop, group, m):
 
 @part
 def _failed(lane, group, m, failure, status):
-    """Whether a call failed; notes which."""
+    """Return whether a call failed, and store its instance and status in the lane."""
     if failure == _NONE:
         return False
     lane.instance, lane.status = positions(group.members)[m], status
@@ -44,7 +44,7 @@ def _failed(lane, group, m, failure, status):
 
 @part
 def _begin(loop, lane, group, present, end):
-    """Save the instances, predict what they agree on, and make room for new outputs; the failure."""
+    """Save the states, predict the coupling variables, and shift the outputs. Return the failure."""
     if group.saved:
         for m in range(group.member_count):
             instance = _member(loop, group, m)
@@ -62,7 +62,7 @@ def _begin(loop, lane, group, present, end):
 
 @part
 def _restore(loop, lane, group, present):
-    """Bring the instances back to where the step began; the failure."""
+    """Restore the states from the begin of the step. Return the failure."""
     for m in range(group.member_count):
         failure, status = restore(_member(loop, group, m), present)
         if _failed(lane, group, m, failure, status):
@@ -72,7 +72,7 @@ def _restore(loop, lane, group, present):
 
 @part
 def _sweep(loop, lane, group, present, time, length):
-    """Every instance of the group does the step with the newest values; the failure."""
+    """Do the step of every instance with the newest values. Return the failure."""
     for m in range(group.member_count):
         instance = _member(loop, group, m)
         failure, status = set_inputs(instance, present, time, length)
@@ -87,7 +87,7 @@ def _sweep(loop, lane, group, present, time, length):
 
 @part
 def _compare(loop, group, sweep):
-    """Note answer and residual; whether the group agrees, and whether the residual is finite."""
+    """Store answer and residual. Return whether the group converged, and whether the residual is finite."""
     n, signals, places = group.cut_count, doubles(loop.signals), positions(group.positions)
     guess, sizes = doubles(group.guess), doubles(group.sizes)
     answers, residuals = doubles(group.answers), doubles(group.residuals)
@@ -103,7 +103,7 @@ def _compare(loop, group, sweep):
 
 @part
 def _agree(loop, lane, group, present, time, length):
-    """See `Strong.agree` and `QuasiNewton.solve`; the failure."""
+    """Iterate as `QuasiNewton.solve` does in Python. Return the failure and the number of sweeps."""
     n, signals, places = group.cut_count, doubles(loop.signals), positions(group.positions)
     guess, sizes, floors = doubles(group.guess), doubles(group.sizes), doubles(group.floors)
     jacobian, earlier, largest = doubles(group.jacobian), doubles(group.earlier), doubles(loop.largest)
@@ -144,7 +144,7 @@ def _agree(loop, lane, group, present, time, length):
 
 @part
 def _give_up(loop, lane, group, present):
-    """Bring everything back to where the step began; the failure."""
+    """Restore states, outputs and Jacobian from the begin of the step. Return the failure."""
     failure = _restore(loop, lane, group, present)
     if failure != _NONE:
         return failure
@@ -158,7 +158,7 @@ def _give_up(loop, lane, group, present):
 
 @part
 def advance_group(loop, lane, g, time, length):
-    """Bring the group with this number to the end of the step; the failure."""
+    """Bring group `g` to the end of the step. Return the failure."""
     group, present = group_at(loop.groups, g), present_at(lane.present, 0)
     failure = _begin(loop, lane, group, present, time + length)
     if failure != _NONE:

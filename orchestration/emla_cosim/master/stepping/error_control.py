@@ -37,7 +37,7 @@ SHORT = 1e-5
 """Steps shorter than this fraction of the first one may have an error of `BENT` times the tolerance."""
 
 UNREAD = 1e-2
-"""Unread outputs of FMUs with other, connected outputs shorten no step below this fraction of the first one."""
+"""Unread outputs shorten no step below this fraction of the first one, if others of the FMU are read."""
 
 BENT = 0.1
 """Fraction of the tolerance for the error of a step over a bend, and for errors that do not add up."""
