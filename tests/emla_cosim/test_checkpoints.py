@@ -259,14 +259,14 @@ def test_a_checkpoint_of_another_system_is_refused(made: Path, fmu_folder: Path,
     arguments = command(fmu_folder, *options)
     arguments[1] = "tilt"
     text = sentence(CliRunner().invoke(app, arguments), 2)
-    assert "was made with other FMUs, of lift.reference" in text
+    assert "has other FMUs, of lift.reference" in text
 
 
 def test_other_connections_are_refused(faulty_fmu: Path, tmp_path: Path) -> None:
     components = [faulty("j.a", faulty_fmu), faulty("j.b", faulty_fmu)]
     first, other = (wired(components, f"j.a.{y} -> j.b.u") for y in "yz")
     run_system(first, tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
-    with pytest.raises(CommandError, match="was made with other connections"):
+    with pytest.raises(CommandError, match="has other connections"):
         run_system(other, tmp_path, resume=tmp_path / "c")
 
 
@@ -274,14 +274,14 @@ def test_components_in_another_order_are_refused(faulty_fmu: Path, tmp_path: Pat
     """Signals are kept in the order of the components."""
     components = [faulty("j.a", faulty_fmu, u=1.0), faulty("j.b", faulty_fmu)]
     run_system(wired(components), tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
-    with pytest.raises(CommandError, match="was made with other components"):
+    with pytest.raises(CommandError, match="has other components"):
         run_system(wired(components[::-1]), tmp_path, resume=tmp_path / "c")
 
 
 @pytest.mark.parametrize("stop", ["0.01", "0.005"])
 def test_the_stop_time_must_come_after_the_checkpoint(stop: str, made: Path, emla: Emla) -> None:
     text = sentence(emla("--resume", str(made / "c"), "--stop-time", stop), 2)
-    assert text.endswith(f"is at t = 0.01 s already; give a later stop time than {stop} s.")
+    assert text.endswith(f"is already at t = 0.01 s. Set a stop time later than that; it is {stop} s.")
 
 
 def test_a_checkpoint_that_is_not_there_is_named(emla: Emla) -> None:

@@ -235,7 +235,7 @@ def test_what_is_added_belongs_to_a_checkpoint(emla: Emla) -> None:
 
     assert run("2", "--stop-time", "0.01", "--checkpoint", "c").exit_code == 0
     text = sentence(run("3", "--stop-time", "0.02", "--resume", "c"), 2)
-    assert "was made with the settings 2, this run has 3" in text
+    assert "has the settings 2, but this run has 3" in text
     assert run("2", "--stop-time", "0.02", "--resume", "c").exit_code == 0
     parts = json.loads(Path("results/lift/metrics.json").read_text())["energy"]
     assert run("2", "--stop-time", "0.02").exit_code == 0

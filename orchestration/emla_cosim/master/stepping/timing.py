@@ -72,8 +72,8 @@ class CommunicationPoints:
     def span(self, k: int, count: int) -> float:
         """Return the length in s of `count` steps from communication point k.
 
-        The sum of the point and this length is the point at their end, to the last bit. So an FMU that adds up
-        its steps has the same time as the master. This can be impossible if a run passes time 0.
+        The point plus this length is the point at their end, to the last bit. So an FMU that adds up its
+        steps has the same time as the master. This can be impossible if a run passes time 0.
         """
         return self.point(k + count) - self.point(k)
 
