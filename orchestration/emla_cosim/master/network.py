@@ -184,7 +184,7 @@ class Network:
         links, place = [x for x in self.links if counts(x)], self._place
         if all(place[x.source] <= place[x.target] for x in links):
             return [[i] for i in self.order]
-        import networkx  # takes longer than a short run, which mostly does without
+        import networkx  # slow to import, and rarely needed
 
         graph = networkx.DiGraph([(x.source, x.target) for x in links])
         graph.add_nodes_from(self.order)
@@ -203,7 +203,7 @@ class Network:
 
     def loops_without_delay(self) -> list[list[str]]:
         """Return the names of the signals of each loop without delay (algebraic loop)."""
-        import networkx  # takes longer than a short run, which mostly does without
+        import networkx  # slow to import, and rarely needed
 
         graph = networkx.DiGraph(
             (self.signal(x), int(self.parts[x.target].start) + output)

@@ -26,7 +26,7 @@ def simulate(
 
     Args:
         stepping: What does the steps. Its present point must have been recorded already.
-        rows: What takes the rows.
+        rows: Takes the rows.
         interrupted: Return whether to stop.
         pacing: Holds the run back to a multiple of real time; None runs at full speed.
         between: Called after each stretch of steps.

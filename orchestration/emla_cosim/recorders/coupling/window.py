@@ -89,13 +89,13 @@ class EveryStep:
         self.waiting += len(rows)
 
     def take(self) -> Steps:
-        """Hand over the steps that wait."""
+        """Return the waiting steps."""
         rows = np.concatenate(self._rows)
         self._rows, self.waiting = [rows[-2:]], 0
         return Steps(rows[:-2], rows[1:-1], rows[2:], np.ones(len(rows) - 2))
 
     def memory(self) -> Any:
-        """Plain data from which another one can go on, where no steps wait."""
+        """Return the state as plain data, from which another object can continue; call `take` before."""
         return self._rows[0].tolist()
 
 
