@@ -25,7 +25,7 @@ ROUNDING_ERROR = 1e-12
 """Errors below this fraction of a signal are rounding errors. Shorter steps do not reduce them."""
 
 LARGEST_SHARE, SHORTEST_LIMIT = 50, 10
-"""Default limit of a step: the run's time divided by `LARGEST_SHARE`, at least `SHORTEST_LIMIT` first steps."""
+"""Default limit of a step: a `LARGEST_SHARE`-th of the run, at least `SHORTEST_LIMIT` first steps."""
 
 EARLY = 10
 """Number of first steps that is added to the elapsed time when the tolerance is shared among steps."""
